@@ -1,0 +1,139 @@
+"""Which detection came from the target: gates, and the full single-target posterior."""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from scipy.special import gamma
+from scipy.stats import chi2
+
+from gmr_gym.kalman import (
+    Sensor,
+    innovation,
+    log_gaussian_scale,
+    mahalanobis_squared,
+    posterior_into,
+)
+from gmr_gym.mixture import Mixture, cholesky_into
+
+
+class Gates(NamedTuple):
+    """Ellipses (z - z[i])' S[i]^-1 (z - z[i]) <= size, one around each predicted detection."""
+
+    z: np.ndarray  # (n, p), predicted detections
+    S: np.ndarray  # (n, p, p), innovation covariances
+    size: float  # squared Mahalanobis distance
+
+
+class Expansion(NamedTuple):
+    """The full posterior of one scan, and how each hypothesis came about."""
+
+    mixture: Mixture  # N hypotheses, weights sum to 1
+    parent: np.ndarray  # (N,), index of the predicted component
+    detection: np.ndarray  # (N,), index of the detection it takes for the target's, -1 for a miss
+
+
+@lru_cache
+def gate_size(probability: float, p: int) -> float:
+    """Chi-square quantile that a p-dimensional innovation stays under with `probability`."""
+    return float(chi2.ppf(probability, p))
+
+
+def gates(predicted: Mixture, sensor: Sensor, probability: float) -> Gates:
+    """Gates about every predicted component that hold its detection with `probability`."""
+    z, S = innovation(predicted, sensor)
+    return Gates(z, S, gate_size(probability, z.shape[1]))
+
+
+def gated_distances(gates: Gates, z: np.ndarray) -> np.ndarray:
+    """Squared Mahalanobis distances (n, k) of the points z (k, p) from the gates' centres,
+    infinite where a point lies outside the gate."""
+    return _gated_distances(*gates, z)
+
+
+def volumes(gates: Gates) -> np.ndarray:
+    """Area (p = 2) or volume of each gate (n,), in the sensor's units; gates may overlap."""
+    p = gates.z.shape[1]
+    unit_ball = np.pi ** (p / 2) / gamma(p / 2 + 1)
+    return unit_ball * gates.size ** (p / 2) * np.sqrt(np.linalg.det(gates.S))
+
+
+def expand(
+    predicted: Mixture,
+    gates: Gates,
+    sensor: Sensor,
+    z: np.ndarray,
+    detection_probability: float,
+    gate_probability: float,
+    clutter_density: float,
+) -> Expansion:
+    """Every predicted component with every detection z (k, p) in its gate, and with none
+    (D'Ortenzio, eqs. 3-5). Weights are formed in logarithms:
+
+        missed    w (1 - P_D P_G)           detected    w P_D N(z; H m, S) / clutter_density
+
+    P_G stands in the miss because a detection outside the gate is a miss too. A scan that the
+    model calls impossible (P_D P_G = 1 and every gate empty) leaves the prediction as it was.
+    """
+    miss = 1.0 - detection_probability * gate_probability
+    w, m, P, parent, detection = _expand(
+        *predicted, *gates, sensor.H, z,
+        np.log(miss) if miss > 0 else -np.inf,
+        np.log(detection_probability) - np.log(clutter_density),
+    )  # fmt: skip
+    return Expansion(Mixture(w, m, P), parent, detection)
+
+
+@njit(cache=True, error_model="numpy")
+def _gated_distances(z_hat, S, size, z):
+    n, k = len(z_hat), len(z)
+    p = S.shape[1]
+    d2 = np.full((n, k), np.inf)
+    L, y = np.zeros((p, p)), np.empty(p)
+    for i in range(n):
+        if not cholesky_into(L, S[i]):
+            raise ValueError("an innovation covariance S = H P H' + R is not positive definite")
+        # a gate is never wider than this along the first axis: most clutter ends here
+        reach = np.sqrt(size) * L[0, 0]
+        for j in range(k):
+            if abs(z[j, 0] - z_hat[i, 0]) <= reach:
+                distance = mahalanobis_squared(L, z[j], z_hat[i], y)
+                if distance <= size:
+                    d2[i, j] = distance
+    return d2
+
+
+@njit(cache=True, error_model="numpy")
+def _expand(w, m, P, z_hat, S, size, H, z, log_miss, log_detect):
+    n, d = m.shape
+    p, k = len(H), len(z)
+    d2 = _gated_distances(z_hat, S, size, z)
+    hits = (d2 < np.inf).sum()
+    misses = n if log_miss > -np.inf or hits == 0 else 0
+    log_w = np.empty(hits + misses)
+    m_out, P_out = np.empty((hits + misses, d)), np.empty((hits + misses, d, d))
+    parent, detection = np.empty(hits + misses, np.int64), np.empty(hits + misses, np.int64)
+    L, K, W, P_hit = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty((d, d))
+    at = 0
+    for i in range(n):
+        if misses:
+            log_w[at] = np.log(w[i]) + (log_miss if log_miss > -np.inf else 0.0)
+            m_out[at], P_out[at], parent[at], detection[at] = m[i], P[i], i, -1
+            at += 1
+        if not (d2[i] < np.inf).any():
+            continue
+        cholesky_into(L, S[i])
+        posterior_into(P_hit, K, W, L, P[i], H)
+        log_scale = np.log(w[i]) + log_detect + log_gaussian_scale(L)
+        for j in range(k):
+            if d2[i, j] < np.inf:
+                log_w[at] = log_scale - 0.5 * d2[i, j]
+                for r in range(d):
+                    m_out[at, r] = m[i, r]
+                    for c in range(p):
+                        m_out[at, r] += K[r, c] * (z[j, c] - z_hat[i, c])
+                P_out[at], parent[at], detection[at] = P_hit, i, j
+                at += 1
+    w_out = np.exp(log_w - log_w.max())
+    return w_out / w_out.sum(), m_out, P_out, parent, detection

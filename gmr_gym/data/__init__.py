@@ -1,0 +1,26 @@
+"""Recorded aircraft tracks at 1 Hz; `flights/LICENCE.md` says whose and how they were cut."""
+
+from difflib import get_close_matches
+from importlib.resources import files
+
+import numpy as np
+
+COLUMNS = "time_s,east_m,north_m\n"  # the line between a file's comments and its rows
+
+
+def flight_names() -> tuple[str, ...]:
+    """Names of the segments, sorted."""
+    found = (entry.name for entry in (files(__name__) / "flights").iterdir())
+    return tuple(sorted(name.removesuffix(".csv") for name in found if name.endswith(".csv")))
+
+
+def flight(segment: str) -> np.ndarray:
+    """[east, north] (T, 2) of a segment, in metres from its start, one row a second."""
+    names = flight_names()
+    if segment not in names:
+        near = get_close_matches(str(segment), names, n=1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise ValueError(f"unknown segment {segment!r}; {hint}choose one of {', '.join(names)}")
+    text = (files(__name__) / "flights" / f"{segment}.csv").read_text(encoding="utf-8")
+    rows = text.partition(COLUMNS)[2].splitlines()
+    return np.loadtxt(rows, delimiter=",", usecols=(1, 2))

@@ -1,0 +1,207 @@
+"""Linear-Gaussian motion and sensing, over whole stacks of Gaussians."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from gmr_gym.mixture import LOG_2PI, Mixture, check_covariance, cholesky_into
+
+
+class Motion(NamedTuple):
+    """x' = F x + offset + noise of covariance Q, over one scan period."""
+
+    F: np.ndarray  # (d, d)
+    Q: np.ndarray  # (d, d), positive semidefinite
+    offset: np.ndarray  # (d,), the known input; zeros when there is none
+
+
+class Sensor(NamedTuple):
+    """z = H x + noise of covariance R."""
+
+    H: np.ndarray  # (p, d)
+    R: np.ndarray  # (p, p)
+
+
+def motion(F, Q, offset=None) -> Motion:
+    """Checked Motion; ValueError when a shape does not fit or Q is not positive semidefinite."""
+    F, Q = np.array(F, float), np.array(Q, float)
+    offset = np.zeros(len(F)) if offset is None else np.array(offset, float)
+    if F.ndim != 2 or F.shape[0] != F.shape[1] or not np.isfinite(F).all():
+        raise ValueError(f"F must be a finite square matrix, got shape {F.shape}")
+    if Q.shape != F.shape or not np.isfinite(Q).all():
+        raise ValueError(f"Q must be finite with the shape of F {F.shape}, got {Q.shape}")
+    if offset.shape != F.shape[:1] or not np.isfinite(offset).all():
+        raise ValueError(f"offset must be finite with shape {F.shape[:1]}, got {offset.shape}")
+    size = np.abs(Q).max()
+    if not np.allclose(Q, Q.T, rtol=1e-9, atol=1e-12 * size) or np.linalg.eigvalsh(Q)[0] < -1e-9 * size:
+        raise ValueError("Q must be symmetric positive semidefinite")
+    return Motion(F, Q, offset)
+
+
+def sensor(H, R) -> Sensor:
+    """Checked Sensor; ValueError when a shape does not fit or R is not positive definite."""
+    H, R = np.array(H, float), np.array(R, float)
+    if H.ndim != 2 or not np.isfinite(H).all():
+        raise ValueError(f"H must be a finite matrix (p, d), got shape {H.shape}")
+    if R.shape != (len(H), len(H)):
+        raise ValueError(f"R must have shape {(len(H), len(H))} to fit H, got {R.shape}")
+    check_covariance("R", R)
+    return Sensor(H, R)
+
+
+def constant_velocity(period: float, acceleration: float, axes: int = 2) -> Motion:
+    """Nearly constant velocity, state [positions, velocities]: Q = s^2 G G' with G = [T^2/2; T]
+    per axis, T the period (s) and s the acceleration's standard deviation (m/s^2)
+    (D'Ortenzio, eqs. 17-18)."""
+    eye = np.eye(axes)
+    F = np.block([[eye, period * eye], [np.zeros((axes, axes)), eye]])
+    G = np.vstack([period**2 / 2 * eye, period * eye])
+    return motion(F, acceleration**2 * G @ G.T)
+
+
+def position_sensor(deviation: float, axes: int = 2) -> Sensor:
+    """Positions of the state [positions, velocities], noise `deviation` (m) on each axis
+    (D'Ortenzio, eq. 19)."""
+    H = np.hstack([np.eye(axes), np.zeros((axes, axes))])
+    return sensor(H, deviation**2 * np.eye(axes))
+
+
+def predict(p: Mixture, motion: Motion) -> Mixture:
+    """Every component carried forward one period: F m + offset, F P F' + Q."""
+    m, P = _predict(p.m, p.P, motion.F, motion.Q, motion.offset)
+    return Mixture(p.w, m, P)
+
+
+def innovation(p: Mixture, sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:
+    """Predicted detections H m (n, p) and innovation covariances S = H P H' + R (n, p, p)."""
+    return _innovation(p.m, p.P, sensor.H, sensor.R)
+
+
+def condition(p: Mixture, sensor: Sensor, z: np.ndarray) -> tuple[Mixture, np.ndarray]:
+    """Each component i updated by its own detection z[i] (n, p), weights kept; and
+    log N(z[i]; H m, S) (n,)."""
+    m, P, log_likelihood = _condition(p.m, p.P, sensor.H, sensor.R, z)
+    return Mixture(p.w, m, P), log_likelihood
+
+
+@njit(cache=True, error_model="numpy")
+def _predict(m, P, F, Q, offset):
+    n, d = m.shape
+    m_out = np.empty((n, d))
+    P_out = np.empty((n, d, d))
+    FP = np.empty((d, d))
+    for i in range(n):
+        for r in range(d):
+            total = offset[r]
+            for c in range(d):
+                total += F[r, c] * m[i, c]
+            m_out[i, r] = total
+        for r in range(d):
+            for c in range(d):
+                total = 0.0
+                for k in range(d):
+                    total += F[r, k] * P[i, k, c]
+                FP[r, c] = total
+        for r in range(d):
+            for c in range(r + 1):
+                total = Q[r, c]
+                for k in range(d):
+                    total += FP[r, k] * F[c, k]
+                P_out[i, r, c] = P_out[i, c, r] = total
+    return m_out, P_out
+
+
+@njit(cache=True, error_model="numpy")
+def _innovation(m, P, H, R):
+    n = len(m)
+    p, d = H.shape
+    z = np.empty((n, p))
+    S = np.empty((n, p, p))
+    HP = np.empty((p, d))
+    for i in range(n):
+        for r in range(p):
+            total = 0.0
+            for c in range(d):
+                total += H[r, c] * m[i, c]
+            z[i, r] = total
+            for c in range(d):
+                total = 0.0
+                for k in range(d):
+                    total += H[r, k] * P[i, k, c]
+                HP[r, c] = total
+        for r in range(p):
+            for c in range(r + 1):
+                total = R[r, c]
+                for k in range(d):
+                    total += HP[r, k] * H[c, k]
+                S[i, r, c] = S[i, c, r] = total
+    return z, S
+
+
+@njit(cache=True, error_model="numpy")
+def posterior_into(P_out, K, W, L, P, H):
+    """The one covariance update: with S = L L' and W = L^-1 H P, P_out = P - W'W = P - K S K'
+    and the gain K = W' L^-1 (d, p). All arguments but P, H and L are written to."""
+    p, d = H.shape
+    for c in range(d):
+        for r in range(p):
+            total = 0.0
+            for k in range(d):
+                total += H[r, k] * P[k, c]
+            for k in range(r):
+                total -= L[r, k] * W[k, c]
+            W[r, c] = total / L[r, r]
+        for r in range(p - 1, -1, -1):
+            total = W[r, c]
+            for k in range(r + 1, p):
+                total -= L[k, r] * K[c, k]
+            K[c, r] = total / L[r, r]
+    for r in range(d):
+        for c in range(r + 1):
+            total = P[r, c]
+            for k in range(p):
+                total -= W[k, r] * W[k, c]
+            P_out[r, c] = P_out[c, r] = total
+
+
+@njit(cache=True, error_model="numpy")
+def mahalanobis_squared(L, z, z_hat, y):
+    """(z - z_hat)' S^-1 (z - z_hat) with S = L L'; y (p,) is room to work in."""
+    d2 = 0.0
+    for r in range(len(z)):
+        total = z[r] - z_hat[r]
+        for k in range(r):
+            total -= L[r, k] * y[k]
+        y[r] = total / L[r, r]
+        d2 += y[r] * y[r]
+    return d2
+
+
+@njit(cache=True, error_model="numpy")
+def log_gaussian_scale(L):
+    """log of N(z; z, L L'), the density at its mean."""
+    p = len(L)
+    total = -0.5 * p * LOG_2PI
+    for r in range(p):
+        total -= np.log(L[r, r])
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _condition(m, P, H, R, z):
+    n, d = m.shape
+    p = len(H)
+    z_hat, S = _innovation(m, P, H, R)
+    m_out, P_out = m.copy(), np.empty((n, d, d))
+    log_likelihood = np.empty(n)
+    L, K, W, y = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty(p)
+    for i in range(n):
+        if not cholesky_into(L, S[i]):
+            raise ValueError("an innovation covariance S = H P H' + R is not positive definite")
+        posterior_into(P_out[i], K, W, L, P[i], H)
+        log_likelihood[i] = log_gaussian_scale(L) - 0.5 * mahalanobis_squared(L, z[i], z_hat[i], y)
+        for r in range(d):
+            for k in range(p):
+                m_out[i, r] += K[r, k] * (z[i, k] - z_hat[i, k])
+    return m_out, P_out, log_likelihood

@@ -1,0 +1,153 @@
+"""Gaussian mixtures as plain arrays, component axis first."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+LOG_2PI = float(np.log(2 * np.pi))
+
+
+class Mixture(NamedTuple):
+    """Sum of w[i] N(x; m[i], P[i]) over n components in d dimensions.
+
+    Weights mean what they sum to: 1 for a posterior, the expected number of targets for an
+    intensity. Only `normalised` rescales them.
+    """
+
+    w: np.ndarray  # (n,)
+    m: np.ndarray  # (n, d)
+    P: np.ndarray  # (n, d, d)
+
+
+def mixture(w, m, P) -> Mixture:
+    """Checked Mixture from array-likes w (n,), m (n, d), P (n, d, d), copied to float64.
+
+    Raises ValueError naming the argument when a shape does not fit, a number is not finite,
+    a weight is negative or a covariance is not symmetric positive definite.
+    """
+    w, m, P = (np.array(a, float) for a in (w, m, P))
+    if w.ndim != 1 or len(w) == 0:
+        raise ValueError(f"w must have shape (n,) with n >= 1, got {w.shape}")
+    if m.ndim != 2 or len(m) != len(w):
+        raise ValueError(f"m must have shape (n, d) with n = len(w) = {len(w)}, got {m.shape}")
+    if P.shape != (*m.shape, m.shape[1]):
+        raise ValueError(f"P must have shape {(*m.shape, m.shape[1])} to fit m, got {P.shape}")
+    if not (np.isfinite(w).all() and (w >= 0).all() and w.sum() > 0):
+        raise ValueError("w must be finite and non-negative with a positive sum")
+    if not np.isfinite(m).all():
+        raise ValueError("m must be finite")
+    for i, covariance in enumerate(P):
+        check_covariance(f"P[{i}]", covariance)
+    return Mixture(w, m, P)
+
+
+def gaussian(m, P) -> Mixture:
+    """Mixture of one component: mean m (d,), covariance P (d, d); checked as in `mixture`."""
+    return mixture([1.0], np.asarray(m, float)[None], np.asarray(P, float)[None])
+
+
+def check_covariance(name: str, P: np.ndarray) -> None:
+    """Raise ValueError naming the argument unless P (d, d) is symmetric positive definite."""
+    if P.ndim != 2 or P.shape[0] != P.shape[1]:
+        raise ValueError(f"{name} must be a square matrix, got shape {P.shape}")
+    if not np.isfinite(P).all():
+        raise ValueError(f"{name} must be finite")
+    if not np.allclose(P, P.T, rtol=1e-9, atol=1e-12 * np.abs(P).max()):
+        raise ValueError(f"{name} must be symmetric, got {P.tolist()}; pass (P + P.T) / 2")
+    try:
+        np.linalg.cholesky(P)
+    except np.linalg.LinAlgError:
+        least = np.linalg.eigvalsh(P)[0]
+        raise ValueError(
+            f"{name} must be positive definite, but its least eigenvalue is {least:.3g}"
+        ) from None
+
+
+def normalised(p: Mixture) -> Mixture:
+    """The same shape with weights that sum to 1; ValueError when nothing is left to rescale."""
+    total = p.w.sum()
+    if not total > 0:
+        raise ValueError(f"the weights sum to {total}; a mixture needs at least one positive weight")
+    return p._replace(w=p.w / total)
+
+
+def take(p: Mixture, index: np.ndarray) -> Mixture:
+    """The components at `index`, integers or a boolean mask (n,)."""
+    return Mixture(p.w[index], p.m[index], p.P[index])
+
+
+def moments(p: Mixture) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (d,) and covariance (d, d) of the normalised mixture (D'Ortenzio, eqs. 12, 21, 22)."""
+    return _moments(p.w, p.m, p.P)
+
+
+def log_density(p: Mixture, x: np.ndarray) -> np.ndarray:
+    """Log of the mixture at the points x (k, d), shape (k,); the weights are not normalised."""
+    return _log_density(p.w, p.m, p.P, x)
+
+
+@njit(cache=True, error_model="numpy")
+def _moments(w, m, P):
+    n, d = m.shape
+    total = w.sum()
+    mean = np.zeros(d)
+    for i in range(n):
+        a = w[i] / total
+        for r in range(d):
+            mean[r] += a * m[i, r]
+    covariance = np.zeros((d, d))
+    for i in range(n):
+        a = w[i] / total
+        for r in range(d):
+            for c in range(r + 1):
+                covariance[r, c] += a * (P[i, r, c] + (m[i, r] - mean[r]) * (m[i, c] - mean[c]))
+    for r in range(d):
+        for c in range(r):
+            covariance[c, r] = covariance[r, c]
+    return mean, covariance
+
+
+@njit(cache=True, error_model="numpy")
+def cholesky_into(L, S):
+    """Lower factor of the symmetric S (p, p) written into L; False when S is not definite."""
+    p = len(S)
+    for r in range(p):
+        for c in range(r + 1):
+            total = S[r, c]
+            for k in range(c):
+                total -= L[r, k] * L[c, k]
+            if r == c:
+                if not total > 0.0:
+                    return False
+                L[r, r] = np.sqrt(total)
+            else:
+                L[r, c] = total / L[c, c]
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _log_density(w, m, P, x):
+    n, d = m.shape
+    terms = np.empty((len(x), n))
+    L = np.zeros((d, d))
+    y = np.empty(d)
+    for i in range(n):
+        definite = cholesky_into(L, P[i])
+        log_scale = np.log(w[i]) - 0.5 * d * LOG_2PI if definite else np.nan
+        for r in range(d):
+            log_scale -= np.log(L[r, r])
+        for j in range(len(x)):
+            d2 = 0.0
+            for r in range(d):
+                y[r] = x[j, r] - m[i, r]
+                for c in range(r):
+                    y[r] -= L[r, c] * y[c]
+                y[r] /= L[r, r]
+                d2 += y[r] * y[r]
+            terms[j, i] = log_scale - 0.5 * d2
+    out = np.empty(len(x))
+    for j in range(len(x)):
+        top = terms[j].max()
+        out[j] = top + np.log(np.exp(terms[j] - top).sum()) if top > -np.inf else top
+    return out

@@ -1,0 +1,171 @@
+"""Mixture reduction: merge what is alike, drop what hardly counts.
+
+Every reducer takes a Mixture and returns (Mixture, origin): origin (n,) is the output index that
+each input component flowed into, -1 where it was dropped. Merging keeps the total weight, mean and
+covariance; pruning and capping lower the weight and leave rescaling to `normalised`. A component
+of weight zero is always dropped.
+"""
+
+import numpy as np
+from numba import njit
+
+from gmr_gym.merging import merge_greedily
+from gmr_gym.mixture import Mixture, moments, take
+
+Reduced = tuple[Mixture, np.ndarray]
+
+
+def runnalls(p: Mixture, components: int) -> Reduced:
+    """Greedy merging of the pair with the least cost B until `components` remain
+    (Runnalls 2007; D'Ortenzio, eq. 13 and section 3.1)."""
+    return _greedily_merged(p, _at_least_one(components), budget=-1.0)
+
+
+def adaptive(p: Mixture, loss_bound: float, components: int | None = None) -> Reduced:
+    """Greedy merging while the relative loss stays within `loss_bound` (alpha in the paper); where
+    `components` is given, on past the bound until no more than that many remain
+    (D'Ortenzio, eqs. 14-15, Algorithm 1 and section 3.3).
+
+    Departs: the listing lowers m after a merge that it has rejected and has no guard at m = 1; the
+    last accepted mixture is returned, and one component is left as it is.
+    """
+    if not 0 <= loss_bound <= 1:
+        raise ValueError(f"loss_bound must lie in [0, 1], got {loss_bound}")
+    most = len(p.w) if components is None else _at_least_one(components)
+    # at a bound of 1 the rounding of the sum must not spare the last merge
+    budget = loss_bound * total_merge_cost(p) if loss_bound < 1 else np.inf
+    return _greedily_merged(p, most, budget)
+
+
+def capping(p: Mixture, components: int) -> Reduced:
+    """The `components` heaviest, the earlier first among equals (D'Ortenzio, section 3.3)."""
+    heaviest = np.argsort(-p.w, kind="stable")[: _at_least_one(components)]
+    kept = np.zeros(len(p.w), bool)
+    kept[heaviest] = True
+    return _kept(p, kept & (p.w > 0))
+
+
+def prune(p: Mixture, weight: float) -> Reduced:
+    """Drops what weighs less than `weight` (gamma; D'Ortenzio, section 3.4), never the heaviest."""
+    return _kept(p, _or_heaviest(p, p.w >= weight))
+
+
+def prune_density(p: Mixture, density: float) -> Reduced:
+    """Drops what has w / sqrt|P| below `density` (gamma~, in units of 1 / sqrt|P|: s^2/m^4 for a
+    planar position and velocity), never the heaviest (D'Ortenzio, eq. 16)."""
+    return _kept(p, _or_heaviest(p, p.w >= density * np.sqrt(np.linalg.det(p.P))))
+
+
+def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
+    """Joining: merges the pair with the least d^2 = wi wj / (wi + wj) (mi - mj)' P^-1 (mi - mj), P
+    the covariance of the whole mixture, while more than `components` remain or d^2 is below
+    `distance` (Salmond 1990, section 4.1)."""
+    whitened = _whitened(p)
+    return _merged(p, _joining(p.w, whitened, _at_least_one(components), distance))
+
+
+def west(p: Mixture, components: int) -> Reduced:
+    """Merges the lightest component with its nearest neighbour, distances measured by the
+    covariance of the whole mixture, until `components` remain (West 1993, section 3)."""
+    whitened = _whitened(p)
+    return _merged(p, _lightest_first(p.w, whitened, _at_least_one(components)))
+
+
+def total_merge_cost(p: Mixture) -> float:
+    """Cost of merging everything into one Gaussian: sum of w_i KL(component i || moment match).
+
+    Departs: D'Ortenzio, eq. 14 divides by the total weight; kept undivided it is the sum of the
+    costs B of any way of merging down to one, whatever the weights sum to.
+    """
+    P = moments(p)[1]
+    log_determinants = np.linalg.slogdet(p.P)[1]
+    return max(0.0, 0.5 * float(p.w @ (np.linalg.slogdet(P)[1] - log_determinants)))
+
+
+def _at_least_one(components: int) -> int:
+    if components < 1:
+        raise ValueError(f"components must be at least 1, got {components}")
+    return int(components)
+
+
+def _or_heaviest(p: Mixture, kept: np.ndarray) -> np.ndarray:
+    kept &= p.w > 0
+    if not kept.any():
+        kept[np.argmax(p.w)] = True
+    return kept
+
+
+def _kept(p: Mixture, kept: np.ndarray) -> Reduced:
+    return take(p, kept), np.where(kept, np.cumsum(kept) - 1, -1)
+
+
+def _whitened(p: Mixture) -> np.ndarray:
+    """Means (n, d) in coordinates where the whole mixture has unit covariance."""
+    mean, P = moments(p)
+    return np.linalg.solve(np.linalg.cholesky(P), (p.m - mean).T).T.copy()
+
+
+def _greedily_merged(p: Mixture, components: int, budget: float) -> Reduced:
+    alive, alive_origin = _kept(p, p.w > 0)
+    if len(alive.w) == 1 or (budget < 0 and len(alive.w) <= components):
+        return alive, alive_origin
+    w, m, P, origin = merge_greedily(*alive, components, budget)
+    return Mixture(w, m, P), np.where(alive_origin < 0, -1, origin[alive_origin])
+
+
+def _merged(p: Mixture, group: np.ndarray) -> Reduced:
+    """Moment match of each group of components: group (n,) holds the index of a member, or -1."""
+    used = np.unique(group[group >= 0])
+    origin = np.where(group < 0, -1, np.searchsorted(used, group))
+    parts = [take(p, origin == i) for i in range(len(used))]
+    matched = [moments(part) for part in parts]
+    w = np.array([part.w.sum() for part in parts])
+    return Mixture(w, np.array([a for a, _ in matched]), np.array([b for _, b in matched])), origin
+
+
+@njit(cache=True, error_model="numpy")
+def _joining(w, y, components, distance):
+    """Groups (n,) of Salmond's joining from the weights and whitened means y (n, d)."""
+    n, d = y.shape
+    w, y, group = w.copy(), y.copy(), np.where(w > 0, np.arange(n), -1)
+    alive = np.nonzero(w > 0)[0]
+    while len(alive) > 1:
+        best, first, second = np.inf, 0, 0
+        for a in range(1, len(alive)):
+            for b in range(a):
+                i, j = alive[a], alive[b]
+                d2 = 0.0
+                for r in range(d):
+                    d2 += (y[i, r] - y[j, r]) ** 2
+                d2 *= w[i] / (w[i] + w[j]) * w[j]
+                if d2 < best:
+                    best, first, second = d2, j, i
+        if len(alive) <= components and best >= distance:
+            break
+        _join(first, second, w, y, group)
+        alive = alive[alive != second]
+    return group
+
+
+@njit(cache=True, error_model="numpy")
+def _lightest_first(w, y, components):
+    """Groups (n,) of West's merging from the weights and whitened means y (n, d)."""
+    w, y, group = w.copy(), y.copy(), np.where(w > 0, np.arange(len(w)), -1)
+    alive = np.nonzero(w > 0)[0]
+    while len(alive) > components:
+        lightest = alive[w[alive].argmin()]
+        best, nearest = np.inf, lightest
+        for i in alive:
+            d2 = ((y[i] - y[lightest]) ** 2).sum()
+            if i != lightest and d2 < best:
+                best, nearest = d2, i
+        _join(nearest, lightest, w, y, group)
+        alive = alive[alive != lightest]
+    return group
+
+
+@njit(cache=True, error_model="numpy")
+def _join(i, j, w, y, group):
+    y[i] = (w[i] * y[i] + w[j] * y[j]) / (w[i] + w[j])
+    w[i] += w[j]
+    group[group == j] = i

@@ -1,0 +1,117 @@
+"""One target on a given path in the plane, seen in position, told as nearly constant velocity."""
+
+from functools import partial
+
+import numpy as np
+
+from gmr_gym.kalman import constant_velocity, position_sensor
+from gmr_gym.metrics import truth_outside_gates
+from gmr_gym.mixture import gaussian
+from gmr_gym.model import check_probability, model
+from gmr_gym.simulate import Scenario, Window
+
+
+def along(
+    x: np.ndarray,
+    start: np.ndarray,
+    window: Window,
+    *,
+    period: float,
+    clutter_rate: float | None,
+    clutter_density: float | None,
+    detection_probability: float,
+    sensor_deviation: float,
+    told_sensor_deviation: float,
+    told_acceleration_deviation: float,
+) -> Scenario:
+    """Scenario of the true states x (T, 4), [px, py, vx, vy], one period after `start` (4,).
+
+    Clutter is given as a rate (per scan) or as a density (per m^2), the other being None. The
+    tracker starts from the truth with unit covariance, is told the clutter density and P_D, and
+    for the noise its own figures. A track is lost when the true position lies outside every gate.
+    """
+    if (clutter_rate is None) == (clutter_density is None):
+        raise ValueError("give either clutter_rate (per scan) or clutter_density (per m^2)")
+    rate = clutter_density * window.volume if clutter_rate is None else clutter_rate
+    if not 0 <= rate <= 1e6:
+        raise ValueError(f"clutter must be between 0 and a million points a scan, got {rate:g}")
+    check_probability("detection_probability", detection_probability)
+    for name, value in (
+        ("sensor_deviation", sensor_deviation),
+        ("told_sensor_deviation", told_sensor_deviation),
+        ("told_acceleration_deviation", told_acceleration_deviation),
+        ("period", period),
+    ):
+        if not 0 < value < np.inf:
+            raise ValueError(f"{name} must be positive and finite, got {value}")
+    told = model(
+        constant_velocity(period, told_acceleration_deviation),
+        position_sensor(told_sensor_deviation),
+        detection_probability,
+        gate_probability=0.999,
+        # a tracker told of no clutter at all could not explain a second detection
+        clutter_density=max(rate / window.volume, np.finfo(float).tiny),
+        prior=gaussian(start, np.eye(4)),
+    )
+    return Scenario(
+        model=told,
+        truth=partial(_scripted, x),
+        sensor=position_sensor(sensor_deviation),
+        detection_probability=detection_probability,
+        clutter_rate=float(rate),
+        window=window,
+        horizon=len(x),
+        period=period,
+        position=(0, 1),
+        velocity=(2, 3),
+        off_target=partial(truth_outside_gates, told.sensor.H),
+        patience=1,
+        cutoff=100.0,
+    )
+
+
+def path(trajectory, period: float) -> tuple[np.ndarray, np.ndarray]:
+    """States (T, 4) and the state (4,) one period before them, of a path (T, 2) of positions or
+    (T, 4) of positions and velocities; velocities come from central differences where not given.
+
+    Raises ValueError for another shape, fewer than three points, or a number that is not finite.
+    """
+    x = np.array(trajectory, float)
+    if x.ndim != 2 or x.shape[1] not in (2, 4) or len(x) < 3:
+        raise ValueError(f"trajectory must have shape (T, 2) or (T, 4) with T >= 3, got {x.shape}")
+    if not np.isfinite(x).all():
+        raise ValueError("trajectory must be finite")
+    if x.shape[1] == 2:
+        x = np.hstack([x, np.gradient(x, period, axis=0)])
+    return x, np.concatenate((x[0, :2] - period * x[0, 2:], x[0, 2:]))
+
+
+def shortened(x: np.ndarray, horizon: int | None) -> np.ndarray:
+    """The first `horizon` scans of x, all of them for None; ValueError when there are fewer."""
+    if horizon is None:
+        return x
+    if not 1 <= horizon <= len(x):
+        raise ValueError(f"horizon must be between 1 and the {len(x)} scans of the path, got {horizon}")
+    return x[:horizon]
+
+
+def fixed_box(low, high) -> Window:
+    """A window on the ground between two opposite corners (2,), m."""
+    low, high = np.array(low, float), np.array(high, float)
+    if low.shape != (2,) or high.shape != (2,) or not (np.isfinite(low) & np.isfinite(high)).all():
+        raise ValueError(f"box must be two finite corners ((x, y), (x, y)), got {low}, {high}")
+    if not (low < high).all():
+        raise ValueError(f"box must have its lower corner first, got {low}, {high}")
+    return Window(low, high, follows=False)
+
+
+def following_box(sides) -> Window:
+    """A window (width, height), m, centred on the submitted estimate carried forward."""
+    sides = np.array(sides, float)
+    if sides.shape != (2,) or not ((sides > 0) & np.isfinite(sides)).all():
+        raise ValueError(f"window must be two positive lengths (width, height), got {sides}")
+    return Window(-sides / 2, sides / 2, follows=True)
+
+
+def _scripted(x: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    return x

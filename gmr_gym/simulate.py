@@ -1,0 +1,109 @@
+"""The world: a scenario's truth, its detections and its clutter, one scan at a time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym.association import Gates
+from gmr_gym.kalman import Sensor
+from gmr_gym.model import Model
+
+Loss = Callable[[Gates, np.ndarray, np.ndarray], bool]
+
+
+class Window(NamedTuple):
+    """Where clutter falls: a box on the ground, or one carried along by the tracker's estimate."""
+
+    low: np.ndarray  # (p,), m; relative to the centre when it follows
+    high: np.ndarray  # (p,), m
+    follows: bool
+
+    @property
+    def volume(self) -> float:
+        return float(np.prod(self.high - self.low))
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """The world of one target, and what a tracker is told of it.
+
+    A window that follows is centred on the latest submitted estimate carried forward one period,
+    and a detection of the target outside it is not seen: a lone point there would betray it.
+    """
+
+    model: Model
+    truth: Callable[[np.random.Generator], np.ndarray]  # states (horizon, d) at scans 1, 2, ...
+    sensor: Sensor  # the world's own; model.sensor is what the tracker believes
+    detection_probability: float
+    clutter_rate: float  # expected false detections a scan
+    window: Window
+    horizon: int  # scans
+    period: float  # s
+    position: tuple[int, ...]  # which states are coordinates, m
+    velocity: tuple[int, ...]  # which states are velocities, m/s
+    off_target: Loss  # (gates, true state, target's detection) -> is the target out of sight?
+    patience: int  # scans in a row off target that make a track lost
+    cutoff: float  # m, an error beyond counts as this much
+
+    def centre(self, estimate: np.ndarray) -> np.ndarray:
+        """Where a following window is centred after the estimate (d,) of the scan before."""
+        motion = self.model.motions[0]
+        return self.model.sensor.H @ (motion.F @ estimate + motion.offset)
+
+
+class Episode(NamedTuple):
+    """Everything that chance decides in one episode, drawn before the first scan, so that every
+    tracker meets the same world whatever it submits."""
+
+    x: np.ndarray  # (T, d), true states
+    z: np.ndarray  # (T, p), what the sensor would say of them
+    detected: np.ndarray  # (T,), whether it does
+    slot: np.ndarray  # (T,), in [0, 1): where among the clutter the target's detection stands
+    clutter: np.ndarray  # (N, p), in [0, 1): places in the window
+    first: np.ndarray  # (T + 1,), scan t has clutter[first[t] : first[t + 1]]
+
+
+class Scan(NamedTuple):
+    """The detections of one scan, and whose they are."""
+
+    z: np.ndarray  # (k, p)
+    origin: np.ndarray  # (k,), 0 the target's, -1 clutter
+
+
+def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
+    """One episode; truth, detection and clutter each draw from their own stream."""
+    sequence = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+    # not spawn(), which would give other streams when one sequence is drawn from twice
+    for_truth, for_detection, for_clutter = (
+        np.random.default_rng(
+            np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, i))
+        )
+        for i in range(3)
+    )
+    x = scenario.truth(for_truth)
+    H, R = scenario.sensor
+    noise = for_detection.standard_normal((len(x), len(R))) @ np.linalg.cholesky(R).T
+    detected = for_detection.random(len(x)) < scenario.detection_probability
+    slot = for_detection.random(len(x))
+    first = np.append(0, np.cumsum(for_clutter.poisson(scenario.clutter_rate, len(x))))
+    clutter = for_clutter.random((first[-1], len(R)))
+    return Episode(x, x @ H.T + noise, detected, slot, clutter, first)
+
+
+def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Scan:
+    """Scan t (from 0) of the episode; centre (p,) places a window that follows."""
+    low, high, follows = scenario.window
+    z = low + (high - low) * episode.clutter[episode.first[t] : episode.first[t + 1]]
+    target = episode.z[t]
+    seen = episode.detected[t]
+    if follows:
+        z += centre
+        seen = seen and bool((np.abs(target - centre - (low + high) / 2) <= (high - low) / 2).all())
+    if not seen:
+        return Scan(z, np.full(len(z), -1))
+    slot = int(episode.slot[t] * (len(z) + 1))
+    origin = np.full(len(z) + 1, -1)
+    origin[slot] = 0
+    return Scan(np.concatenate((z[:slot], target[None], z[slot:])), origin)
