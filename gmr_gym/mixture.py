@@ -82,6 +82,12 @@ def moments(p: Mixture) -> tuple[np.ndarray, np.ndarray]:
     return _moments(p.w, p.m, p.P)
 
 
+def collapsed(p: Mixture) -> Mixture:
+    """The one Gaussian with the total weight, mean and covariance of the mixture."""
+    mean, covariance = moments(p)
+    return Mixture(np.array([p.w.sum()]), mean[None], covariance[None])
+
+
 def log_density(p: Mixture, x: np.ndarray) -> np.ndarray:
     """Log of the mixture at the points x (k, d), shape (k,); the weights are not normalised."""
     return _log_density(p.w, p.m, p.P, x)

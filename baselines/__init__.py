@@ -1,0 +1,1 @@
+"""The papers' trackers and their rivals, one file each; none knows another."""

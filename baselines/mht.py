@@ -1,0 +1,106 @@
+"""The Gaussian-mixture MHT of one target: expand, prune, reduce, prune again
+(D'Ortenzio, sections 2.1, 3 and 4)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from gmr_gym import ise as williams
+from gmr_gym import reduction
+from gmr_gym.association import expand, gates
+from gmr_gym.kalman import predict
+from gmr_gym.mixture import Mixture, moments, normalised
+from gmr_gym.model import Model
+from gmr_gym.reduction import Reduced
+from gmr_gym.tracker import Report, check_scan
+
+
+@dataclass(frozen=True)
+class Mht:
+    """Every hypothesis with every gated detection, then SP, `reduce`, NWP, renormalised after
+    each (D'Ortenzio, section 4)."""
+
+    model: Model
+    reduce: Callable[[Mixture], Reduced]
+    prune_weight: float = 5e-4  # gamma
+    prune_density: float = 1e-10  # gamma~, s^2/m^4 for a planar position and velocity
+    most: int = 2000  # hypotheses that enter `reduce`, the heaviest, lest a huge scan fill memory
+
+    def __post_init__(self):
+        for name in ("prune_weight", "prune_density"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be non-negative and finite, got {getattr(self, name)}")
+        if self.most < 1:
+            raise ValueError(f"most must be at least 1, got {self.most}")
+        self.reduce(self.model.prior)
+
+    def init(self) -> Mixture:
+        return self.model.prior
+
+    def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
+        model = self.model
+        z = check_scan(z, len(model.sensor.H))
+        predicted = predict(belief, model.motions[0])
+        looked = gates(predicted, model.sensor, model.gate_probability)
+        posterior = expand(
+            predicted, looked, model.sensor, z,
+            model.detection_probability, model.gate_probability, model.clutter_density,
+        ).mixture  # fmt: skip
+        posterior = normalised(reduction.prune(posterior, self.prune_weight)[0])
+        if len(posterior.w) > self.most:
+            posterior = normalised(reduction.capping(posterior, self.most)[0])
+        posterior = normalised(self.reduce(posterior)[0])
+        posterior = normalised(reduction.prune_density(posterior, self.prune_density)[0])
+        mean, covariance = moments(posterior)
+        return posterior, Report(mean[None], covariance[None], looked, posterior)
+
+
+def capping(
+    model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10
+) -> Mht:
+    """MHT that keeps the heaviest `components` hypotheses (D'Ortenzio, Capping)."""
+    return Mht(model, partial(reduction.capping, components=components), prune_weight, prune_density)
+
+
+def runnalls(
+    model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10
+) -> Mht:
+    """MHT reduced to `components` by Runnalls' greedy merging (D'Ortenzio, Runnalls)."""
+    return Mht(model, partial(reduction.runnalls, components=components), prune_weight, prune_density)
+
+
+def adaptive(
+    model: Model,
+    components: int = 30,
+    loss_bound: float = 0.05,
+    prune_weight: float = 5e-4,
+    prune_density: float = 1e-10,
+) -> Mht:
+    """MHT merged while the relative loss stays within `loss_bound` (alpha) and on to `components`
+    at most (D'Ortenzio, Adaptive)."""
+    merging = partial(reduction.adaptive, loss_bound=loss_bound, components=components)
+    return Mht(model, merging, prune_weight, prune_density)
+
+
+def ise(
+    model: Model, components: int = 15, prune_weight: float = 5e-4, prune_density: float = 1e-10
+) -> Mht:
+    """MHT reduced to `components` by Williams' integral squared error, merging and deleting."""
+    merging = partial(williams.integral_squared_error, components=components)
+    return Mht(model, merging, prune_weight, prune_density)
+
+
+def salmond(
+    model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10
+) -> Mht:
+    """MHT reduced to `components` by Salmond's joining."""
+    return Mht(model, partial(reduction.salmond, components=components), prune_weight, prune_density)
+
+
+def west(
+    model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10
+) -> Mht:
+    """MHT reduced to `components` by West's merging of the lightest into its nearest."""
+    return Mht(model, partial(reduction.west, components=components), prune_weight, prune_density)

@@ -1,0 +1,17 @@
+"""Gymnasium environments; their ids are data, and listing them imports nothing heavy."""
+
+import gymnasium as gym
+
+ENVIRONMENTS = {
+    "gmr_gym/TurningTarget-v0": "gmr_gym.scenarios.dortenzio:turning_target",
+    "gmr_gym/RecordedFlight-v0": "gmr_gym.scenarios.recorded:recorded_flight",
+}
+
+
+def register_envs() -> None:
+    """Make every id known to `gymnasium.make`; harmless when done twice."""
+    for env_id, scenario in ENVIRONMENTS.items():
+        if env_id not in gym.registry:
+            gym.register(
+                env_id, "gmr_gym.envs.tracking:TrackingEnv", kwargs={"scenario": scenario}
+            )

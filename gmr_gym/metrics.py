@@ -1,0 +1,45 @@
+"""How good an estimate is, and when a track is lost. Nothing here knows a tracker."""
+
+import numpy as np
+
+from gmr_gym.association import Gates, gated_distances
+
+
+def truth_outside_gates(H: np.ndarray, gates: Gates, x: np.ndarray, z: np.ndarray) -> bool:
+    """Whether the noise-free detection H x of the true state x (d,) lies in no gate
+    (D'Ortenzio, section 4: "not contained in any of the hypotheses gates")."""
+    return not np.isfinite(gated_distances(gates, (H @ x)[None])).any()
+
+
+def lost_at(off_target: np.ndarray, patience: int) -> np.ndarray:
+    """Scan (runs,) at which `patience` scans in a row were off target (runs, T), -1 for never."""
+    in_a_row = np.zeros(off_target.shape, int)
+    in_a_row[:, 0] = off_target[:, 0]
+    for t in range(1, off_target.shape[1]):
+        in_a_row[:, t] = (in_a_row[:, t - 1] + 1) * off_target[:, t]
+    lost = in_a_row >= patience
+    return np.where(lost.any(axis=1), lost.argmax(axis=1), -1)
+
+
+def nees(error: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """Normalised error squared e' P^-1 e (...,) of errors (..., d) with covariances (..., d, d);
+    its mean is d for a filter that knows how wrong it is."""
+    return np.einsum("...i,...i->...", error, np.linalg.solve(P, error[..., None])[..., 0])
+
+
+def credibility(error: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Noncredibility index and inclination (T,), dB, of errors (runs, T, d) with the covariances
+    P (runs, T, d, d) a filter claims for them (Li and Zhao 2006):
+
+        rho = 10 log10((e' P^-1 e) / (e' C^-1 e)),  C the mean of e e' over the runs
+
+    index = mean |rho|, 0 for a filter as good as it says; inclination = mean rho, above 0 for one
+    that is worse than it says. Not a number with fewer runs than states, where C is singular.
+    """
+    runs, scans, d = error.shape
+    if runs <= d:
+        return np.full(scans, np.nan), np.full(scans, np.nan)
+    C = np.einsum("ati,atj->tij", error, error) / runs
+    actual = nees(error, np.broadcast_to(C, (runs, *C.shape)))
+    rho = 10 * np.log10(nees(error, P) / actual)
+    return np.abs(rho).mean(axis=0), rho.mean(axis=0)

@@ -1,0 +1,142 @@
+"""Monte Carlo runs of trackers in a scenario: the loop, on any number of workers, resumable."""
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import NamedTuple
+
+import joblib
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from gmr_gym.association import gated_distances, volumes
+from gmr_gym.simulate import Scenario, draw, scan
+from gmr_gym.tracker import Tracker
+from gmr_gym.version import __version__
+
+BLOCK = 20  # runs in one task, and in one file on disk
+
+
+class Runs(NamedTuple):
+    """What one tracker did, run by run (first axis) and scan by scan (second)."""
+
+    truth: np.ndarray  # (runs, T, d)
+    x: np.ndarray  # (runs, T, d), estimates
+    P: np.ndarray  # (runs, T, d, d), the covariances claimed for them
+    components: np.ndarray  # (runs, T), hypotheses kept
+    gate_volume: np.ndarray  # (runs, T), mean over the gates
+    gated: np.ndarray  # (runs, T), detections in a gate, mean over the gates
+    off_target: np.ndarray  # (runs, T), whether the scenario's loss rule saw the target missed
+    seconds: np.ndarray  # (runs, T), of the tracker alone
+
+
+def run(
+    scenario: Scenario,
+    trackers: Mapping[str, Tracker],
+    runs: int,
+    seed: int = 0,
+    *,
+    jobs: int = 1,
+    folder: Path | str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> dict[str, Runs]:
+    """Every tracker through the same `runs` episodes.
+
+    Run i draws its episode from (seed, i) alone, whatever the tracker and the number of runs or of
+    workers; the results are the same to the last bit on any number of workers, `seconds` apart.
+    With a `folder`, finished blocks of runs are kept there, found again by the content of scenario,
+    tracker, seed and version, and not run a second time. progress(done, total) counts runs.
+    """
+    if runs < 1:
+        raise ValueError(f"runs must be at least 1, got {runs}")
+    if not trackers:
+        raise ValueError("trackers must hold at least one tracker")
+    results: dict[tuple[str, int], Runs] = {}
+    files: dict[tuple[str, int], Path | None] = {}
+    for name, tracker in trackers.items():
+        for first in range(0, runs, BLOCK):
+            task = name, first
+            files[task] = folder and _file(Path(folder), scenario, tracker, seed, first, runs)
+            if files[task] and files[task].exists():
+                results[task] = _load(files[task])
+    total = runs * len(trackers)
+    done = sum(len(result.x) for result in results.values())
+    missing = [task for task in files if task not in results]
+    if progress:
+        progress(done, total)
+    for name in {name for name, _ in missing}:
+        # compiled here, once: every worker then finds it on disk
+        run_once(scenario, trackers[name], np.random.SeedSequence(seed), scans=3)
+    calls = (
+        joblib.delayed(_block)(scenario, trackers[name], seed, (name, first), runs)
+        for name, first in missing
+    )
+    for task, result in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(calls):
+        results[task] = result
+        if files[task]:
+            _save(files[task], result)
+        done += len(result.x)
+        if progress:
+            progress(done, total)
+    return {
+        name: Runs(*map(np.concatenate, zip(*(results[name, first] for first in range(0, runs, BLOCK)), strict=True)))
+        for name in trackers
+    }
+
+
+def run_once(
+    scenario: Scenario, tracker: Tracker, seed: int | np.random.SeedSequence, scans: int | None = None
+) -> Runs:
+    """One run of all scans, or of the first few; the arrays of Runs without their first axis."""
+    episode = draw(scenario, seed)
+    told_origin = getattr(tracker, "told_origin", False)
+    belief = tracker.init()
+    centre = scenario.centre(scenario.model.prior.w @ scenario.model.prior.m)
+    rows = []
+    for t, x in enumerate(episode.x[:scans]):
+        z, origin = scan(scenario, episode, t, centre)
+        started = perf_counter()
+        belief, report = tracker.step(belief, z[origin >= 0] if told_origin else z)
+        seconds = perf_counter() - started
+        target = z[origin == 0][0] if (origin == 0).any() else np.full(z.shape[1], np.nan)
+        gates = report.gates
+        rows.append((
+            x, report.x[0], report.P[0], len(report.mixture.w), volumes(gates).mean(),
+            np.isfinite(gated_distances(gates, z)).sum() / len(gates.z),
+            scenario.off_target(gates, x, target), seconds,
+        ))  # fmt: skip
+        centre = scenario.centre(report.x[0])
+    return Runs(*map(np.array, zip(*rows, strict=True)))
+
+
+def _block(scenario, tracker, seed, task, runs) -> tuple[tuple[str, int], Runs]:
+    first = task[1]
+    # several threads would change the last bits of a sum, and only slow small matrices down
+    with threadpool_limits(1):
+        rows = [
+            run_once(scenario, tracker, np.random.SeedSequence(seed, spawn_key=(i,)))
+            for i in range(first, min(first + BLOCK, runs))
+        ]
+    return task, Runs(*map(np.array, zip(*rows, strict=True)))
+
+
+def _file(folder: Path, scenario, tracker, seed: int, first: int, runs: int) -> Path:
+    content = scenario, tracker, seed, first, min(first + BLOCK, runs), __version__
+    return folder / f"{joblib.hash(content)}.npz"
+
+
+def _save(file: Path, result: Runs) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    partial = file.with_suffix(f".{os.getpid()}.part")
+    with partial.open("wb") as stream:
+        np.savez(stream, **result._asdict())
+    partial.replace(file)
+
+
+def _load(file: Path) -> Runs:
+    try:
+        with np.load(file, allow_pickle=False) as stored:
+            return Runs(**{field: stored[field] for field in Runs._fields})
+    except (OSError, ValueError, KeyError) as error:
+        raise ValueError(f"{file} is not a block of runs ({error}); delete it to have it run again") from None

@@ -1,0 +1,111 @@
+"""From runs to figures with intervals: one row of a table per tracker."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import binomtest, bootstrap
+
+from gmr_gym.metrics import credibility, lost_at, nees
+from gmr_gym.montecarlo import Runs
+from gmr_gym.simulate import Scenario
+
+CONFIDENCE = 0.95
+
+
+class Figure(NamedTuple):
+    """A figure and its 95 % interval; low and high are nan where none is given."""
+
+    value: float
+    low: float = np.nan
+    high: float = np.nan
+
+
+def kept(scenario: Scenario, runs: Runs) -> np.ndarray:
+    """Which runs (runs,) the scenario's gate rule does not call lost."""
+    return lost_at(runs.off_target, scenario.patience) < 0
+
+
+def errors(scenario: Scenario, runs: Runs) -> tuple[np.ndarray, np.ndarray]:
+    """Position error (m) and velocity error (m/s), Euclidean, each (runs, T)."""
+    error = runs.x - runs.truth
+    return (
+        np.linalg.norm(error[..., list(scenario.position)], axis=-1),
+        np.linalg.norm(error[..., list(scenario.velocity)], axis=-1),
+    )
+
+
+def summary(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
+    """One row of figures per tracker; `_own` is over the runs the tracker itself kept, `_common`
+    over the runs that no tracker of the table lost:
+
+    track_loss (share of runs), rmse and error (position, m: root mean square and mean Euclidean),
+    velocity_rmse_own (m/s), anees_own (1 is credible), nci_own and inclination_own (dB),
+    components, gate_area (m^2) and time_per_scan (s, median) over all runs and scans.
+    """
+    own = {name: kept(scenario, runs) for name, runs in results.items()}
+    common = np.logical_and.reduce(list(own.values()))
+    rows = {}
+    for name, runs in results.items():
+        position, velocity = errors(scenario, runs)
+        error = runs.x - runs.truth
+        mine = own[name]
+        index, inclination = credibility(error[mine], runs.P[mine])
+        consistency = nees(error, runs.P).mean(axis=1) / error.shape[-1]
+        rows[name] = {
+            "track_loss": proportion(int((~mine).sum()), len(mine)),
+            "rmse_own": _root(mean((position[mine] ** 2).mean(axis=1))),
+            "rmse_common": _root(mean((position[common] ** 2).mean(axis=1))),
+            "error_own": mean(position[mine].mean(axis=1)),
+            "error_common": mean(position[common].mean(axis=1)),
+            "velocity_rmse_own": _root(mean((velocity[mine] ** 2).mean(axis=1))),
+            "anees_own": mean(consistency[mine]),
+            "nci_own": Figure(float(index.mean())),
+            "inclination_own": Figure(float(inclination.mean())),
+            "components": mean(runs.components.mean(axis=1)),
+            "gate_area": mean(runs.gate_volume.mean(axis=1)),
+            "time_per_scan": Figure(float(np.median(runs.seconds))),
+        }
+    return rows
+
+
+def differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
+    """Every tracker minus the first, run by run on the same episodes: track_loss over all runs,
+    error (position, m) over the runs that neither of the two lost."""
+    (reference, against), *others = results.items()
+    kept_reference = kept(scenario, against)
+    error_reference = errors(scenario, against)[0].mean(axis=1)
+    rows = {}
+    for name, runs in others:
+        mine = kept(scenario, runs)
+        both = mine & kept_reference
+        gain = errors(scenario, runs)[0].mean(axis=1) - error_reference
+        rows[f"{name} - {reference}"] = {
+            "track_loss": mean(kept_reference.astype(float) - mine),
+            "error_common": mean(gain[both]),
+        }
+    return rows
+
+
+def proportion(count: int, total: int) -> Figure:
+    """Share with its Wilson interval."""
+    low, high = binomtest(count, total).proportion_ci(CONFIDENCE, method="wilson")
+    return Figure(count / total, float(low), float(high))
+
+
+def mean(values: np.ndarray) -> Figure:
+    """Mean over runs (runs,) with its bootstrap interval; all nan for no runs."""
+    if len(values) == 0:
+        return Figure(np.nan)
+    value = float(np.mean(values))
+    if len(values) < 2 or np.ptp(values) == 0:
+        return Figure(value, value, value) if len(values) > 1 else Figure(value)
+    interval = bootstrap(
+        (values,), np.mean, n_resamples=2000, confidence_level=CONFIDENCE,
+        method="percentile", rng=np.random.default_rng(0),
+    ).confidence_interval  # fmt: skip
+    return Figure(value, float(interval.low), float(interval.high))
+
+
+def _root(figure: Figure) -> Figure:
+    return Figure(*np.sqrt(figure).tolist())

@@ -1,0 +1,90 @@
+"""What a tracker is, what it says of a scan, and how trackers are found by name."""
+
+import inspect
+from difflib import get_close_matches
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from gmr_gym.association import Gates
+from gmr_gym.mixture import Mixture
+from gmr_gym.model import Model
+
+GROUP = "gmr_gym.trackers"
+
+
+class Report(NamedTuple):
+    """What a tracker says of one scan."""
+
+    x: np.ndarray  # (j, d), estimates: one for a single-target tracker
+    P: np.ndarray  # (j, d, d), the covariances it claims for them
+    gates: Gates  # where it looked for the target's detection
+    mixture: Mixture  # the hypotheses it kept
+
+
+class Tracker(Protocol):
+    """A frozen dataclass of parameters. The belief is its private affair: it goes in and comes
+    out, and nothing is remembered in between."""
+
+    @property
+    def model(self) -> Model:
+        """What it was told."""
+
+    def init(self) -> Any:
+        """The belief one period before the first scan."""
+
+    def step(self, belief: Any, z: np.ndarray) -> tuple[Any, Report]:
+        """The belief after the scan z (k, p) one period later, and the report on that scan."""
+
+
+def trackers() -> dict[str, str]:
+    """Names of the installed trackers, each with the first sentence of its description."""
+    found = {}
+    for name, point in sorted(_entry_points().items()):
+        doc = inspect.getdoc(point.load()) or ""
+        found[name] = " ".join(doc.split("\n\n")[0].split())
+    return found
+
+
+def make_tracker(name: str, model: Model, **parameters) -> Tracker:
+    """The tracker of that name, told `model`. A number at the end of the name is its number of
+    components: `runnalls-30` is `runnalls` with components=30.
+
+    Raises ValueError for a name that no installed package offers, with the nearest that one does,
+    and for a parameter the tracker does not take, with those it does.
+    """
+    known = _entry_points()
+    base, _, number = name.rpartition("-")
+    if name not in known and base in known and number.isdigit():
+        name, parameters = base, {"components": int(number), **parameters}
+    if name not in known:
+        near = get_close_matches(name.rstrip("-0123456789"), known, n=1) or get_close_matches(name, known)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise ValueError(f"unknown tracker {name!r}{hint} (installed: {', '.join(sorted(known))})")
+    factory = known[name].load()
+    takes = list(inspect.signature(factory).parameters)[1:]
+    for parameter in parameters:
+        if parameter not in takes:
+            raise ValueError(
+                f"tracker {name!r} takes no parameter {parameter!r}; it takes "
+                f"{', '.join(takes) or 'none'}"
+            )
+    return factory(model, **parameters)
+
+
+def check_scan(z, p: int) -> np.ndarray:
+    """The detections as a float array (k, p), (0, p) for an empty scan; ValueError when the shape
+    does not fit or a number is not finite."""
+    z = np.asarray(z, float)
+    if z.size == 0:
+        return np.empty((0, p))
+    if z.ndim != 2 or z.shape[1] != p:
+        raise ValueError(f"z must have shape (k, {p}), one detection a row, got {z.shape}")
+    if not np.isfinite(z).all():
+        raise ValueError(f"z must be finite; row {np.argmin(np.isfinite(z).all(axis=1))} is not")
+    return np.ascontiguousarray(z)
+
+
+def _entry_points() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=GROUP)}
