@@ -58,9 +58,10 @@ class Mht:
 
 
 def capping(
-    model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10
+    model: Model, components: int = 30, prune_weight: float = 0.0, prune_density: float = 0.0
 ) -> Mht:
-    """MHT that keeps the heaviest `components` hypotheses (D'Ortenzio, Capping)."""
+    """MHT that keeps the heaviest `components` hypotheses and does not prune otherwise
+    (D'Ortenzio, Capping: the paper's capping takes no part in its change of gamma)."""
     return Mht(model, partial(reduction.capping, components=components), prune_weight, prune_density)
 
 
@@ -84,9 +85,7 @@ def adaptive(
     return Mht(model, merging, prune_weight, prune_density)
 
 
-def ise(
-    model: Model, components: int = 15, prune_weight: float = 5e-4, prune_density: float = 1e-10
-) -> Mht:
+def ise(model: Model, components: int = 15, prune_weight: float = 5e-4, prune_density: float = 1e-10) -> Mht:
     """MHT reduced to `components` by Williams' integral squared error, merging and deleting."""
     merging = partial(williams.integral_squared_error, components=components)
     return Mht(model, merging, prune_weight, prune_density)
@@ -99,8 +98,6 @@ def salmond(
     return Mht(model, partial(reduction.salmond, components=components), prune_weight, prune_density)
 
 
-def west(
-    model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10
-) -> Mht:
+def west(model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10) -> Mht:
     """MHT reduced to `components` by West's merging of the lightest into its nearest."""
     return Mht(model, partial(reduction.west, components=components), prune_weight, prune_density)

@@ -15,7 +15,7 @@ from gmr_gym.kalman import (
     mahalanobis_squared,
     posterior_into,
 )
-from gmr_gym.mixture import Mixture, cholesky_into
+from gmr_gym.mixture import Mixture, cholesky_into, root_determinants
 
 
 class Gates(NamedTuple):
@@ -56,7 +56,7 @@ def volumes(gates: Gates) -> np.ndarray:
     """Area (p = 2) or volume of each gate (n,), in the sensor's units; gates may overlap."""
     p = gates.z.shape[1]
     unit_ball = np.pi ** (p / 2) / gamma(p / 2 + 1)
-    return unit_ball * gates.size ** (p / 2) * np.sqrt(np.linalg.det(gates.S))
+    return unit_ball * gates.size ** (p / 2) * root_determinants(gates.S)
 
 
 def expand(
@@ -109,7 +109,10 @@ def _expand(w, m, P, z_hat, S, size, H, z, log_miss, log_detect):
     n, d = m.shape
     p, k = len(H), len(z)
     d2 = _gated_distances(z_hat, S, size, z)
-    hits = (d2 < np.inf).sum()
+    hits = 0
+    for i in range(n):
+        for j in range(k):
+            hits += d2[i, j] < np.inf
     misses = n if log_miss > -np.inf or hits == 0 else 0
     log_w = np.empty(hits + misses)
     m_out, P_out = np.empty((hits + misses, d)), np.empty((hits + misses, d, d))
@@ -121,13 +124,15 @@ def _expand(w, m, P, z_hat, S, size, H, z, log_miss, log_detect):
             log_w[at] = np.log(w[i]) + (log_miss if log_miss > -np.inf else 0.0)
             m_out[at], P_out[at], parent[at], detection[at] = m[i], P[i], i, -1
             at += 1
-        if not (d2[i] < np.inf).any():
-            continue
-        cholesky_into(L, S[i])
-        posterior_into(P_hit, K, W, L, P[i], H)
-        log_scale = np.log(w[i]) + log_detect + log_gaussian_scale(L)
+        conditioned = False
+        log_scale = 0.0
         for j in range(k):
             if d2[i, j] < np.inf:
+                if not conditioned:
+                    cholesky_into(L, S[i])
+                    posterior_into(P_hit, K, W, L, P[i], H)
+                    log_scale = np.log(w[i]) + log_detect + log_gaussian_scale(L)
+                    conditioned = True
                 log_w[at] = log_scale - 0.5 * d2[i, j]
                 for r in range(d):
                     m_out[at, r] = m[i, r]

@@ -5,6 +5,8 @@ from numba import njit
 
 from gmr_gym.mixture import Mixture
 
+BLOCK = 128  # matrices factored together: few enough to stay in the first-level cache
+
 # ---- between the Gaussians N(m1, P1) and N(m2, P2): means (d,), covariances (d, d) ----
 
 
@@ -100,60 +102,63 @@ def unpack(columns: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
     return columns[-d:].T.copy(), P
 
 
-@njit(cache=True, error_model="numpy")
-def products(a, b):
+def products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Integrals (n, k) of the products of the Gaussians packed in a (T, n) and in b (T, k)."""
-    n, k = a.shape[1], b.shape[1]
-    out = np.empty((n, k))
-    bordered = np.empty((len(b) + 1, k))
-    for i in range(n):
-        products_with(out[i], bordered, a, i, b, k)
+    return np.array([products_with(x, b, b.shape[1]) for x in a.T])
+
+
+@njit(cache=True, error_model="numpy")
+def products_with(x, b, n):
+    """Products (n,) of the one Gaussian packed in x (T,) with the first n columns of b."""
+    T = len(b)
+    out = np.empty(n)
+    for start in range(0, n, BLOCK):
+        k = min(BLOCK, n - start)
+        bordered = np.empty((T + 1, k))
+        for t in range(T):
+            row, total = b[t, start : start + k], bordered[t]
+            # covariances add up, means are taken apart
+            y = x[t] if t < T - dimension(T) else -x[t]
+            for i in range(k):
+                total[i] = row[i] + y
+        _density_at_border(out[start : start + k], bordered)
     return out
 
 
 @njit(cache=True, error_model="numpy")
-def products_with(out, bordered, a, i, b, n):
-    """Products of column i of a with each of the first n columns of b, into out (n,)."""
+def products_of_columns(a, b, n):
+    """Products (n,) of column i of a with column i of b, for the first n."""
     T = len(b)
-    d = dimension(T)
-    for t in range(T):
-        x, row, total = a[t, i], b[t], bordered[t]
-        if t < T - d:
-            for k in range(n):
-                total[k] = row[k] + x
-        else:
-            for k in range(n):
-                total[k] = row[k] - x
-    density_at_border(out, bordered, d, n)
-
-
-@njit(cache=True, error_model="numpy")
-def products_of_columns(out, bordered, a, b, n):
-    """Product of column i of a with column i of b, for the first n, into out (n,)."""
-    T = len(b)
-    d = dimension(T)
+    bordered = np.empty((T + 1, n))
     for t in range(T):
         x, row, total = a[t], b[t], bordered[t]
-        if t < T - d:
-            for k in range(n):
-                total[k] = row[k] + x[k]
-        else:
-            for k in range(n):
-                total[k] = row[k] - x[k]
-    density_at_border(out, bordered, d, n)
+        sign = 1.0 if t < T - dimension(T) else -1.0
+        for i in range(n):
+            total[i] = row[i] + sign * x[i]
+    out = np.empty(n)
+    _density_at_border(out, bordered)
+    return out
 
 
 @njit(cache=True, error_model="numpy")
-def density_at_border(out, bordered, d, n):
-    """N(e; 0, S) of the first n columns [[S, e], [e', .]] of bordered (T + 1, n), into out (n,).
+def dimension(T):
+    """The d of packed columns of length T = d (d + 3) / 2."""
+    return int(np.sqrt(2.0 * T + 2.25) - 1.0)
 
-    Cholesky in place turns the border e' into y = L^-1 e, so that e' S^-1 e = y'y. Underflows
-    to 0, never to nan; nan where S is not positive definite.
+
+@njit(cache=True, error_model="numpy")
+def _density_at_border(out, bordered):
+    """N(e; 0, S) of each column [[S, e], [e', .]] of bordered (T + 1, n), which it uses up.
+
+    Cholesky in place turns the border e' into y = L^-1 e, with e' S^-1 e = y'y. Underflows to
+    0, never to nan; nan where S is not positive definite.
     """
+    n = len(out)
+    d = dimension(len(bordered) - 1)
     corner = bordered[len(bordered) - 1]
     for i in range(n):
         corner[i] = 0.0
-        out[i] = 1.0
+        out[i] = (2.0 * np.pi) ** (-0.5 * d)
     for c in range(d):
         pivot = bordered[c * (c + 3) // 2]
         for i in range(n):
@@ -167,12 +172,5 @@ def density_at_border(out, bordered, d, n):
                 other, target = bordered[k * (k + 1) // 2 + c], bordered[r * (r + 1) // 2 + k]
                 for i in range(n):
                     target[i] -= lead[i] * other[i]
-    scale = (2 * np.pi) ** (-0.5 * d)
     for i in range(n):
-        out[i] *= scale * np.exp(0.5 * corner[i])
-
-
-@njit(cache=True, error_model="numpy")
-def dimension(T):
-    """The d of packed columns of length T = d (d + 3) / 2."""
-    return int((np.sqrt(8.0 * T + 9.0) - 3.0) / 2.0 + 0.5)
+        out[i] *= np.exp(0.5 * corner[i])

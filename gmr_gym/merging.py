@@ -5,9 +5,8 @@ of the merged pair, merging i and j costs
 
     B = 1/2 ((wi + wj) log|Pij| - wi log|Pi| - wj log|Pj|)            (D'Ortenzio, eq. 13)
 
-Each pair stands in one row of a table of costs, that of the component born later, and infinity in
-the other's. A merge then changes one row, and rows whose least it takes away are searched again
-only when they come up. Costs are formed a block of components at a time, component axis last, so
+Each pair stands in one row of a table of costs, that of the component born later. A merge then
+changes one row, and rows whose least it takes away are searched again only when they come up. Costs are formed a block of components at a time, component axis last, so
 that the compiler turns every loop into vector instructions.
 """
 
@@ -26,7 +25,7 @@ def merge_greedily(w, m, P, components, budget):
     w, means, entries = _by_entry(w, m, P)
     room = np.empty((len(entries), BLOCK)), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
     w_log_det = _weighted_log_determinants(w, entries, room)
-    table = np.full((n, n), np.inf)
+    table, born, births = np.empty((n, n)), np.arange(n), n
     # the row's cheapest partner, or -1 when it is gone and the row holds nothing below `least`
     nearest, least = np.full(n, -1), np.zeros(n)
     for i in range(n):
@@ -35,8 +34,7 @@ def merge_greedily(w, m, P, components, budget):
     while n > 1:
         i = _first_least(least, n)
         if nearest[i] < 0:
-            nearest[i] = _first_least(table[i], n)
-            least[i] = table[i, nearest[i]]
+            nearest[i], least[i] = _cheapest(table[i], born, born[i], n)
             continue
         budget -= least[i]
         if n <= components and budget < 0.0:
@@ -51,7 +49,7 @@ def merge_greedily(w, m, P, components, budget):
             elif nearest[r] == n:
                 nearest[r] = j
         if j != n:
-            name[j], w[j], w_log_det[j] = name[n], w[n], w_log_det[n]
+            name[j], born[j], w[j], w_log_det[j] = name[n], born[n], w[n], w_log_det[n]
             nearest[j], least[j] = nearest[n], least[n]
             for r in range(len(means)):
                 means[r, j] = means[r, n]
@@ -59,21 +57,37 @@ def merge_greedily(w, m, P, components, budget):
                 entries[q, j] = entries[q, n]
             for r in range(n):
                 table[j, r], table[r, j] = table[n, r], table[r, n]
-            table[j, j] = np.inf
         _form_costs(i, n, w, means, entries, w_log_det, room, table[i])
-        for r in range(n):
-            table[r, i] = np.inf
+        born[i] = births
+        births += 1
         nearest[i], least[i] = -1, 0.0
     return _by_component(n, w, means, entries, name, into)
 
 
-@njit(cache=True, error_model="numpy")
+# no comparison here meets a nan; told so, the compiler vectorises the search for a minimum
+@njit(cache=True, error_model="numpy", fastmath={"nnan", "nsz"})
 def _first_least(row, n):
-    best = 0
-    for j in range(1, n):
-        if row[j] < row[best]:
-            best = j
-    return best
+    least = np.inf
+    for j in range(n):
+        least = row[j] if row[j] < least else least
+    for j in range(n):
+        if row[j] == least:
+            return j
+    return 0
+
+
+@njit(cache=True, error_model="numpy", fastmath={"nnan", "nsz"})
+def _cheapest(row, born, birth, n):
+    """Partner of least cost among those of the first n born before `birth`, and the cost; infinite
+    where there is none."""
+    least = np.inf
+    for j in range(n):
+        cost = row[j] if born[j] < birth else np.inf
+        least = cost if cost < least else least
+    for j in range(n):
+        if row[j] == least and born[j] < birth:
+            return j, least
+    return 0, np.inf
 
 
 @njit(cache=True, error_model="numpy")
@@ -82,8 +96,11 @@ def _form_costs(i, n, w, means, entries, w_log_det, room, row):
     A, determinant, log_det, share = room
     for start in range(0, n, BLOCK):
         stop = min(start + BLOCK, n)
-        _pair_covariances(i, start, stop, w, means, entries, share, A)
-        _determinants(A, stop - start, determinant)
+        if len(means) == 4:
+            _planar_determinants(i, start, stop, w, means, entries, determinant)
+        else:
+            _pair_covariances(i, start, stop, w, means, entries, share, A)
+            _determinants(A, stop - start, determinant)
         _logarithms(determinant, stop - start, log_det)
         for j in range(start, stop):
             cost = (w[i] + w[j]) * log_det[j - start] - w_log_det[i] - w_log_det[j]
@@ -107,6 +124,37 @@ def _pair_covariances(i, start, stop, w, means, entries, share, A):
                 spread = (mean_r - others_r[j]) * (mean_c - others_c[j])
                 target[j] = share[j] * entry + (1 - share[j]) * (others[j] + share[j] * spread)
             q += 1
+
+
+@njit(cache=True, error_model="numpy")
+def _planar_determinants(i, start, stop, w, means, entries, out):
+    """`_determinants` of `_pair_covariances` for four states, the case of a planar position and
+    velocity, written out: nothing leaves the registers, which halves the time of a reduction."""
+    wi, m0i, m1i, m2i, m3i = w[i], means[0, i], means[1, i], means[2, i], means[3, i]
+    m0, m1, m2, m3 = means[0, start:], means[1, start:], means[2, start:], means[3, start:]
+    q00i, q10i, q11i, q20i, q21i = entries[0, i], entries[1, i], entries[2, i], entries[3, i], entries[4, i]
+    q22i, q30i, q31i, q32i, q33i = entries[5, i], entries[6, i], entries[7, i], entries[8, i], entries[9, i]
+    q00, q10, q11 = entries[0, start:], entries[1, start:], entries[2, start:]
+    q20, q21, q22 = entries[3, start:], entries[4, start:], entries[5, start:]
+    q30, q31, q32, q33 = entries[6, start:], entries[7, start:], entries[8, start:], entries[9, start:]
+    others = w[start:]
+    for j in range(stop - start):
+        a = wi / (wi + others[j])
+        b = 1 - a
+        c = a * b
+        d0, d1, d2, d3 = m0i - m0[j], m1i - m1[j], m2i - m2[j], m3i - m3[j]
+        p00 = a * q00i + b * q00[j] + c * d0 * d0
+        p10, p11 = a * q10i + b * q10[j] + c * d1 * d0, a * q11i + b * q11[j] + c * d1 * d1
+        p20, p21 = a * q20i + b * q20[j] + c * d2 * d0, a * q21i + b * q21[j] + c * d2 * d1
+        p30, p31 = a * q30i + b * q30[j] + c * d3 * d0, a * q31i + b * q31[j] + c * d3 * d1
+        p22, p32 = a * q22i + b * q22[j] + c * d2 * d2, a * q32i + b * q32[j] + c * d3 * d2
+        p33 = a * q33i + b * q33[j] + c * d3 * d3
+        r1, r2, r3 = p10 / p00, p20 / p00, p30 / p00
+        p11, p21, p31 = p11 - r1 * p10, p21 - r2 * p10, p31 - r3 * p10
+        p22, p32, p33 = p22 - r2 * p20, p32 - r3 * p20, p33 - r3 * p30
+        r2, r3 = p21 / p11, p31 / p11
+        p22, p32, p33 = p22 - r2 * p21, p32 - r3 * p21, p33 - r3 * p31
+        out[j] = p00 * p11 * p22 * (p33 - p32 / p22 * p32)
 
 
 @njit(cache=True, error_model="numpy")

@@ -34,12 +34,11 @@ def credibility(error: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarra
         rho = 10 log10((e' P^-1 e) / (e' C^-1 e)),  C the mean of e e' over the runs
 
     index = mean |rho|, 0 for a filter as good as it says; inclination = mean rho, above 0 for one
-    that is worse than it says. Not a number with fewer runs than states, where C is singular.
+    that is worse than it says. Not a number at a scan whose C is singular, as with fewer runs than states.
     """
     runs, scans, d = error.shape
-    if runs <= d:
-        return np.full(scans, np.nan), np.full(scans, np.nan)
-    C = np.einsum("ati,atj->tij", error, error) / runs
+    C = np.einsum("ati,atj->tij", error, error) / max(runs, 1)
+    C[np.linalg.matrix_rank(C, hermitian=True) < d] = np.nan
     actual = nees(error, np.broadcast_to(C, (runs, *C.shape)))
     rho = 10 * np.log10(nees(error, P) / actual)
-    return np.abs(rho).mean(axis=0), rho.mean(axis=0)
+    return np.abs(rho).sum(axis=0) / max(runs, 1), rho.sum(axis=0) / max(runs, 1)

@@ -133,6 +133,20 @@ def cholesky_into(L, S):
 
 
 @njit(cache=True, error_model="numpy")
+def root_determinants(P):
+    """sqrt|P[i]| (n,) of positive definite matrices (n, d, d)."""
+    n, d = P.shape[:2]
+    out = np.ones(n)
+    L = np.zeros((d, d))
+    for i in range(n):
+        if not cholesky_into(L, P[i]):
+            raise ValueError("a covariance of the mixture is not positive definite")
+        for r in range(d):
+            out[i] *= L[r, r]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
 def _log_density(w, m, P, x):
     n, d = m.shape
     terms = np.empty((len(x), n))

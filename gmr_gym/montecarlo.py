@@ -69,8 +69,7 @@ def run(
         # compiled here, once: every worker then finds it on disk
         run_once(scenario, trackers[name], np.random.SeedSequence(seed), scans=3)
     calls = (
-        joblib.delayed(_block)(scenario, trackers[name], seed, (name, first), runs)
-        for name, first in missing
+        joblib.delayed(_block)(scenario, trackers[name], seed, (name, first), runs) for name, first in missing
     )
     for task, result in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(calls):
         results[task] = result
@@ -80,13 +79,21 @@ def run(
         if progress:
             progress(done, total)
     return {
-        name: Runs(*map(np.concatenate, zip(*(results[name, first] for first in range(0, runs, BLOCK)), strict=True)))
+        name: Runs(
+            *map(
+                np.concatenate,
+                zip(*(results[name, first] for first in range(0, runs, BLOCK)), strict=True),
+            )
+        )
         for name in trackers
     }
 
 
 def run_once(
-    scenario: Scenario, tracker: Tracker, seed: int | np.random.SeedSequence, scans: int | None = None
+    scenario: Scenario,
+    tracker: Tracker,
+    seed: int | np.random.SeedSequence,
+    scans: int | None = None,
 ) -> Runs:
     """One run of all scans, or of the first few; the arrays of Runs without their first axis."""
     episode = draw(scenario, seed)

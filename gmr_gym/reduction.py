@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.merging import merge_greedily
-from gmr_gym.mixture import Mixture, moments, take
+from gmr_gym.mixture import Mixture, moments, root_determinants, take
 
 Reduced = tuple[Mixture, np.ndarray]
 
@@ -53,7 +53,7 @@ def prune(p: Mixture, weight: float) -> Reduced:
 def prune_density(p: Mixture, density: float) -> Reduced:
     """Drops what has w / sqrt|P| below `density` (gamma~, in units of 1 / sqrt|P|: s^2/m^4 for a
     planar position and velocity), never the heaviest (D'Ortenzio, eq. 16)."""
-    return _kept(p, _or_heaviest(p, p.w >= density * np.sqrt(np.linalg.det(p.P))))
+    return _kept(p, _or_heaviest(p, p.w >= density * root_determinants(p.P)))
 
 
 def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
@@ -96,7 +96,8 @@ def _or_heaviest(p: Mixture, kept: np.ndarray) -> np.ndarray:
 
 
 def _kept(p: Mixture, kept: np.ndarray) -> Reduced:
-    return take(p, kept), np.where(kept, np.cumsum(kept) - 1, -1)
+    w, m, P, origin = _selected(*p, kept)
+    return Mixture(w, m, P), origin
 
 
 def _whitened(p: Mixture) -> np.ndarray:
@@ -121,6 +122,20 @@ def _merged(p: Mixture, group: np.ndarray) -> Reduced:
     matched = [moments(part) for part in parts]
     w = np.array([part.w.sum() for part in parts])
     return Mixture(w, np.array([a for a, _ in matched]), np.array([b for _, b in matched])), origin
+
+
+@njit(cache=True, error_model="numpy")
+def _selected(w, m, P, kept):
+    count = kept.sum()
+    n, d = m.shape
+    w_out, m_out, P_out = np.empty(count), np.empty((count, d)), np.empty((count, d, d))
+    origin = np.full(n, -1)
+    at = 0
+    for i in range(n):
+        if kept[i]:
+            w_out[at], m_out[at], P_out[at], origin[i] = w[i], m[i], P[i], at
+            at += 1
+    return w_out, m_out, P_out, origin
 
 
 @njit(cache=True, error_model="numpy")

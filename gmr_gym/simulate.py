@@ -77,9 +77,7 @@ def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
     sequence = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     # not spawn(), which would give other streams when one sequence is drawn from twice
     for_truth, for_detection, for_clutter = (
-        np.random.default_rng(
-            np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, i))
-        )
+        np.random.default_rng(np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, i)))
         for i in range(3)
     )
     x = scenario.truth(for_truth)

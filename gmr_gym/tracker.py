@@ -67,8 +67,7 @@ def make_tracker(name: str, model: Model, **parameters) -> Tracker:
     for parameter in parameters:
         if parameter not in takes:
             raise ValueError(
-                f"tracker {name!r} takes no parameter {parameter!r}; it takes "
-                f"{', '.join(takes) or 'none'}"
+                f"tracker {name!r} takes no parameter {parameter!r}; it takes {', '.join(takes) or 'none'}"
             )
     return factory(model, **parameters)
 

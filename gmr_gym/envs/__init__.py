@@ -12,6 +12,4 @@ def register_envs() -> None:
     """Make every id known to `gymnasium.make`; harmless when done twice."""
     for env_id, scenario in ENVIRONMENTS.items():
         if env_id not in gym.registry:
-            gym.register(
-                env_id, "gmr_gym.envs.tracking:TrackingEnv", kwargs={"scenario": scenario}
-            )
+            gym.register(env_id, "gmr_gym.envs.tracking:TrackingEnv", kwargs={"scenario": scenario})

@@ -1,0 +1,119 @@
+"""Drawing, beside the environments and not inside: one canvas for render() and for `watch`."""
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import EllipseCollection
+from matplotlib.figure import Figure
+
+from gmr_gym.simulate import Episode, Scan, Scenario
+from gmr_gym.tracker import Report
+
+INK, CLUTTER, TRUTH, ESTIMATE, HYPOTHESIS = "#222222", "#9aa0a6", "#1a7f37", "#c5221f", "#1967d2"
+
+
+class Canvas:
+    """Pictures of an episode, scan by scan; with a tracker's reports also its gates, its
+    hypotheses (weight as opacity) and how many there were."""
+
+    def __init__(self, scenario: Scenario, on_screen: bool = False, title: str = ""):
+        self.scenario = scenario
+        self._title = title
+        self._counts: list[int] = []
+        if on_screen:
+            import matplotlib.pyplot as plt
+
+            self.figure = plt.figure(figsize=(6.4, 6.4))
+            self._window = plt
+        else:
+            self.figure = Figure(figsize=(6.4, 6.4), dpi=100)
+            FigureCanvasAgg(self.figure)
+            self._window = None
+
+    def draw(
+        self,
+        episode: Episode,
+        scan: Scan,
+        t: int,
+        estimates: list[np.ndarray],
+        report: Report | None = None,
+    ) -> np.ndarray | None:
+        """The picture (height, width, 3) of scan t (from 0) and the estimates up to it; on a
+        screen it is shown and None returned."""
+        self.figure.clear()
+        if report is None:
+            axes = self.figure.add_axes((0.11, 0.08, 0.86, 0.86))
+        else:
+            axes = self.figure.add_axes((0.11, 0.27, 0.86, 0.68))
+            self._strip(t, len(report.mixture.w))
+        self._scan(axes, episode, scan, t)
+        if report is not None:
+            self._hypotheses(axes, report)
+        if estimates:
+            path = np.array(estimates)[:, list(self.scenario.position)]
+            axes.plot(*path.T, color=ESTIMATE, lw=1.4, label="estimate")
+        self._frame(axes, episode, t, estimates)
+        if self._window is not None:
+            self._window.pause(1e-3)
+            return None
+        self.figure.canvas.draw()
+        return np.asarray(self.figure.canvas.buffer_rgba())[..., :3].copy()
+
+    def close(self):
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close(self.figure)
+
+    def _scan(self, axes, episode, scan, t):
+        axes.plot(*scan.z.T, ".", color=CLUTTER, ms=4, label="detections")
+        seen = min(t + 1, len(episode.x))
+        axes.plot(*episode.x[:seen, list(self.scenario.position)].T, color=TRUTH, lw=1.4, label="truth")
+        mine = scan.z[scan.origin == 0]
+        axes.plot(*mine.T, "o", color=TRUTH, ms=6, mfc="none")
+
+    def _hypotheses(self, axes, report):
+        gates, p = report.gates, report.mixture
+        axes.add_collection(
+            _ellipses(axes, gates.z, gates.S * gates.size, edgecolors="#d0d7de", linewidths=0.8)
+        )
+        at = list(self.scenario.position)
+        opacity = np.clip(np.sqrt(p.w / p.w.max()), 0.04, 1)
+        # 95 % of each hypothesis
+        spread = p.P[:, at][:, :, at] * 5.99
+        colours = [(25 / 255, 103 / 255, 210 / 255, a) for a in opacity]
+        axes.add_collection(_ellipses(axes, p.m[:, at], spread, edgecolors=colours, linewidths=1.2))
+
+    def _frame(self, axes, episode, t, estimates):
+        low, high, follows = self.scenario.window
+        if follows:
+            here = episode.x[min(t, len(episode.x) - 1)]
+            at = self.scenario.model.sensor.H @ (estimates[-1] if estimates else here)
+            low, high = at + low, at + high
+        margin = 0.06 * (high - low)
+        axes.set_xlim(low[0] - margin[0], high[0] + margin[0])
+        axes.set_ylim(low[1] - margin[1], high[1] + margin[1])
+        axes.set_aspect("equal")
+        axes.set_xlabel("x, m")
+        axes.set_ylabel("y, m")
+        axes.set_title(f"{self._title}  t = {(t + 1) * self.scenario.period:g} s", loc="left")
+        axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
+
+    def _strip(self, t, count):
+        del self._counts[t:]
+        self._counts.append(count)
+        strip = self.figure.add_axes((0.11, 0.07, 0.86, 0.12))
+        strip.step(np.arange(1, len(self._counts) + 1), self._counts, where="mid", color=HYPOTHESIS)
+        strip.set_xlim(0, self.scenario.horizon + 1)
+        strip.set_ylim(0, max(10, 1.1 * max(self._counts)))
+        strip.set_xlabel("scan")
+        strip.set_ylabel("hypotheses")
+
+
+def _ellipses(axes, centres, shapes, **style):
+    """Ellipses (x - centre)' shape^-1 (x - centre) = 1 of centres (n, 2) and shapes (n, 2, 2)."""
+    values, vectors = np.linalg.eigh(shapes)
+    axes_lengths = 2 * np.sqrt(values)
+    angles = np.degrees(np.arctan2(vectors[:, 1, 1], vectors[:, 0, 1]))
+    return EllipseCollection(
+        axes_lengths[:, 1], axes_lengths[:, 0], angles, units="xy", offsets=centres,
+        offset_transform=axes.transData, facecolors="none", **style,
+    )  # fmt: skip

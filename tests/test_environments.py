@@ -1,0 +1,337 @@
+"""Every registered environment keeps Gymnasium's contract, and the tracking environment its own."""
+
+import json
+import subprocess
+import sys
+import warnings
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import gmr_gym  # noqa: F401  registers the environments
+from baselines.mht import runnalls
+from baselines.nearest_neighbour import NearestNeighbour
+from gmr_gym.envs.tracking import EXTENT, STRAYED, TrackingEnv
+from gmr_gym.mixture import mixture, moments
+from gmr_gym.montecarlo import run_once
+from gmr_gym.policy import Policy
+from gmr_gym.scenarios.dortenzio import turning_target
+
+IDS = sorted(env_id for env_id in gym.registry if env_id.startswith("gmr_gym/"))
+TURNING, FLIGHT = "gmr_gym/TurningTarget-v0", "gmr_gym/RecordedFlight-v0"
+FAR = np.array([1e6, 0.0, 0.0, 0.0])
+
+
+def make(env_id=TURNING, **world):
+    return gym.make(env_id, **world).unwrapped
+
+
+def play(env, act, seed):
+    """Observations, infos and rewards of an episode, and how it ended."""
+    observation, info = env.reset(seed=seed)
+    observations, infos, rewards, ended = [observation], [info], [], (False, False)
+    while not any(ended):
+        observation, reward, *ended, info = env.step(act(observation))
+        observations.append(observation)
+        infos.append(info)
+        rewards.append(reward)
+    return observations, infos, rewards, tuple(ended)
+
+
+def assert_same(a, b):
+    assert set(a) == set(b)
+    for key in a:
+        np.testing.assert_array_equal(a[key], b[key], err_msg=key)
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_every_id_passes_gymnasiums_check(env_id):
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*symmetric and normalized space")  # metres are meant
+        warnings.filterwarnings("error", message=".*obs")
+        env = gym.make(env_id).unwrapped
+        env.action_space.seed(0)
+        check_env(env)
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_every_id_passes_stable_baselines3s_check(env_id):
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    env = gym.make(env_id).unwrapped
+    env.action_space.seed(0)
+    checker.check_env(env, warn=False)
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_every_id_replays_from_its_seed(env_id):
+    first, again = gym.make(env_id), gym.make(env_id)
+    for one, two in ((first, again), (first, first)):  # a second copy, and the same one over again
+        space = one.action_space
+        space.seed(3)
+        actions = [space.sample() / 1e6 for _ in range(12)]
+        plays = []
+        for env in (one, two):
+            observation, _ = env.reset(seed=11)
+            plays.append([(observation, 0.0)])
+            for action in actions:
+                observation, reward, terminated, truncated, _ = env.step(action)
+                plays[-1].append((observation, reward))
+                if terminated or truncated:
+                    break
+        for (a, reward_a), (b, reward_b) in zip(*plays, strict=True):
+            assert_same(a, b)
+            assert reward_a == reward_b
+    assert not np.array_equal(first.reset(seed=12)[0]["scan"], again.reset(seed=13)[0]["scan"])
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_every_id_has_a_spec_that_json_carries_over(env_id):
+    spec = gym.make(env_id).spec.to_json()
+    assert json.loads(spec)["id"] == env_id
+    gym.make(gym.envs.registration.EnvSpec.from_json(spec)).reset(seed=0)
+
+
+def test_plain_numbers_as_arguments_go_through_json():
+    env = gym.make(TURNING, clutter_rate=30, horizon=5, trajectory=[[0, 0], [10, 5], [20, 20], [30, 20], [40, 30]])
+    again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    assert_same(env.reset(seed=1)[0], again.reset(seed=1)[0])
+    assert again.unwrapped.scenario.clutter_rate == 30
+
+
+def test_module_and_id_make_an_environment_where_nothing_was_imported():
+    code = "import gymnasium as gym; print(gym.make('gmr_gym:gmr_gym/TurningTarget-v0').unwrapped)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0 and "TrackingEnv" in done.stdout, done.stderr
+
+
+def test_without_a_seed_the_episodes_of_one_seed_follow_one_another():
+    a, b = make(), make()
+    for env in (a, b):
+        env.reset(seed=4)
+    second = a.reset()[0]
+    assert_same(second, b.reset()[0])
+    assert not np.array_equal(second["scan"], a.reset()[0]["scan"])
+
+
+@pytest.mark.parametrize(("env_id", "world"), [(TURNING, {}), (TURNING, {"window": (400, 400)}), (FLIGHT, {})])
+def test_a_policy_in_the_environment_and_its_tracker_in_the_harness_do_the_same(env_id, world):
+    env = make(env_id, horizon=25, **world)
+    tracker = runnalls(env.scenario.model, 10)
+    estimates = []
+    policy = Policy(tracker)
+
+    def act(observation):
+        estimates.append(policy(observation))
+        return estimates[-1]
+
+    _, infos, rewards, ended = play(env, act, seed=1)
+    runs = run_once(env.scenario, tracker, 1)
+    np.testing.assert_array_equal(estimates, runs.x)
+    np.testing.assert_array_equal([info["truth"] for info in infos[:-1]], runs.truth)
+    error = np.linalg.norm((runs.x - runs.truth)[:, :2], axis=1)
+    np.testing.assert_allclose([info["error"] for info in infos[1:]], error, rtol=1e-12)
+    np.testing.assert_allclose(rewards, -np.minimum(error, 100), rtol=1e-12)
+    assert ended == (False, True)
+
+
+def test_policy_begins_anew_with_every_episode():
+    env = make(horizon=12)
+    used, fresh = Policy(runnalls(env.scenario.model, 5)), Policy(runnalls(env.scenario.model, 5))
+    play(env, used, seed=1)
+    observation, _ = env.reset(seed=2)
+    used(observation)  # an episode left after its first scan
+    for seed in (2, 3):
+        assert_same(*(dict(enumerate(play(env, policy, seed)[2])) for policy in (used, fresh)))
+    assert used.report.x.shape == (1, 4)
+
+
+def test_observation_is_in_its_space_and_its_mask_counts_the_detections():
+    env = make(clutter_rate=3, horizon=60)
+    observations, infos, _, _ = play(env, Policy(NearestNeighbour(env.scenario.model)), seed=0)
+    for t, (observation, info) in enumerate(zip(observations, infos, strict=True)):
+        assert env.observation_space.contains(observation)
+        assert observation["time"] == t + 1
+        k = observation["mask"].sum()
+        assert (observation["mask"][:k] == 1).all() and (observation["scan"][k:] == 0).all()
+        if t < 60:
+            assert len(info["origin"]) == k and set(info["origin"]) <= {0, -1}
+        else:
+            assert k == 0
+    assert 0 < np.mean([(info["origin"] == 0).any() for info in infos[:-1]]) < 1
+
+
+def test_observation_stays_in_its_space_whatever_action_the_space_allows():
+    env = make(FLIGHT)
+    env.reset(seed=0)
+    for action in (env.action_space.high, env.action_space.low):
+        assert env.observation_space.contains(env.step(action)[0])
+
+
+@pytest.mark.parametrize("env_id", [TURNING, FLIGHT])
+def test_nothing_but_the_targets_own_detection_tells_of_the_truth(env_id):
+    base = make(env_id, detection_probability=1e-12, horizon=20)
+    moved = make(env_id, detection_probability=1e-12, horizon=20)
+    x = base.scenario.truth(None)
+    base.scenario = replace(base.scenario, cutoff=1e9)  # an early end would tell of the truth, rightly
+    moved.scenario = replace(base.scenario, truth=lambda rng: x[::-1] + 37.0)
+    plays = [play(env, lambda observation: observation["prior_mean"], seed=6) for env in (base, moved)]
+    for a, b in zip(*(observations for observations, _, _, _ in plays), strict=True):
+        assert_same(a, b)
+    truths = [[info["truth"] for info in infos[:-1]] for _, infos, _, _ in plays]
+    assert (np.array(truths[0]) != np.array(truths[1])).any(axis=1).all()
+    # and detected, it changes the scan alone
+    for env in (base, moved):
+        env.scenario = replace(env.scenario, detection_probability=1.0)
+    a, b = (env.reset(seed=6)[0] for env in (base, moved))
+    assert not np.array_equal(a["scan"], b["scan"])
+    for key in set(a) - {"scan", "mask"}:
+        np.testing.assert_array_equal(a[key], b[key])
+
+
+def test_prior_in_the_observation_is_the_priors_mean_and_covariance():
+    env = make()
+    observation, _ = env.reset(seed=0)
+    np.testing.assert_array_equal(observation["prior_mean"], [0, 0, 10, -10])
+    np.testing.assert_array_equal(observation["prior_covariance"], np.eye(4).ravel())
+
+
+def two_peaks():
+    """A scenario whose prior is a mixture: its spread is in the distance of the means."""
+    scenario = turning_target()
+    prior = mixture([0.5, 0.5], [[-50.0, 0, 0, 0], [50.0, 0, 0, 0]], [np.eye(4)] * 2)
+    return replace(scenario, model=scenario.model._replace(prior=prior))
+
+
+def test_covariance_of_a_prior_with_two_peaks_has_their_distance_in_it(monkeypatch):
+    monkeypatch.setattr("gmr_gym.scenarios.dortenzio.two_peaks", two_peaks, raising=False)
+    observation, _ = TrackingEnv("gmr_gym.scenarios.dortenzio:two_peaks").reset(seed=0)
+    mean, covariance = moments(two_peaks().model.prior)
+    np.testing.assert_allclose(observation["prior_mean"], mean)
+    np.testing.assert_allclose(observation["prior_covariance"], covariance.ravel())
+
+
+def test_ten_scans_beyond_the_cutoff_end_the_episode_and_charge_what_is_left():
+    env = make(horizon=40)
+    truth = env.scenario.truth(None)
+    step = iter(range(40))
+
+    def act(observation):
+        t = next(step)
+        return truth[t] + (FAR if t != 5 and t < 30 else 0)  # one good estimate begins the count anew
+
+    _, infos, rewards, ended = play(env, act, seed=0)
+    assert ended == (True, False) and len(rewards) == 6 + STRAYED
+    assert rewards[5] == 0 and infos[6]["error"] == 0
+    assert rewards[:5] == [-100] * 5 and rewards[-1] == -100 * (1 + 40 - len(rewards))
+    assert sum(rewards) == -100 * 39  # as if it had gone on to the end
+    with pytest.raises(RuntimeError, match=r"call reset\(\) before step"):
+        env.step(FAR)
+
+
+def test_an_error_of_the_cutoff_itself_is_not_beyond_it():
+    env = make(horizon=30)
+    truth = iter(env.scenario.truth(None))
+    _, _, rewards, ended = play(env, lambda _: next(truth) + [100, 0, 0, 0], seed=0)
+    assert ended == (False, True) and rewards == pytest.approx([-100] * 30, rel=1e-9)
+
+
+def test_last_observation_is_empty_in_either_ending():
+    for action, ending in ((lambda o: o["prior_mean"], (False, True)), (lambda o: FAR, (True, False))):
+        env = make(horizon=12)
+        observations, infos, _, ended = play(env, action, seed=0)
+        assert ended == ending
+        assert observations[-1]["mask"].sum() == 0 and not observations[-1]["scan"].any()
+        assert env.observation_space.contains(observations[-1])
+        assert "truth" not in infos[-1] and infos[-1]["error"] > 0
+
+
+def test_changing_what_was_handed_out_changes_nothing_inside():
+    env, untouched = make(horizon=5), make(horizon=5)
+    observation, info = env.reset(seed=0)
+    for array in (*observation.values(), *info.values()):
+        array[...] = 0
+    untouched.reset(seed=0)
+    for _ in range(4):
+        a, b = (e.step(np.zeros(4)) for e in (env, untouched))
+        assert_same(a[0], b[0])
+        assert a[1] == b[1]
+        for array in (*a[0].values(), a[4]["truth"]):
+            array[...] = 0
+
+
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        (np.zeros(3), r"action must have shape \(4,\), got \(3,\)"),
+        (np.zeros((1, 4)), r"action must have shape \(4,\), got \(1, 4\)"),
+        (np.full(4, np.nan), "action must be finite and within"),
+        ([0, 0, 0, np.inf], "action must be finite and within"),
+        ([1.1 * EXTENT, 0, 0, 0], "action must be finite and within"),
+    ],
+)
+def test_bad_action_is_refused_and_costs_nothing(action, message):
+    env = make(horizon=3)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=message):
+        env.step(action)
+    assert sum(1 for _ in range(3) if env.step(np.zeros(4))[0]["time"] > 0) == 3
+
+
+def test_step_needs_a_running_episode():
+    env = make(horizon=1)
+    with pytest.raises(RuntimeError, match=r"call reset\(\) before step"):
+        env.step(np.zeros(4))
+    env.reset(seed=0)
+    assert env.step(np.zeros(4))[3]
+    with pytest.raises(RuntimeError, match=r"call reset\(\) before step"):
+        env.step(np.zeros(4))
+
+
+@pytest.mark.parametrize("columns", [2, 4])
+def test_a_trajectory_of_positions_or_of_states_is_flown(columns):
+    rows = np.cumsum(np.random.default_rng(columns).standard_normal((9, columns)), axis=0)
+    for trajectory in (rows, rows.tolist()):
+        env = make(trajectory=trajectory)
+        _, infos, _, _ = play(env, lambda observation: observation["prior_mean"], seed=0)
+        np.testing.assert_array_equal([info["truth"][:columns] for info in infos[:-1]], rows)
+
+
+def test_without_clutter_the_scan_is_the_targets_detection_or_nothing():
+    env = make(clutter_rate=0, horizon=50)
+    observations, infos, _, _ = play(env, Policy(runnalls(env.scenario.model)), seed=0)
+    assert {int(o["mask"].sum()) for o in observations} == {0, 1}
+    assert all((info["origin"] == 0).all() for info in infos[:-1])
+
+
+@pytest.mark.parametrize(
+    ("env_id", "world", "error", "message"),
+    [
+        (TURNING, {"cluter_rate": 3}, TypeError, "unknown argument 'cluter_rate'; .*takes clutter_rate, clutter_d"),
+        (FLIGHT, {"trajectory": [[0, 0]] * 3}, TypeError, "unknown argument 'trajectory'"),
+        (TURNING, {"horizon": 101}, ValueError, "horizon must be between 1 and the 100 scans"),
+        (TURNING, {"horizon": 0}, ValueError, "horizon must be between 1"),
+        (TURNING, {"trajectory": [[0, 0, 0]] * 5}, ValueError, r"shape \(T, 2\) or \(T, 4\).*got \(5, 3\)"),
+        (TURNING, {"trajectory": [[0, 0]] * 2}, ValueError, "T >= 3"),
+        (TURNING, {"trajectory": [[0, 0], [1, np.nan], [2, 2]]}, ValueError, "trajectory must be finite"),
+        (TURNING, {"clutter_rate": 1, "clutter_density": 1e-4}, ValueError, "either clutter_rate"),
+        (TURNING, {"clutter_rate": -1}, ValueError, "clutter must be between 0"),
+        (TURNING, {"clutter_rate": 1e7}, ValueError, "clutter must be between 0"),
+        (TURNING, {"clutter_density": np.nan}, ValueError, "clutter must be between 0"),
+        (TURNING, {"detection_probability": 1.5}, ValueError, "detection_probability must lie in"),
+        (TURNING, {"sensor_deviation": 0}, ValueError, "sensor_deviation must be positive"),
+        (TURNING, {"told_acceleration_deviation": -3}, ValueError, "told_acceleration_deviation must be pos"),
+        (TURNING, {"box": ((1, 1), (0, 0))}, ValueError, "lower corner first"),
+        (TURNING, {"box": (0, 1)}, ValueError, "two finite corners"),
+        (TURNING, {"window": (100, -1)}, ValueError, "two positive lengths"),
+        (TURNING, {"window": (9, 9), "box": ((0, 0), (1, 1))}, ValueError, "either box .* or window"),
+        (FLIGHT, {"segment": "nowhere"}, ValueError, "nowhere"),
+        (TURNING, {"render_mode": "ascii"}, ValueError, "render_mode must be one of"),
+    ],
+)
+def test_bad_argument_is_refused_by_name(env_id, world, error, message):
+    with pytest.raises(error, match=message), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Gymnasium warns of the render mode first
+        make(env_id, **world)

@@ -1,0 +1,144 @@
+"""Scores and intervals against direct loops, known limits and printed values."""
+
+import numpy as np
+import pytest
+import reference
+
+from gmr_gym.association import Gates
+from gmr_gym.metrics import credibility, lost_at, nees, truth_outside_gates
+from gmr_gym.montecarlo import Runs
+from gmr_gym.scenarios.dortenzio import turning_target
+from gmr_gym.summary import differences, errors, kept, mean, proportion, summary
+
+
+@pytest.mark.parametrize("patience", [1, 2, 5])
+def test_lost_is_the_first_scan_that_completes_the_row_off_target(patience):
+    off = np.random.default_rng(patience).random((200, 30)) < 0.4
+    got = lost_at(off, patience)
+    for run, lost in zip(off, got, strict=True):
+        ends = [t for t in range(patience - 1, 30) if run[t - patience + 1 : t + 1].all()]
+        assert lost == (ends[0] if ends else -1)
+    assert (lost_at(np.zeros((3, 4), bool), patience) == -1).all()
+    assert (lost_at(np.ones((3, 6), bool), patience) == patience - 1).all()
+
+
+def test_truth_is_outside_only_when_no_gate_holds_it():
+    H = np.array([[1.0, 0.0]])
+    gates = Gates(np.array([[0.0], [10.0]]), np.array([[[1.0]], [[4.0]]]), 9.0)  # [-3, 3] and [4, 16]
+    nothing = np.full(1, np.nan)
+    for position, outside in ((0, False), (2.9, False), (3.1, True), (4.1, False), (16.1, True)):
+        assert truth_outside_gates(H, gates, np.array([position, 99.0]), nothing) == outside
+
+
+def test_nees_is_the_textbooks_and_averages_to_the_dimension():
+    rng = np.random.default_rng(0)
+    _, _, P = reference.random_mixture(rng, 6, 4)
+    error = rng.standard_normal((6, 4))
+    wanted = [reference.mahalanobis_squared(e, 0, A) for e, A in zip(error, P, strict=True)]
+    np.testing.assert_allclose(nees(error, P), wanted, rtol=1e-9)
+    assert nees(error.reshape(2, 3, 4), P.reshape(2, 3, 4, 4)).shape == (2, 3)
+    errors = rng.standard_normal((50_000, 4)) @ np.linalg.cholesky(P[0]).T
+    average = nees(errors, np.broadcast_to(P[0], (50_000, 4, 4))).mean()
+    assert abs(average - 4) < 5 * np.sqrt(2 * 4 / 50_000)  # five standard errors of a chi-square mean
+
+
+def test_credibility_is_the_direct_loop():
+    rng = np.random.default_rng(1)
+    runs, scans, d = 12, 3, 2
+    error, P = rng.standard_normal((runs, scans, d)), np.empty((runs, scans, d, d))
+    for t in range(scans):
+        P[:, t] = reference.random_mixture(rng, runs, d)[2]
+    index, inclination = credibility(error, P)
+    for t in range(scans):
+        C = sum(np.outer(e, e) for e in error[:, t]) / runs
+        rho = [
+            10 * np.log10(reference.mahalanobis_squared(e, 0, A) / reference.mahalanobis_squared(e, 0, C))
+            for e, A in zip(error[:, t], P[:, t], strict=True)
+        ]
+        assert inclination[t] == pytest.approx(sum(rho) / runs, rel=1e-9)
+        assert index[t] == pytest.approx(sum(map(abs, rho)) / runs, rel=1e-9)
+
+
+def test_credibility_is_zero_for_the_truth_and_a_factor_in_decibels_for_a_boast():
+    rng = np.random.default_rng(2)
+    error = rng.standard_normal((50, 4, 3))
+    C = np.einsum("ati,atj->tij", error, error) / 50
+    for claimed, decibels in ((1.0, 0.0), (0.1, 10.0), (100.0, -20.0)):
+        index, inclination = credibility(error, np.broadcast_to(claimed * C, (50, 4, 3, 3)))
+        np.testing.assert_allclose(inclination, decibels, atol=1e-9)  # above 0: worse than it says
+        np.testing.assert_allclose(index, abs(decibels), atol=1e-9)
+    for few in (0, 2):
+        index, inclination = credibility(error[:few], np.broadcast_to(np.eye(3), (few, 4, 3, 3)))
+        assert index.shape == (4,) and np.isnan(index).all() and np.isnan(inclination).all()
+
+
+@pytest.mark.parametrize(("count", "total"), [(0, 10), (3, 10), (10, 10), (17, 1000)])
+def test_wilson_interval_solves_its_own_equation(count, total):
+    share, low, high = proportion(count, total)
+    assert share == count / total and low <= share <= high
+    for bound in {low, high} - {0.0, 1.0}:  # |share - p| is 1.96 standard errors of p itself
+        assert abs(share - bound) == pytest.approx(1.959963985 * np.sqrt(bound * (1 - bound) / total), rel=1e-6)
+    assert (low == 0) == (count == 0) and (high == 1) == (count == total)
+
+
+def test_bootstrap_interval_of_a_mean_is_near_the_normal_one():
+    values = np.random.default_rng(3).exponential(size=400)
+    value, low, high = mean(values)
+    half = 1.96 * values.std() / 20
+    assert value == pytest.approx(values.mean(), rel=1e-12)
+    assert low == pytest.approx(value - half, abs=0.15 * half)  # 2000 resamples: a tenth of half
+    assert high == pytest.approx(value + half, abs=0.15 * half)
+    assert mean(values) == (value, low, high)
+    assert np.isnan(mean(np.array([]))).all() and mean(np.array([2.0, 2.0])) == (2, 2, 2)
+    assert mean(np.array([2.0]))[0] == 2 and np.isnan(mean(np.array([2.0]))[1:]).all()
+
+
+def made_up_runs(seed, lost, offset=0.0):
+    """Runs in which those of `lost` miss the target in the last of five scans."""
+    rng = np.random.default_rng(seed)
+    n, scans = len(lost), 5
+    truth = rng.standard_normal((n, scans, 4))
+    off = np.zeros((n, scans), bool)
+    off[:, -1] = lost
+    return Runs(
+        truth, truth + offset + rng.standard_normal((n, scans, 4)), np.tile(2 * np.eye(4), (n, scans, 1, 1)),
+        np.full((n, scans), 3), np.full((n, scans), 7.0), np.ones((n, scans)), off, np.full((n, scans), 1e-3),
+    )  # fmt: skip
+
+
+def test_summary_tells_runs_kept_by_the_tracker_from_runs_kept_by_all():
+    scenario = turning_target(horizon=5)
+    lost = np.arange(20) < np.array([[4], [8]])
+    lost[1] = lost[1][::-1]
+    results = {"one": made_up_runs(0, lost[0]), "two": made_up_runs(0, lost[1], offset=1.0)}
+    rows = summary(scenario, results)
+    assert rows["one"]["track_loss"].value == 0.2 and rows["two"]["track_loss"].value == 0.4
+    common = ~lost[0] & ~lost[1]
+    for (name, runs), own in zip(results.items(), ~lost, strict=True):
+        np.testing.assert_array_equal(kept(scenario, runs), own)
+        error = runs.x - runs.truth
+        position, velocity = errors(scenario, runs)
+        np.testing.assert_allclose(position, np.hypot(error[..., 0], error[..., 1]), rtol=1e-12)
+        np.testing.assert_allclose(velocity, np.hypot(error[..., 2], error[..., 3]), rtol=1e-12)
+        row = rows[name]
+        for suffix, chosen in (("own", own), ("common", common)):
+            squares = (position[chosen] ** 2).mean()
+            assert row[f"rmse_{suffix}"].value == pytest.approx(np.sqrt(squares), rel=1e-12)
+            assert row[f"error_{suffix}"].value == pytest.approx(position[chosen].mean(), rel=1e-12)
+            assert row[f"rmse_{suffix}"].low < row[f"rmse_{suffix}"].value < row[f"rmse_{suffix}"].high
+        assert row["velocity_rmse_own"].value == pytest.approx(np.sqrt((velocity[own] ** 2).mean()), rel=1e-12)
+        # errors against a claimed covariance of 2 I
+        assert row["anees_own"].value == pytest.approx((error[own] ** 2).sum(-1).mean() / 8, rel=1e-12)
+        assert row["components"] == (3, 3, 3) and row["gate_area"] == (7, 7, 7)
+        assert row["time_per_scan"].value == 1e-3
+    difference = differences(scenario, results)["two - one"]
+    assert difference["track_loss"].value == pytest.approx(0.2)
+    gain = np.subtract(*(errors(scenario, results[name])[0].mean(axis=1) for name in ("two", "one")))
+    assert difference["error_common"].value == pytest.approx(gain[common].mean(), rel=1e-12)
+
+
+def test_summary_of_a_tracker_that_lost_every_run_has_no_errors_to_show():
+    scenario = turning_target(horizon=5)
+    row = summary(scenario, {"hopeless": made_up_runs(0, np.ones(6, bool))})["hopeless"]
+    assert row["track_loss"].value == 1 and row["components"].value == 3
+    assert all(np.isnan(row[key].value) for key in ("rmse_own", "error_common", "anees_own", "nci_own"))

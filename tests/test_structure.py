@@ -1,0 +1,53 @@
+"""Which module may import which: a new arrow is a decision, not an accident."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+NUMERICS = [
+    "mixture", "kalman", "association", "merging", "reduction", "ise", "distances", "model",
+    "simulate", "metrics", "montecarlo", "summary", "tracker", "scenarios",
+]  # fmt: skip
+LIBRARY, BASELINES = sorted((ROOT / "gmr_gym").rglob("*.py")), sorted((ROOT / "baselines").glob("*.py"))
+
+
+def imported(file):
+    """Full dotted names that the file imports, inside functions too."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            package = ".".join(file.relative_to(ROOT).parts[: -node.level]) if node.level else ""
+            module = ".".join(filter(None, (package, node.module)))
+            yield from (f"{module}.{alias.name}" for alias in node.names)
+
+
+def arrows(files, *forbidden):
+    return [
+        f"{file.relative_to(ROOT)} -> {name}"
+        for file in files
+        for name in imported(file)
+        if any(name == root or name.startswith(f"{root}.") for root in forbidden)
+    ]
+
+
+def test_imports_are_seen():
+    assert arrows([ROOT / "gmr_gym" / "montecarlo.py"], "gmr_gym.simulate", "joblib", "threadpoolctl")
+    assert arrows(LIBRARY, "gymnasium") and arrows(BASELINES, "gmr_gym.tracker")
+
+
+def test_the_library_never_imports_trackers_or_agents():
+    assert arrows(LIBRARY, "baselines", "agents") == []
+
+
+@pytest.mark.parametrize("name", NUMERICS)
+def test_numerics_never_import_an_environment_or_a_plot(name):
+    files = [f for f in LIBRARY if name in f.relative_to(ROOT / "gmr_gym").with_suffix("").parts[:1]]
+    assert files
+    assert arrows(files, "gymnasium", "matplotlib", "gmr_gym.envs") == []
+
+
+def test_baselines_import_neither_one_another_nor_gymnasium():
+    assert arrows(BASELINES, "baselines", "agents", "gymnasium", "gmr_gym.envs", "gmr_gym.policy") == []
