@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import gymnasium as gym
+import numpy as np
 import typer
 from rich.console import Console
 
+from gmr_gym import detections
 from gmr_gym.data import flight_names
 from gmr_gym.envs import ENVIRONMENTS
 from gmr_gym.montecarlo import Runs, run
@@ -22,8 +24,9 @@ from gmr_gym.output import (
     write_json,
     write_runs,
 )
+from gmr_gym.play import play
 from gmr_gym.reproduce import table_record
-from gmr_gym.simulate import Scenario
+from gmr_gym.simulate import Scenario, draw
 from gmr_gym.summary import differences, summary
 from gmr_gym.tracker import Tracker, make_tracker, trackers
 
@@ -147,6 +150,74 @@ def watch(
     console().print(f"written to {out}", highlight=False)
 
 
+@app.command()
+def record(
+    env_id: EnvId,
+    tracker: Annotated[str, typer.Option("--tracker", help="whom a following window follows")] = "pda",
+    settings: Settings = [],  # noqa: B006
+    seed: Seed = 0,
+    out: Annotated[Path, typer.Option("--out", help="CSV of detections")] = Path("detections.csv"),
+    truth: Annotated[Path | None, typer.Option("--truth", help="also a CSV of the truth")] = None,
+) -> None:
+    """One episode's detections in a file, as `track` reads them."""
+    scenario = _scenario(env_id, dict(map(_key_value, settings)))
+    episode = draw(scenario, seed)
+    z = [played.scan.z for played in play(scenario, _tracker(tracker, scenario), episode)]
+    times = scenario.period * np.arange(1, len(z) + 1)
+    names = "xyz"[: z[0].shape[1]]
+    detections.write_scans(out, times, z, [f"{name}_m" for name in names])
+    if truth:
+        positions = episode.x[:, list(scenario.position)]
+        detections.write_scans(truth, times, list(positions[:, None]), [f"{name}_m" for name in names])
+    console().print(f"written to {out}", highlight=False)
+
+
+@app.command("track")
+def track_(
+    file: Annotated[Path, typer.Argument(help="CSV: time (s), then coordinates (m); a row a detection")],
+    sensor_deviation: Annotated[float, typer.Option(help="of a detection, m")],
+    clutter_density: Annotated[float, typer.Option(help="false detections a scan per m^p")],
+    tracker: Annotated[str, typer.Option("--tracker")] = "runnalls-30",
+    motion: Annotated[str, typer.Option("--model", help="how the target moves")] = "constant-velocity",
+    acceleration_deviation: Annotated[float, typer.Option(help="of the target, m/s^2")] = 3.0,
+    detection_probability: Annotated[float, typer.Option()] = 0.9,
+    prior: Annotated[str, typer.Option(help="first state: positions, velocities, comma between")] = "",
+    prior_deviations: Annotated[str, typer.Option(help="its standard deviations likewise")] = "",
+    speed: Annotated[float, typer.Option(help="m/s, deviation of a velocity nobody knows")] = 100.0,
+    period: Annotated[float | None, typer.Option(help="s, if empty scans leave no row")] = None,
+    out: Annotated[Path, typer.Option("--out", help="CSV of estimates")] = Path("track.csv"),
+) -> None:
+    """Recorded detections in, estimates with their covariances out. Without --prior the track starts
+    from the first scan: any of its detections may be the target."""
+    if motion != "constant-velocity":
+        raise ValueError(f"unknown model {motion!r}; choose constant-velocity")
+    if bool(prior) != bool(prior_deviations):
+        raise ValueError("give prior and prior_deviations together, or neither")
+    scans = detections.from_first_detection(detections.read_scans(file))
+    start, prior_time = (
+        (
+            detections.prior_given(_numbers("prior", prior), _numbers("prior_deviations", prior_deviations)),
+            None,
+        )
+        if prior
+        else (detections.prior_from_first_scan(scans.z[0], sensor_deviation, speed), scans.times[0])
+    )
+
+    def build(interval: float) -> Tracker:
+        told = detections.constant_velocity_model(
+            interval, start, axes=len(scans.coordinates), acceleration_deviation=acceleration_deviation,
+            sensor_deviation=sensor_deviation, detection_probability=detection_probability,
+            clutter_density=clutter_density,
+        )  # fmt: skip
+        name, parameters = _spec(tracker)
+        return make_tracker(name, told, **parameters)
+
+    track = detections.track(scans, build, period, prior_time)
+    names = [*scans.coordinates, *(f"{name}_speed" for name in scans.coordinates)]
+    detections.write_track(out, track, names)
+    console().print(f"{len(track.times)} scans tracked; written to {out}", highlight=False)
+
+
 def main() -> None:
     """Entry point: what a user got wrong is one line, not a traceback."""
     try:
@@ -174,9 +245,22 @@ def _scenario(env_id: str, world: dict[str, Any]) -> Scenario:
     return env.scenario
 
 
-def _tracker(spec: str, scenario: Scenario) -> Tracker:
-    name, _, parameters = spec.partition(":")
-    return make_tracker(name, scenario.model, **dict(map(_key_value, filter(None, parameters.split(",")))))
+def _tracker(text: str, scenario: Scenario) -> Tracker:
+    name, parameters = _spec(text)
+    return make_tracker(name, scenario.model, **parameters)
+
+
+def _spec(text: str) -> tuple[str, dict[str, Any]]:
+    """A tracker's name and parameters from NAME:key=value,key=value."""
+    name, _, parameters = text.partition(":")
+    return name, dict(map(_key_value, filter(None, parameters.split(","))))
+
+
+def _numbers(name: str, text: str) -> list[float]:
+    try:
+        return [float(number) for number in text.split(",")]
+    except ValueError:
+        raise ValueError(f"{name} must be numbers with commas between, got {text!r}") from None
 
 
 def _run(label, scenario, candidates, runs, seed, jobs, out) -> dict[str, Runs]:

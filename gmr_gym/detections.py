@@ -211,7 +211,7 @@ def _row(where: str, names: tuple[str, ...], cells: list[str]) -> tuple[float, l
             number = float(cell.replace("_", "?"))  # float() would take 1_0 for ten
         except ValueError:
             number = np.nan
-        if not np.isfinite(number):
+        if not -np.inf < number < np.inf:
             raise ValueError(f"{where} {name}: {cell!r} is not a finite number")
         numbers.append(number)
     return numbers[0], numbers[1:]

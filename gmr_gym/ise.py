@@ -5,14 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from gmr_gym.distances import (
-    dimension,
-    pack,
-    products,
-    products_of_columns,
-    products_with,
-    unpack,
-)
+from gmr_gym.distances import dimension, pack, products, products_of_columns, products_with, unpack
 from gmr_gym.mixture import Mixture
 
 # <u, v> is the integral of u v, f the original mixture, s g the reduced one with
@@ -28,7 +21,7 @@ ROUNDING = 1e-14  # relative error granted to a sum of products; bounds stay on 
 
 
 def integral_squared_error(
-    mixture: Mixture, components: int, renormalise: bool = True
+    p: Mixture, components: int, renormalise: bool = True
 ) -> tuple[Mixture, np.ndarray]:
     """At most `components` components, and where each input went (n,): its output index, or -1
     if deleted (Williams and Maybeck 2006; Maybeck, eqs. 7-9).
@@ -41,20 +34,16 @@ def integral_squared_error(
     """
     if components < 1:
         raise ValueError(f"components must be at least 1, got {components}")
-    n, d = mixture.m.shape
+    n, d = p.m.shape
     if n <= components:
-        return mixture, np.arange(n)
-    f = pack(mixture.m, mixture.P)
+        return p, np.arange(n)
+    f = pack(p.m, p.P)
     E = products(f, f)
-    h = mixture.w * (E @ mixture.w)
+    h = p.w * (E @ p.w)
     if not np.isfinite(h.sum()):
-        raise ValueError(
-            "the integral of the squared mixture must be finite; build it with mixture(w, m, P)"
-        )
-    D, reach, fc, gc = np.empty((4, n, n))
-    work = _Work(
-        mixture.w, f, mixture.w.copy(), f.copy(), h, h.copy(), E, D, reach, fc, gc, np.arange(n)
-    )
+        raise ValueError("the square of p must have a finite integral; check p with mixture(w, m, P)")
+    g, pairs = h.copy(), np.full((4, n, n), np.nan)
+    work = _Work(p.w.copy(), f, p.w.copy(), f.copy(), h, g, E, *pairs, np.arange(n))
     n, s = _reduce(work, components, renormalise)
     return Mixture(s * work.q[:n], *unpack(work.M[:, :n], d)), work.origin
 
@@ -62,7 +51,7 @@ def integral_squared_error(
 class _Work(NamedTuple):
     """f, and g with what is known of it in the first n of N slots, always in input order."""
 
-    p: np.ndarray  # (N,) weights of f
+    w: np.ndarray  # (N,) weights of f
     f: np.ndarray  # (T, N) its components, packed
     q: np.ndarray  # (N,) weights of g
     M: np.ndarray  # (T, N) its components, packed
@@ -87,7 +76,8 @@ def _reduce(work, components, renormalise):
     J = 0.0  # <r, r>
     rounding = ROUNDING * work.h.sum()
     while n > components:
-        _sum_products(work, n)
+        for a in range(n):  # from scratch: rounding does not pile up
+            work.g[a] = work.q[a] * (work.E[a, :n] * work.q[:n]).sum()
         error = np.sqrt(max(J, 0.0) + rounding)
         delete_cost, k, after = _cheapest_deletion(work, n, s, W, renormalise)
         merge_cost, a, b = _cheapest_merge(work, n, s, error, delete_cost)
@@ -102,18 +92,6 @@ def _reduce(work, components, renormalise):
             _close(work, k, n)
         n -= 1
     return n, s
-
-
-@njit(cache=True, error_model="numpy")
-def _sum_products(work, n):
-    """Set g, from scratch: rounding does not pile up."""
-    for a in range(n):
-        work.g[a] = 0.0
-    for e in range(n):
-        for a in range(n):
-            work.g[a] += work.q[e] * work.E[e, a]
-    for a in range(n):
-        work.g[a] *= work.q[a]
 
 
 @njit(cache=True, error_model="numpy")
@@ -151,7 +129,7 @@ def _cheapest_merge(work, n, s, error, limit):
         if not np.isnan(work.gc[a, b]):
             return bound[a], a, b
         c, qc = _moment_match(work, np.full(1, a), np.full(1, b))
-        work.fc[a, b] = qc[0] * _product(c, work.p, work.f, len(work.p))
+        work.fc[a, b] = qc[0] * _product(c, work.w, work.f, len(work.w))
         work.gc[a, b] = qc[0] * _product(c, work.q, work.M, n)
         bound[a], at[a] = _least_bound(work, a, n, s, error)
 
@@ -175,11 +153,7 @@ def _least_bound(work, a, n, s, error):
 @njit(cache=True, error_model="numpy")
 def _product(c, weights, columns, n):
     """<M, u> of the Gaussian M packed in c (T, 1) and the first n components of a mixture u."""
-    with_c = products_with(c[:, 0], columns, n)
-    total = 0.0
-    for i in range(n):
-        total += weights[i] * with_c[i]
-    return total
+    return (weights[:n] * products_with(c[:, 0], columns, n)).sum()
 
 
 @njit(cache=True, error_model="numpy")
@@ -202,31 +176,22 @@ def _score_pairs(work, a, n):
 @njit(cache=True, error_model="numpy")
 def _carry(work, slot, sign, n):
     """Add sign q[slot] M[slot] to g in every <g, q[c] M[c]> that is known."""
-    a, b = np.empty(n * n // 2, np.int64), np.empty(n * n // 2, np.int64)
-    k = 0
-    for i in range(n):
-        for j in range(i + 1, n):
-            if not np.isnan(work.gc[i, j]):
-                a[k], b[k] = i, j
-                k += 1
-    c, qc = _moment_match(work, a[:k], b[:k])
-    with_c = products_with(work.M[:, slot], c, k)
-    for i in range(k):
+    a, b = np.nonzero(~np.isnan(work.gc[:n, :n]))
+    c, qc = _moment_match(work, a, b)
+    with_c = products_with(work.M[:, slot], c, len(a))
+    for i in range(len(a)):
         work.gc[a[i], b[i]] += sign * work.q[slot] * qc[i] * with_c[i]
 
 
 @njit(cache=True, error_model="numpy")
 def _moment_match(work, a, b):
-    """Packed merges (T, k) of the slots a (k,) with the slots b (k,), and their weights (eq. 9).
-
-    Two zero weights leave nan, which is never cheapest: to delete either is free.
-    """
+    """Packed merges (T, k) of the slots a (k,) with the slots b (k,), and their weights (eq. 9)."""
     M = work.M
     T, k = len(M), len(a)
     c, qc, share = np.empty((T, k)), np.empty(k), np.empty(k)
     for i in range(k):
         qc[i] = work.q[a[i]] + work.q[b[i]]
-        share[i] = work.q[a[i]] / qc[i]
+        share[i] = work.q[a[i]] / qc[i] if qc[i] > 0.0 else 0.5
     mean = T - dimension(T)  # the row where the means begin
     t = 0
     for row in range(mean, T):
@@ -250,7 +215,7 @@ def _merge(work, a, b, n):
     for t in range(len(c)):
         work.M[t, a] = c[t, 0]
     work.q[a] = qc[0]
-    work.h[a] = qc[0] * _product(c, work.p, work.f, len(work.p))
+    work.h[a] = qc[0] * _product(c, work.w, work.f, len(work.w))
     for i in range(len(work.origin)):
         if work.origin[i] == b:
             work.origin[i] = a

@@ -2,8 +2,8 @@
 
 import os
 from collections.abc import Callable, Mapping
+from itertools import islice
 from pathlib import Path
-from time import perf_counter
 from typing import NamedTuple
 
 import joblib
@@ -11,7 +11,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from gmr_gym.association import gated_distances, volumes
-from gmr_gym.simulate import Scenario, draw, scan
+from gmr_gym.play import play
+from gmr_gym.simulate import Scenario, draw
 from gmr_gym.tracker import Tracker
 from gmr_gym.version import __version__
 
@@ -97,23 +98,15 @@ def run_once(
 ) -> Runs:
     """One run of all scans, or of the first few; the arrays of Runs without their first axis."""
     episode = draw(scenario, seed)
-    told_origin = getattr(tracker, "told_origin", False)
-    belief = tracker.init()
-    centre = scenario.centre(scenario.model.prior.w @ scenario.model.prior.m)
     rows = []
-    for t, x in enumerate(episode.x[:scans]):
-        z, origin = scan(scenario, episode, t, centre)
-        started = perf_counter()
-        belief, report = tracker.step(belief, z[origin >= 0] if told_origin else z)
-        seconds = perf_counter() - started
+    for t, (z, origin), report, seconds in islice(play(scenario, tracker, episode), scans):
+        gates, x = report.gates, episode.x[t]
         target = z[origin == 0][0] if (origin == 0).any() else np.full(z.shape[1], np.nan)
-        gates = report.gates
         rows.append((
             x, report.x[0], report.P[0], len(report.mixture.w), volumes(gates).mean(),
             np.isfinite(gated_distances(gates, z)).sum() / len(gates.z),
             scenario.off_target(gates, x, target), seconds,
         ))  # fmt: skip
-        centre = scenario.centre(report.x[0])
     return Runs(*map(np.array, zip(*rows, strict=True)))
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from gmr_gym.envs.render import Canvas
-from gmr_gym.simulate import Scenario, draw, scan
+from gmr_gym.play import play
+from gmr_gym.simulate import Scenario, draw
 from gmr_gym.tracker import Tracker
 
 
@@ -29,14 +30,9 @@ def film(
         raise ValueError(f"out must end in .gif or .mp4, got {out.name!r}")
     episode = draw(scenario, seed)
     canvas = Canvas(scenario, title=title)
-    told_origin = getattr(tracker, "told_origin", False)
-    belief, estimates, frames = tracker.init(), [], []
-    centre = scenario.centre(scenario.model.prior.w @ scenario.model.prior.m)
-    for t in range(len(episode.x)):
-        seen = scan(scenario, episode, t, centre)
-        belief, report = tracker.step(belief, seen.z[seen.origin >= 0] if told_origin else seen.z)
+    estimates, frames = [], []
+    for t, seen, report, _ in play(scenario, tracker, episode):
         estimates.append(report.x[0])
-        centre = scenario.centre(report.x[0])
         frames.append(canvas.draw(episode, seen, t, estimates, report))
         if progress:
             progress(t + 1, len(episode.x))

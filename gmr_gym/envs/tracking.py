@@ -69,7 +69,8 @@ class TrackingEnv(gym.Env):
         p, d = self.scenario.model.sensor.H.shape
         self._capacity = int(poisson.ppf(1 - 1e-12, self.scenario.clutter_rate)) + 1
         self.observation_space = gym.spaces.Dict({
-            "scan": gym.spaces.Box(-EXTENT, EXTENT, (self._capacity, p), np.float64),
+            # wider than the action: a window may be centred on an estimate carried one period on
+            "scan": gym.spaces.Box(-4 * EXTENT, 4 * EXTENT, (self._capacity, p), np.float64),
             "mask": gym.spaces.Box(0, 1, (self._capacity,), np.int8),
             "time": gym.spaces.Box(0.0, (self.scenario.horizon + 1) * self.scenario.period, (1,), np.float64),
             "prior_mean": gym.spaces.Box(-EXTENT, EXTENT, (d,), np.float64),
