@@ -11,7 +11,7 @@ from gmr_gym import ise as williams
 from gmr_gym import reduction
 from gmr_gym.association import expand, gates
 from gmr_gym.kalman import predict
-from gmr_gym.mixture import Mixture, moments, normalised
+from gmr_gym.mixture import Mixture, collapsed, moments, normalised
 from gmr_gym.model import Model
 from gmr_gym.reduction import Reduced
 from gmr_gym.tracker import Report, check_scan
@@ -34,7 +34,7 @@ class Mht:
                 raise ValueError(f"{name} must be non-negative and finite, got {getattr(self, name)}")
         if self.most < 1:
             raise ValueError(f"most must be at least 1, got {self.most}")
-        self.reduce(self.model.prior)
+        self.reduce(collapsed(self.model.prior))  # a wrong parameter is an error here, not in a scan
 
     def init(self) -> Mixture:
         return self.model.prior

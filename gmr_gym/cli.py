@@ -176,14 +176,14 @@ def record(
 def track_(
     file: Annotated[Path, typer.Argument(help="CSV: time (s), then coordinates (m); a row a detection")],
     sensor_deviation: Annotated[float, typer.Option(help="of a detection, m")],
-    clutter_density: Annotated[float, typer.Option(help="false detections a scan per m^p")],
+    clutter_density: Annotated[float, typer.Option(help="false detections a scan per m^2 (m^3 in space)")],
     tracker: Annotated[str, typer.Option("--tracker")] = "runnalls-30",
     motion: Annotated[str, typer.Option("--model", help="how the target moves")] = "constant-velocity",
     acceleration_deviation: Annotated[float, typer.Option(help="of the target, m/s^2")] = 3.0,
     detection_probability: Annotated[float, typer.Option()] = 0.9,
     prior: Annotated[str, typer.Option(help="first state: positions, velocities, comma between")] = "",
     prior_deviations: Annotated[str, typer.Option(help="its standard deviations likewise")] = "",
-    speed: Annotated[float, typer.Option(help="m/s, deviation of a velocity nobody knows")] = 100.0,
+    speed: Annotated[float, typer.Option(help="m/s, deviation of the unknown first velocity")] = 150.0,
     period: Annotated[float | None, typer.Option(help="s, if empty scans leave no row")] = None,
     out: Annotated[Path, typer.Option("--out", help="CSV of estimates")] = Path("track.csv"),
 ) -> None:
@@ -193,15 +193,14 @@ def track_(
         raise ValueError(f"unknown model {motion!r}; choose constant-velocity")
     if bool(prior) != bool(prior_deviations):
         raise ValueError("give prior and prior_deviations together, or neither")
-    scans = detections.from_first_detection(detections.read_scans(file))
-    start, prior_time = (
-        (
-            detections.prior_given(_numbers("prior", prior), _numbers("prior_deviations", prior_deviations)),
-            None,
-        )
-        if prior
-        else (detections.prior_from_first_scan(scans.z[0], sensor_deviation, speed), scans.times[0])
-    )
+    scans = detections.read_scans(file)
+    if prior:
+        state = _numbers("prior", prior), _numbers("prior_deviations", prior_deviations)
+        start, prior_time = detections.prior_given(*state), None
+    else:
+        scans = detections.from_first_detection(scans)
+        start = detections.prior_from_first_scan(scans.z[0], sensor_deviation, speed)
+        prior_time = scans.times[0]
 
     def build(interval: float) -> Tracker:
         told = detections.constant_velocity_model(
@@ -213,7 +212,7 @@ def track_(
         return make_tracker(name, told, **parameters)
 
     track = detections.track(scans, build, period, prior_time)
-    names = [*scans.coordinates, *(f"{name}_speed" for name in scans.coordinates)]
+    names = [*scans.coordinates, *(f"{name}_velocity" for name in scans.coordinates)]
     detections.write_track(out, track, names)
     console().print(f"{len(track.times)} scans tracked; written to {out}", highlight=False)
 
