@@ -37,8 +37,10 @@ def credibility(error: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarra
     that is worse than it says. Not a number at a scan whose C is singular, as with fewer runs than states.
     """
     runs, scans, d = error.shape
-    C = np.einsum("ati,atj->tij", error, error) / max(runs, 1)
+    if runs == 0:
+        return np.full(scans, np.nan), np.full(scans, np.nan)
+    C = np.einsum("ati,atj->tij", error, error) / runs
     C[np.linalg.matrix_rank(C, hermitian=True) < d] = np.nan
     actual = nees(error, np.broadcast_to(C, (runs, *C.shape)))
     rho = 10 * np.log10(nees(error, P) / actual)
-    return np.abs(rho).sum(axis=0) / max(runs, 1), rho.sum(axis=0) / max(runs, 1)
+    return np.abs(rho).mean(axis=0), rho.mean(axis=0)

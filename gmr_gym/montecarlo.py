@@ -1,10 +1,12 @@
 """Monte Carlo runs of trackers in a scenario: the loop, on any number of workers, resumable."""
 
 import os
+import zlib
 from collections.abc import Callable, Mapping
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
+from zipfile import BadZipFile
 
 import joblib
 import numpy as np
@@ -138,5 +140,5 @@ def _load(file: Path) -> Runs:
     try:
         with np.load(file, allow_pickle=False) as stored:
             return Runs(**{field: stored[field] for field in Runs._fields})
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, EOFError, zlib.error, BadZipFile) as error:
         raise ValueError(f"{file} is not a block of runs ({error}); delete it to have it run again") from None

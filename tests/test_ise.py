@@ -194,6 +194,7 @@ def test_components_below_one_are_refused():
         integral_squared_error(p, 0)
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # from numpy, where nothing is compiled
 def test_a_mixture_without_a_density_is_refused():
     p = scattered(np.random.default_rng(0), 3, 2)
     p.P[1] = -np.eye(2)

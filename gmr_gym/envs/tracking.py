@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 from scipy.stats import poisson
 
+from gmr_gym.mixture import moments
 from gmr_gym.simulate import Episode, Scenario, draw, scan
 
 EXTENT = 1e7  # m and m/s: no coordinate, velocity or estimate in any scenario comes near
@@ -77,8 +78,8 @@ class TrackingEnv(gym.Env):
             "prior_covariance": gym.spaces.Box(-EXTENT**2, EXTENT**2, (d * d,), np.float64),
         })  # fmt: skip
         self.action_space = gym.spaces.Box(-EXTENT, EXTENT, (d,), np.float64)
-        prior = self.scenario.model.prior
-        self._prior = prior.w @ prior.m, np.tensordot(prior.w, prior.P, 1).ravel()
+        mean, covariance = moments(self.scenario.model.prior)
+        self._prior = mean, covariance.ravel()
         self._position = list(self.scenario.position)
         self._episode: Episode | None = None
         self._t = self.scenario.horizon

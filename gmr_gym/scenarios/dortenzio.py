@@ -4,7 +4,7 @@ section 4: one turning target, a fixed field of view, a filter that is told a li
 import numpy as np
 
 from gmr_gym.kalman import constant_velocity
-from gmr_gym.scenarios.planar import along, fixed_box, following_box, path, shortened
+from gmr_gym.scenarios.planar import along, bounding_box, fixed_box, following_box, path, shortened
 from gmr_gym.simulate import Scenario
 
 PERIOD = 1.0  # s
@@ -46,8 +46,7 @@ def turning_target(
     elif box is not None:
         view = fixed_box(*box)
     else:
-        span = np.vstack([start, x])[:, :2]
-        view = fixed_box(span.min(axis=0), span.max(axis=0))
+        view = bounding_box(np.vstack([start, x])[:, :2])
     if clutter_rate is None and clutter_density is None:
         clutter_rate = 150.0
     return along(

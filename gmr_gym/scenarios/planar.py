@@ -105,6 +105,13 @@ def fixed_box(low, high) -> Window:
     return Window(low, high, follows=False)
 
 
+def bounding_box(points: np.ndarray) -> Window:
+    """The window on the ground that just holds the points (n, 2), no side of it under 100 m."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    widening = np.maximum(100.0 - (high - low), 0.0) / 2
+    return fixed_box(low - widening, high + widening)
+
+
 def following_box(sides) -> Window:
     """A window (width, height), m, centred on the submitted estimate carried forward."""
     sides = np.array(sides, float)

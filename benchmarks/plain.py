@@ -1,0 +1,166 @@
+"""The same work written plainly, in NumPy or in straightforward compiled loops."""
+
+import numpy as np
+from numba import njit
+
+from gmr_gym.association import gate_size
+from gmr_gym.mixture import Mixture
+from gmr_gym.model import Model
+from gmr_gym.simulate import Scenario
+
+
+def runnalls_in_numpy(p: Mixture, components: int) -> np.ndarray:
+    """Origin (n,) of Runnalls' merging, pair costs kept in a table whose lower half is used and
+    searched whole for each minimum; a row is formed at once."""
+    w, m, P = (a.copy() for a in p)
+    n = len(w)
+    into, log_det = np.arange(n), np.linalg.slogdet(P)[1]
+    table = np.full((n, n), np.inf)
+
+    def costs(i, others):
+        a = w[i] / (w[i] + w[others])
+        _, merged = matched(i, others, a)
+        total = (w[i] + w[others]) * np.linalg.slogdet(merged)[1]
+        return 0.5 * (total - w[i] * log_det[i] - w[others] * log_det[others])
+
+    def matched(i, others, a):
+        d = m[i] - m[others]
+        a, b = a[:, None], 1 - a[:, None]
+        spread = (a * b * d)[:, :, None] * d[:, None, :]
+        return a * m[i] + b * m[others], a[:, :, None] * P[i] + b[:, :, None] * P[others] + spread
+
+    for i in range(1, n):
+        table[i, :i] = costs(i, np.arange(i))
+    alive = np.arange(n)
+    while len(alive) > components:
+        j, i = divmod(int(table.argmin()), n)  # i < j: only the lower half is finite
+        mean, merged = matched(i, np.array([j]), np.array([w[i] / (w[i] + w[j])]))
+        m[i], P[i], w[i] = mean[0], merged[0], w[i] + w[j]
+        log_det[i] = np.linalg.slogdet(P[i])[1]
+        into[into == j] = i
+        table[j, :], table[:, j] = np.inf, np.inf
+        alive = alive[alive != j]
+        below, above = alive[alive < i], alive[alive > i]
+        table[i, below], table[above, i] = costs(i, below), costs(i, above)
+    return np.searchsorted(alive, into)
+
+
+def runnalls_compiled(p: Mixture, components: int) -> np.ndarray:
+    """Origin (n,) of Runnalls' merging, as in `runnalls_in_numpy` but in compiled loops, a pair at
+    a time."""
+    return _runnalls(p.w.copy(), p.m.copy(), p.P.copy(), components)
+
+
+@njit(cache=True, error_model="numpy")
+def _runnalls(w, m, P, components):
+    n, d = m.shape
+    into, alive = np.arange(n), np.ones(n, np.bool_)
+    L, merged = np.zeros((d, d)), np.empty((d, d))
+    log_det, table = np.empty(n), np.empty((n, n))
+    for i in range(n):
+        log_det[i] = _log_determinant(P[i], L)
+    for i in range(n):
+        for j in range(i):
+            table[i, j] = _cost(i, j, w, m, P, log_det, merged, L)
+    for _ in range(n - components):
+        least, i, j = np.inf, 0, 0
+        for r in range(n):
+            for c in range(r):
+                if alive[r] and alive[c] and table[r, c] < least:
+                    least, i, j = table[r, c], c, r
+        _matched(i, j, w, m, P, merged)
+        P[i] = merged
+        m[i] = (w[i] * m[i] + w[j] * m[j]) / (w[i] + w[j])
+        w[i] += w[j]
+        log_det[i] = _log_determinant(P[i], L)
+        alive[j] = False
+        into[into == j] = i
+        for k in range(n):
+            if alive[k] and k != i:
+                table[max(i, k), min(i, k)] = _cost(i, k, w, m, P, log_det, merged, L)
+    return into
+
+
+@njit(cache=True, error_model="numpy")
+def _cost(i, j, w, m, P, log_det, merged, L):
+    _matched(i, j, w, m, P, merged)
+    total = (w[i] + w[j]) * _log_determinant(merged, L)
+    return 0.5 * (total - w[i] * log_det[i] - w[j] * log_det[j])
+
+
+@njit(cache=True, error_model="numpy")
+def _matched(i, j, w, m, P, out):
+    a = w[i] / (w[i] + w[j])
+    b = 1 - a
+    for r in range(len(out)):
+        for c in range(r + 1):
+            spread = a * b * (m[i, r] - m[j, r]) * (m[i, c] - m[j, c])
+            out[r, c] = out[c, r] = a * P[i, r, c] + b * P[j, r, c] + spread
+
+
+@njit(cache=True, error_model="numpy")
+def _log_determinant(A, L):
+    out = 0.0
+    for r in range(len(A)):
+        for c in range(r + 1):
+            total = A[r, c]
+            for k in range(c):
+                total -= L[r, k] * L[c, k]
+            if r == c:
+                L[r, r] = np.sqrt(total)
+                out += np.log(L[r, r])
+            else:
+                L[r, c] = total / L[c, c]
+    return 2 * out
+
+
+class Pda:
+    """Probabilistic data association in NumPy; the belief is a mean (d,) and a covariance (d, d)."""
+
+    def __init__(self, model: Model):
+        self.model = model
+        self.size = gate_size(model.gate_probability, len(model.sensor.H))
+
+    def init(self):
+        return self.model.prior.m[0], self.model.prior.P[0]
+
+    @staticmethod
+    def estimate(belief) -> tuple[np.ndarray, int]:
+        """Mean (d,) and number of components."""
+        return belief[0], 1
+
+    def step(self, belief, z):
+        """The belief after the scan z (k, p), twice: there is nothing to report beside it."""
+        m, P = belief
+        (F, Q, offset), (H, R) = self.model.motions[0], self.model.sensor
+        m, P = F @ m + offset, F @ P @ F.T + Q
+        S = H @ P @ H.T + R
+        S_inverse = np.linalg.inv(S)
+        nu = z - H @ m
+        d2 = np.einsum("ki,ij,kj->k", nu, S_inverse, nu)
+        gated = d2 <= self.size
+        nu, d2 = nu[gated], d2[gated]
+        detected = self.model.detection_probability / self.model.clutter_density
+        likelihood = detected * np.exp(-0.5 * d2) / np.sqrt(np.linalg.det(2 * np.pi * S))
+        miss = 1 - self.model.detection_probability * self.model.gate_probability
+        beta = likelihood / (miss + likelihood.sum())
+        K = P @ H.T @ S_inverse
+        mean = beta @ nu
+        spread = (beta[:, None] * nu).T @ nu - np.outer(mean, mean)
+        belief = m + K @ mean, P - beta.sum() * K @ S @ K.T + K @ spread @ K.T
+        return belief, belief
+
+
+def simulated(scenario: Scenario, rng: np.random.Generator) -> list[np.ndarray]:
+    """The scans of one episode, each drawn when its turn comes."""
+    low, high, _ = scenario.window
+    H, R = scenario.sensor
+    root = np.linalg.cholesky(R)
+    out = []
+    for x in scenario.truth(rng):
+        z = rng.uniform(low, high, (rng.poisson(scenario.clutter_rate), len(R)))
+        if rng.random() < scenario.detection_probability:
+            target = H @ x + root @ rng.standard_normal(len(R))
+            z = np.insert(z, rng.integers(len(z) + 1), target, axis=0)
+        out.append(z)
+    return out

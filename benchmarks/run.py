@@ -1,0 +1,105 @@
+"""Every speed the package claims, against a named alternative measured in the same run.
+
+    python benchmarks/run.py [--quick] [--json FILE]
+"""
+
+import argparse
+import json
+import os
+import platform
+import sys
+from collections.abc import Callable, Iterator
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from rows import environment_rows, reduction_rows, scan_rows, worker_rows
+from start import memory_rows, start_rows
+from threadpoolctl import threadpool_limits
+from timing import Row, Timing
+
+SECTIONS: tuple[Callable[[bool], Iterator[Row]], ...] = (
+    reduction_rows, scan_rows, environment_rows, worker_rows, start_rows, memory_rows,
+)  # fmt: skip
+UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Time the package against named alternatives.")
+    parser.add_argument("--quick", action="store_true", help="fewer and shorter repeats, no workers")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures to this file")
+    options = parser.parse_args()
+    rows = []
+    with threadpool_limits(1):
+        for section in SECTIONS:
+            print(section.__name__.removesuffix("_rows"), "...", file=sys.stderr)
+            rows += section(options.quick)
+    print("\n".join(f"- {name}: {value}" for name, value in machine().items()), "", sep="\n")
+    print(table(rows))
+    if options.json:
+        record = {"machine": machine(), "quick": options.quick, "rows": [_record(row) for row in rows]}
+        options.json.write_text(json.dumps(record, indent=1) + "\n")
+
+
+def table(rows: list[Row]) -> str:
+    """A Markdown table; times are wall seconds, median and best of the repeats, and the ratio is
+    how many times as much the alternative takes, of the medians and of the bests."""
+    lines = [
+        "| what | ours, median (best) | against | theirs, median (best) | ratio (of bests) | |",
+        "|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        lines.append(
+            f"| {row.what} | {_shown(row.ours, row.unit)} | {row.against} "
+            f"| {_shown(row.theirs, row.unit) if row.theirs else '-'} | {_ratio(row) or '-'} | {row.note} |"
+        )
+    return "\n".join(lines)
+
+
+def machine() -> dict[str, str]:
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
+    return {
+        "processor": f"{_processor()}, {os.cpu_count()} cores, load {load:.1f}",
+        "Python": platform.python_version(),
+        **{name: _version(name) for name in ("gmr-gym", "numpy", "numba", "stonesoup")},
+    }
+
+
+def _processor() -> str:
+    information = Path("/proc/cpuinfo")
+    lines = information.read_text().splitlines() if information.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _shown(timing: Timing, unit: str) -> str:
+    if unit != "s":
+        return f"{timing.median:.0f} {unit}"
+    return f"{_seconds(timing.median)} ({_seconds(timing.best)})"
+
+
+def _seconds(value: float) -> str:
+    scale, unit = next((pair for pair in UNITS if value >= pair[0]), UNITS[-1])
+    return f"{value / scale:.3g} {unit}"
+
+
+def _ratio(row: Row) -> str:
+    if not row.theirs:
+        return ""
+    medians, bests = row.theirs.median / row.ours.median, row.theirs.best / row.ours.best
+    return f"{medians:.3g}" if row.unit != "s" else f"{medians:.3g} ({bests:.3g})"
+
+
+def _record(row: Row) -> dict:
+    theirs = row.theirs._asdict() if row.theirs else None
+    return {**row._asdict(), "ours": row.ours._asdict(), "theirs": theirs}
+
+
+if __name__ == "__main__":
+    main()
