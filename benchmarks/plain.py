@@ -155,12 +155,13 @@ def simulated(scenario: Scenario, rng: np.random.Generator) -> list[np.ndarray]:
     """The scans of one episode, each drawn when its turn comes."""
     low, high, _ = scenario.window
     H, R = scenario.sensor
-    root = np.linalg.cholesky(R)
+    sides, root = high - low, np.linalg.cholesky(R)
     out = []
     for x in scenario.truth(rng):
-        z = rng.uniform(low, high, (rng.poisson(scenario.clutter_rate), len(R)))
+        z = low + sides * rng.random((rng.poisson(scenario.clutter_rate), len(R)))
         if rng.random() < scenario.detection_probability:
             target = H @ x + root @ rng.standard_normal(len(R))
-            z = np.insert(z, rng.integers(len(z) + 1), target, axis=0)
+            slot = int(rng.random() * (len(z) + 1))
+            z = np.concatenate((z[:slot], target[None], z[slot:]))
         out.append(z)
     return out

@@ -1,7 +1,5 @@
-"""Every speed the package claims, against a named alternative measured in the same run.
-
-    python benchmarks/run.py [--quick] [--json FILE]
-"""
+"""Every speed of the package against a named alternative measured in the same run:
+`python benchmarks/run.py [--quick] [--json FILE]` prints one Markdown table."""
 
 import argparse
 import json
@@ -11,13 +9,14 @@ import sys
 from collections.abc import Callable, Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from time import perf_counter, process_time
 
 from rows import environment_rows, reduction_rows, scan_rows, worker_rows
 from start import memory_rows, start_rows
 from threadpoolctl import threadpool_limits
-from timing import Row, Timing
+from timing import Plan, Row, Timing
 
-SECTIONS: tuple[Callable[[bool], Iterator[Row]], ...] = (
+SECTIONS: tuple[Callable[[Plan], Iterator[Row]], ...] = (
     reduction_rows, scan_rows, environment_rows, worker_rows, start_rows, memory_rows,
 )  # fmt: skip
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
@@ -27,30 +26,41 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Time the package against named alternatives.")
     parser.add_argument("--quick", action="store_true", help="fewer and shorter repeats, no workers")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures to this file")
+    parser.add_argument(
+        "--cpu",
+        action="store_true",
+        help="count processor time where one process works alone, for a busy machine",
+    )
     options = parser.parse_args()
-    rows = []
+    plan = Plan(options.quick, process_time if options.cpu else perf_counter)
+    rows: list[Row] = []
     with threadpool_limits(1):
         for section in SECTIONS:
             print(section.__name__.removesuffix("_rows"), "...", file=sys.stderr)
-            rows += section(options.quick)
+            rows += section(plan)
     print("\n".join(f"- {name}: {value}" for name, value in machine().items()), "", sep="\n")
     print(table(rows))
     if options.json:
-        record = {"machine": machine(), "quick": options.quick, "rows": [_record(row) for row in rows]}
+        record = {
+            "machine": machine(),
+            "quick": options.quick,
+            "cpu": options.cpu,
+            "rows": [_record(row) for row in rows],
+        }
         options.json.write_text(json.dumps(record, indent=1) + "\n")
 
 
 def table(rows: list[Row]) -> str:
-    """A Markdown table; times are wall seconds, median and best of the repeats, and the ratio is
-    how many times as much the alternative takes, of the medians and of the bests."""
+    """A Markdown table; times are the median and the best of the repeats, and the ratio is how many
+    times as much the alternative takes, of the medians and of the bests."""
     lines = [
-        "| what | ours, median (best) | against | theirs, median (best) | ratio (of bests) | |",
+        "| what | ours, median (best) | against | theirs, median (best) | ratio (of bests) | note |",
         "|---|---|---|---|---|---|",
     ]
     for row in rows:
         lines.append(
             f"| {row.what} | {_shown(row.ours, row.unit)} | {row.against} "
-            f"| {_shown(row.theirs, row.unit) if row.theirs else '-'} | {_ratio(row) or '-'} | {row.note} |"
+            f"| {_shown(row.theirs, row.unit) if row.theirs else '-'} | {_ratio(row)} | {row.note} |"
         )
     return "\n".join(lines)
 
@@ -91,7 +101,7 @@ def _seconds(value: float) -> str:
 
 def _ratio(row: Row) -> str:
     if not row.theirs:
-        return ""
+        return "-"
     medians, bests = row.theirs.median / row.ours.median, row.theirs.best / row.ours.best
     return f"{medians:.3g}" if row.unit != "s" else f"{medians:.3g} ({bests:.3g})"
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from tempfile import TemporaryDirectory
 
-from timing import Row, Timing, interleaved, timed
+from timing import Plan, Row, Timing, interleaved, summary, timed
 
 COMMAND = (sys.executable, "-c", "from gmr_gym.cli import main; main()")
 IMPORT = (sys.executable, "-c", "import gmr_gym")
@@ -28,48 +28,46 @@ PEAK = """
 import os, subprocess, sys
 child = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 _, status, usage = os.wait4(child.pid, 0)
-print(usage.ru_maxrss if os.waitstatus_to_exitcode(status) == 0 else "failed")
+print(usage.ru_maxrss)
+sys.exit(os.waitstatus_to_exitcode(status))
 """
 
 
-def start_rows(quick: bool) -> Iterator[Row]:
-    rounds = 2 if quick else 7
+def start_rows(plan: Plan) -> Iterator[Row]:
+    rounds = 1 if plan.quick else 5
     timings = interleaved(
         {
             "list": timed(lambda: _output(*COMMAND, "list")),
             "import": timed(lambda: _output(*IMPORT)),
             "needed": timed(lambda: _output(*NEEDED)),
         },
+        1,
         rounds,
     )
     needed = "import gymnasium, numba, scipy.stats"
     yield Row("import gmr_gym, process included", timings["import"], needed, timings["needed"])
     yield Row("gmr-gym list", timings["list"], "import gmr_gym", timings["import"])
-    with TemporaryDirectory() as kept:
-        _first_scans(kept)
-        timings = interleaved(
-            {"compiling": _first_scans_compiled, "kept": lambda _: _first_scans(kept)}, 1 if quick else 3
-        )
+    compiling, compiled = [], []
+    for _ in range(1 if plan.quick else 3):
+        with TemporaryDirectory() as cache:
+            compiling.append(_first_scans(cache))
+            compiled.append(_first_scans(cache))
     what = "first 10 scans of a process, nothing compiled yet"
-    yield Row(what, timings["compiling"], "compiled before, read from disk", timings["kept"])
+    yield Row(what, summary([compiling]), "compiled before, read from disk", summary([compiled]))
 
 
-def memory_rows(quick: bool) -> Iterator[Row]:
-    runs = 20 if quick else 100
+def memory_rows(plan: Plan) -> Iterator[Row]:
+    runs = 20 if plan.quick else 100
     with TemporaryDirectory() as out:
-        reproduce = ("reproduce", "dortenzio", "--table", "1", "--jobs", "1", "--out", out, "--runs", str(runs))
-        peak = _peak(*COMMAND, *reproduce)
-    imported = _peak(*IMPORT)
-    yield Row(f"peak memory, one of the paper's tables, {runs} runs", peak, "import gmr_gym", imported, unit="MB")
+        table = f"reproduce dortenzio --table 1 --jobs 1 --runs {runs} --out".split()
+        peak = _peak(*COMMAND, *table, out)
+    what = f"peak memory, Table 1 of D'Ortenzio, {runs} runs"
+    yield Row(what, peak, "import gmr_gym", _peak(*IMPORT), unit="MB")
 
 
-def _first_scans_compiled(_: int) -> float:
-    with TemporaryDirectory() as empty:
-        return _first_scans(empty)
-
-
-def _first_scans(folder: str) -> float:
-    return float(_output(sys.executable, "-c", FIRST_SCANS, env={**os.environ, "NUMBA_CACHE_DIR": folder}))
+def _first_scans(cache: str) -> float:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
+    return float(_output(sys.executable, "-c", FIRST_SCANS, env=environment))
 
 
 def _peak(*command: str) -> Timing:

@@ -134,7 +134,7 @@ def _normalised(components):
 def simulated(scenario: Scenario, count: int) -> list[set[Detection]]:
     """Scans of a target of its own, nearly constant velocity, in the scenario's clutter."""
     truth = SingleTargetGroundTruthSimulator(
-        transition_model=CombinedLinearGaussianTransitionModel([ConstantVelocity(1.0), ConstantVelocity(1.0)]),
+        transition_model=CombinedLinearGaussianTransitionModel([ConstantVelocity(1.0)] * 2),
         initial_state=GaussianState([[0], [10], [0], [-10]], np.eye(4), timestamp=START),
         number_steps=count,
     )

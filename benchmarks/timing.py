@@ -6,9 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-Stopwatch = Callable[[int], float]  # does the work of that round; wall seconds for one item of it
+Stopwatch = Callable[[int], Any]  # does item i of the work; the seconds it took, or those of its parts
 
-TURN = 0.1  # s, a short alternative is timed again and again for that long before the next one
+TURN = 0.03  # s, a short alternative is timed again and again for that long before the next one
+
+
+class Plan(NamedTuple):
+    quick: bool  # fewer and shorter repeats
+    clock: Callable[[], float]  # s, for what runs in this process alone
 
 
 class Timing(NamedTuple):
@@ -27,31 +32,34 @@ class Row(NamedTuple):
     unit: str = "s"  # or "MB"
 
 
-def interleaved(alternatives: Mapping[str, Stopwatch], rounds: int) -> dict[str, Timing]:
-    """Every alternative in each round, one after another, so that a busy machine slows all alike.
-    What has to be compiled must have been called before."""
-    samples: dict[str, list[float]] = {name: [] for name in alternatives}
-    for i in range(rounds):
-        for name, stopwatch in alternatives.items():
-            until = perf_counter() + TURN
-            samples[name].append(stopwatch(i))
-            while perf_counter() < until:
-                samples[name].append(stopwatch(i))
-    return {name: Timing(float(np.median(taken)), min(taken)) for name, taken in samples.items()}
+def interleaved(alternatives: Mapping[str, Stopwatch], items: int, rounds: int) -> dict[str, Timing]:
+    """Every alternative with every item in each round, one after another, so that a busy machine
+    slows all alike. What has to be compiled must have been called before."""
+    taken: dict[str, list[list]] = {name: [[] for _ in range(items)] for name in alternatives}
+    for _ in range(rounds):
+        for item in range(items):
+            for name, stopwatch in alternatives.items():
+                until = perf_counter() + TURN
+                taken[name][item].append(stopwatch(item))
+                while perf_counter() < until:
+                    taken[name][item].append(stopwatch(item))
+    return {name: summary(repeats) for name, repeats in taken.items()}
 
 
-def each(function: Callable[[Any], Any], problems: Sequence[Any]) -> Stopwatch:
-    """Seconds for one problem, the mean over all of them."""
+def summary(taken: Sequence[Sequence]) -> Timing:
+    """Median and best over the repeats of each item or part of it; of those, the median item."""
+    medians = np.concatenate([np.atleast_1d(np.median(repeats, axis=0)) for repeats in taken])
+    bests = np.concatenate([np.atleast_1d(np.min(repeats, axis=0)) for repeats in taken])
+    return Timing(float(np.median(medians)), float(np.median(bests)))
 
-    def stopwatch(_: int) -> float:
-        started = perf_counter()
-        for problem in problems:
-            function(problem)
-        return (perf_counter() - started) / len(problems)
+
+def timed(function: Callable[..., object], *items: Any, clock=perf_counter) -> Stopwatch:
+    """Seconds for one call: function(items[i]), or function() where there are none."""
+
+    def stopwatch(i: int) -> float:
+        given = items[i : i + 1]
+        started = clock()
+        function(*given)
+        return clock() - started
 
     return stopwatch
-
-
-def timed(function: Callable[[], Any]) -> Stopwatch:
-    """Seconds for one call."""
-    return each(lambda _: function(), [None])

@@ -6,8 +6,9 @@ of the merged pair, merging i and j costs
     B = 1/2 ((wi + wj) log|Pij| - wi log|Pi| - wj log|Pj|)            (D'Ortenzio, eq. 13)
 
 Each pair stands in one row of a table of costs, that of the component born later. A merge then
-changes one row, and rows whose least it takes away are searched again only when they come up. Costs are formed a block of components at a time, component axis last, so
-that the compiler turns every loop into vector instructions.
+changes one row, and rows whose least it takes away are searched again only when they come up. Costs
+are formed a block of components at a time, component axis last, so that the compiler turns every
+loop into vector instructions.
 """
 
 import numpy as np

@@ -55,17 +55,16 @@ def run(
         raise ValueError(f"runs must be at least 1, got {runs}")
     if not trackers:
         raise ValueError("trackers must hold at least one tracker")
-    results: dict[tuple[str, int], Runs] = {}
-    files: dict[tuple[str, int], Path | None] = {}
-    for name, tracker in trackers.items():
-        for first in range(0, runs, BLOCK):
-            task = name, first
-            files[task] = folder and _file(Path(folder), scenario, tracker, seed, first, runs)
-            if files[task] and files[task].exists():
-                results[task] = _load(files[task])
+    tasks = [(name, first) for name in trackers for first in range(0, runs, BLOCK)]
+    files = {
+        (name, first): Path(folder) / _file_name(scenario, trackers[name], seed, first, runs)
+        for name, first in tasks
+        if folder is not None
+    }
+    results = {task: _load(file) for task, file in files.items() if file.exists()}
     total = runs * len(trackers)
     done = sum(len(result.x) for result in results.values())
-    missing = [task for task in files if task not in results]
+    missing = [task for task in tasks if task not in results]
     if progress:
         progress(done, total)
     for name in {name for name, _ in missing}:
@@ -76,18 +75,13 @@ def run(
     )
     for task, result in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(calls):
         results[task] = result
-        if files[task]:
+        if task in files:
             _save(files[task], result)
         done += len(result.x)
         if progress:
             progress(done, total)
     return {
-        name: Runs(
-            *map(
-                np.concatenate,
-                zip(*(results[name, first] for first in range(0, runs, BLOCK)), strict=True),
-            )
-        )
+        name: _joined(np.concatenate, [results[task] for task in tasks if task[0] == name])
         for name in trackers
     }
 
@@ -109,7 +103,7 @@ def run_once(
             np.isfinite(gated_distances(gates, z)).sum() / len(gates.z),
             scenario.off_target(gates, x, target), seconds,
         ))  # fmt: skip
-    return Runs(*map(np.array, zip(*rows, strict=True)))
+    return _joined(np.array, rows)
 
 
 def _block(scenario, tracker, seed, task, runs) -> tuple[tuple[str, int], Runs]:
@@ -120,12 +114,17 @@ def _block(scenario, tracker, seed, task, runs) -> tuple[tuple[str, int], Runs]:
             run_once(scenario, tracker, np.random.SeedSequence(seed, spawn_key=(i,)))
             for i in range(first, min(first + BLOCK, runs))
         ]
-    return task, Runs(*map(np.array, zip(*rows, strict=True)))
+    return task, _joined(np.array, rows)
 
 
-def _file(folder: Path, scenario, tracker, seed: int, first: int, runs: int) -> Path:
+def _joined(join: Callable, rows: list) -> Runs:
+    """Runs of many rows, field by field."""
+    return Runs(*map(join, zip(*rows, strict=True)))
+
+
+def _file_name(scenario: Scenario, tracker: Tracker, seed: int, first: int, runs: int) -> str:
     content = scenario, tracker, seed, first, min(first + BLOCK, runs), __version__
-    return folder / f"{joblib.hash(content)}.npz"
+    return f"{joblib.hash(content)}.npz"
 
 
 def _save(file: Path, result: Runs) -> None:

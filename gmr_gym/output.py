@@ -28,52 +28,49 @@ HEADINGS = {
 SCALE = {"track_loss": 100, "time_per_scan": 1e3}
 
 
+RUN_COLUMNS = (
+    "tracker", "run", "lost_at_scan", "rmse_m", "error_m", "velocity_rmse_mps", "components", "gate_area_m2",
+)  # fmt: skip
+
+
 def grid(title: str, rows: dict[str, dict[str, Figure]]) -> Grid:
+    """A table of figures with their intervals, one row per tracker."""
     metrics = list(next(iter(rows.values())))
-    grid = _empty_grid(title, ["tracker", *(HEADINGS[metric] for metric in metrics)])
+    table = _empty_grid(title, metrics)
     for tracker, figures in rows.items():
-        grid.add_row(tracker, *(_shown(metric, figures[metric]) for metric in metrics))
-    return grid
+        table.add_row(tracker, *(_shown(metric, figures[metric]) for metric in metrics))
+    return table
 
 
 def comparison(title: str, record: dict[str, Any]) -> Grid:
-    metrics = ["track_loss", "components", "rmse_own", "error_common", "time_per_scan"]
-    extra = ["gate_area"]
-    grid = _empty_grid(title, ["tracker", *(HEADINGS[metric] for metric in metrics + extra)])
+    """A table of `table_record`: our figure, and under it the printed one with its verdict."""
+    metrics = ["track_loss", "components", "rmse_own", "error_common", "time_per_scan", "gate_area"]
+    table = _empty_grid(title, metrics)
     for row in record["rows"]:
         cells = []
-        for metric in metrics + extra:
+        for metric in metrics:
             cell = row["metrics"][metric]
             figure = Figure(*(np.nan if cell[key] is None else cell[key] for key in Figure._fields))
             text = _shown(metric, figure)
             if "paper" in cell:
-                text += f"\npaper {cell['paper'] * SCALE.get(metric, 1):.4g}"
-            if "verdict" in cell:
-                text += f" {cell['verdict']}"
+                text += f"\npaper {cell['paper'] * SCALE.get(metric, 1):.4g} {cell.get('verdict', '')}"
             cells.append(text)
-        grid.add_row(row["tracker"], *cells)
-    return grid
+        table.add_row(row["tracker"], *cells)
+    return table
 
 
-def _empty_grid(title: str, columns: list[str]) -> Grid:
+def _empty_grid(title: str, metrics: list[str]) -> Grid:
     terminal = Console().is_terminal
-    grid = Grid(
-        title=title,
-        title_justify="left",
-        show_lines=terminal,
-        box=box.SIMPLE_HEAD if terminal else box.ASCII2,
-    )
-    for column in columns:
-        grid.add_column(column)
-    return grid
+    style = box.SIMPLE_HEAD if terminal else box.ASCII2
+    table = Grid(title=title, title_justify="left", show_lines=terminal, box=style)
+    for heading in ["tracker", *(HEADINGS[metric] for metric in metrics)]:
+        table.add_column(heading)
+    return table
 
 
 def _shown(metric: str, figure: Figure) -> str:
-    scale = SCALE.get(metric, 1)
-    value, low, high = (
-        f"{scale * number:.3g}" if abs(scale * number) < 1000 else f"{scale * number:.0f}"
-        for number in figure
-    )
+    scaled = (SCALE.get(metric, 1) * number for number in figure)
+    value, low, high = (f"{number:.3g}" if abs(number) < 1000 else f"{number:.0f}" for number in scaled)
     return value if np.isnan(figure.low) else f"{value} [{low}, {high}]"
 
 
@@ -81,35 +78,27 @@ def write_runs(file: Path, scenario: Scenario, results: dict[str, Runs]) -> None
     """One row per tracker and run; nothing in it depends on the clock."""
     with file.open("w", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(
-            [
-                "tracker",
-                "run",
-                "lost_at_scan",
-                "rmse_m",
-                "error_m",
-                "velocity_rmse_mps",
-                "components",
-                "gate_area_m2",
-            ]
-        )
+        writer.writerow(RUN_COLUMNS)
         for tracker, runs in results.items():
             position, velocity = errors(scenario, runs)
-            columns = (
-                lost_at(runs.off_target, scenario.patience) + 1,
+            lost = lost_at(runs.off_target, scenario.patience) + 1
+            figures = np.stack([
                 np.sqrt((position**2).mean(axis=1)), position.mean(axis=1),
-                np.sqrt((velocity**2).mean(axis=1)), runs.components.mean(axis=1), runs.gate_volume.mean(axis=1),
-            )  # fmt: skip
-            for i, row in enumerate(zip(*columns, strict=True)):
-                writer.writerow([tracker, i, row[0] or "", *(repr(float(value)) for value in row[1:])])
+                np.sqrt((velocity**2).mean(axis=1)),
+                runs.components.mean(axis=1), runs.gate_volume.mean(axis=1),
+            ], axis=1)  # fmt: skip
+            for i, row in enumerate(figures.tolist()):
+                writer.writerow([tracker, i, lost[i] or "", *map(repr, row)])
 
 
 def write_json(file: Path, record: dict[str, Any]) -> None:
+    """Plain data as JSON."""
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(record, indent=1) + "\n")
 
 
 def write_csv(file: Path, record: dict[str, Any]) -> None:
+    """A paper's record, one figure a line."""
     with file.open("w", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(["table", "tracker", "metric", "value", "low", "high", "paper", "verdict"])
@@ -122,8 +111,8 @@ def write_csv(file: Path, record: dict[str, Any]) -> None:
 
 def console() -> Console:
     """Wide and plain where the output is no terminal."""
-    console = Console()
-    return console if console.is_terminal else Console(width=200)
+    screen = Console()
+    return screen if screen.is_terminal else Console(width=200)
 
 
 @contextmanager

@@ -40,16 +40,17 @@ def film(
     write(out, frames)
 
 
-def _gif(out: Path, frames: list[np.ndarray]) -> None:
+def _gif(out: Path, frames: list) -> None:
     from PIL import Image
 
     # one palette for the whole film: colours do not flicker and the file stays small
     palette = Image.fromarray(frames[-1]).quantize(64)
-    first, *rest = (Image.fromarray(frame).quantize(palette=palette, dither=0) for frame in frames)
+    plain = Image.Dither.NONE
+    first, *rest = (Image.fromarray(frame).quantize(palette=palette, dither=plain) for frame in frames)
     first.save(out, save_all=True, append_images=rest, duration=120, loop=0, optimize=True)
 
 
-def _mp4(out: Path, frames: list[np.ndarray]) -> None:
+def _mp4(out: Path, frames: list) -> None:
     try:
         from imageio_ffmpeg import write_frames
     except ImportError:

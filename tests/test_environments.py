@@ -234,6 +234,14 @@ def test_ten_scans_beyond_the_cutoff_end_the_episode_and_charge_what_is_left():
         env.step(FAR)
 
 
+def test_a_new_episode_counts_from_nothing():
+    env = make(horizon=40)
+    env.reset(seed=0)
+    for _ in range(STRAYED - 1):
+        assert not env.step(FAR)[2]
+    assert len(play(env, lambda observation: FAR, seed=1)[2]) == STRAYED
+
+
 def test_an_error_of_the_cutoff_itself_is_not_beyond_it():
     env = make(horizon=30)
     truth = iter(env.scenario.truth(None))

@@ -31,6 +31,8 @@ def test_every_run_is_its_own_seeds_whatever_the_tracker_and_the_number_of_runs(
     assert not np.array_equal(many["nearest"].x[0], many["nearest"].x[1])
     other = run(WORLD, NEAREST, 3, seed=6)["nearest"]
     assert not np.array_equal(few["nearest"].x, other.x)
+    later = np.random.SeedSequence(5, spawn_key=(BLOCK + 1,))  # a run of the second block
+    assert_same(run_once(WORLD, *NEAREST.values(), later), Runs(*(a[BLOCK + 1] for a in many["nearest"])))
     for i in range(3):
         sequence = np.random.SeedSequence(5, spawn_key=(i,))
         alone = run_once(WORLD, Clairvoyant(WORLD.model), sequence)

@@ -1,5 +1,7 @@
 """Drawing, beside the environments and not inside: one canvas for render() and for `watch`."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection
@@ -19,15 +21,15 @@ class Canvas:
         self.scenario = scenario
         self._title = title
         self._counts: list[int] = []
+        self._window: Any = None
         if on_screen:
             import matplotlib.pyplot as plt
 
-            self.figure = plt.figure(figsize=(6.4, 6.4))
             self._window = plt
+            self.figure = plt.figure(figsize=(6.4, 6.4))
         else:
             self.figure = Figure(figsize=(6.4, 6.4), dpi=100)
-            FigureCanvasAgg(self.figure)
-            self._window = None
+            self._pixels = FigureCanvasAgg(self.figure)
 
     def draw(
         self,
@@ -55,8 +57,8 @@ class Canvas:
         if self._window is not None:
             self._window.pause(1e-3)
             return None
-        self.figure.canvas.draw()
-        return np.asarray(self.figure.canvas.buffer_rgba())[..., :3].copy()
+        self._pixels.draw()
+        return np.asarray(self._pixels.buffer_rgba())[..., :3].copy()
 
     def close(self):
         """Close the window, if there is one."""

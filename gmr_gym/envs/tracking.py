@@ -2,14 +2,17 @@
 
 from importlib import import_module
 from inspect import signature
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
 from scipy.stats import poisson
 
 from gmr_gym.mixture import moments
-from gmr_gym.simulate import Episode, Scenario, draw, scan
+from gmr_gym.simulate import Episode, Scan, Scenario, draw, scan
+
+if TYPE_CHECKING:  # drawing is imported when something is drawn
+    from gmr_gym.envs.render import Canvas
 
 EXTENT = 1e7  # m and m/s: no coordinate, velocity or estimate in any scenario comes near
 STRAYED = 10  # scans in a row beyond the cutoff that end an episode
@@ -58,7 +61,10 @@ class TrackingEnv(gym.Env):
     `scenario`: "module:function" that returns a Scenario; every other keyword goes to it.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
+    metadata = {  # noqa: RUF012, gymnasium declares it so
+        "render_modes": ["rgb_array", "human"],
+        "render_fps": 10,
+    }
 
     def __init__(self, scenario: str, render_mode: str | None = None, **world):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
@@ -81,9 +87,10 @@ class TrackingEnv(gym.Env):
         mean, covariance = moments(self.scenario.model.prior)
         self._prior = mean, covariance.ravel()
         self._position = list(self.scenario.position)
-        self._episode: Episode | None = None
-        self._t = self.scenario.horizon
-        self._canvas = None
+        self._episode: Episode
+        self._scan: Scan
+        self._t = self.scenario.horizon  # no episode is running
+        self._canvas: Canvas | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Scan 1 of a new episode. `seed` alone decides it; without one the stream goes on."""
@@ -99,7 +106,7 @@ class TrackingEnv(gym.Env):
 
     def step(self, action):
         """Scores the estimate (d,) of the scan just seen; the next scan, if there is one."""
-        if self._episode is None or self._t >= self.scenario.horizon:
+        if self._t >= self.scenario.horizon:
             raise RuntimeError("call reset() before step(): no episode is running")
         estimate = self._checked(action)
         difference = (estimate - self._episode.x[self._t])[self._position]
@@ -138,7 +145,7 @@ class TrackingEnv(gym.Env):
 
     def _emit(self, estimate):
         t = self._t
-        z = np.zeros((self._capacity, self.observation_space["scan"].shape[1]))
+        z = np.zeros((self._capacity, len(self.scenario.sensor.R)))
         mask = np.zeros(self._capacity, np.int8)
         if t < self.scenario.horizon:
             self._scan = scan(self.scenario, self._episode, t, self.scenario.centre(estimate))

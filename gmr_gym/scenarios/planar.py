@@ -30,9 +30,12 @@ def along(
     tracker starts from the truth with unit covariance, is told the clutter density and P_D, and
     for the noise its own figures. A track is lost when the true position lies outside every gate.
     """
-    if (clutter_rate is None) == (clutter_density is None):
+    if clutter_rate is not None and clutter_density is None:
+        rate = clutter_rate
+    elif clutter_density is not None and clutter_rate is None:
+        rate = clutter_density * window.volume
+    else:
         raise ValueError("give either clutter_rate (per scan) or clutter_density (per m^2)")
-    rate = clutter_density * window.volume if clutter_rate is None else clutter_rate
     if not 0 <= rate <= 1e6:
         raise ValueError(f"clutter must be between 0 and a million points a scan, got {rate:g}")
     check_probability("detection_probability", detection_probability)
