@@ -25,6 +25,7 @@ HEADINGS = {
     "inclination_own": "inclination, dB", "components": "components",
     "gate_area": "gate area, m²", "time_per_scan": "time a scan, ms",
 }  # fmt: skip
+LEFT_TO_FILES = {"rmse_common", "error_own", "inclination_own"}  # a screen is only so wide
 SCALE = {"track_loss": 100, "time_per_scan": 1e3}
 
 
@@ -34,8 +35,8 @@ RUN_COLUMNS = (
 
 
 def grid(title: str, rows: dict[str, dict[str, Figure]]) -> Grid:
-    """A table of figures with their intervals, one row per tracker."""
-    metrics = list(next(iter(rows.values())))
+    """A table of the main figures with their intervals, one row per tracker."""
+    metrics = [metric for metric in next(iter(rows.values())) if metric not in LEFT_TO_FILES]
     table = _empty_grid(title, metrics)
     for tracker, figures in rows.items():
         table.add_row(tracker, *(_shown(metric, figures[metric]) for metric in metrics))
@@ -112,7 +113,7 @@ def write_csv(file: Path, record: dict[str, Any]) -> None:
 def console() -> Console:
     """Wide and plain where the output is no terminal."""
     screen = Console()
-    return screen if screen.is_terminal else Console(width=200)
+    return screen if screen.is_terminal else Console(width=240)
 
 
 @contextmanager

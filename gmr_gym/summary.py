@@ -51,6 +51,7 @@ def summary(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[s
         error = runs.x - runs.truth
         mine = own[name]
         index, inclination = credibility(error[mine], runs.P[mine])
+        defined = np.isfinite(index)  # a scripted start leaves too little spread in the first scan
         consistency = nees(error, runs.P).mean(axis=1) / error.shape[-1]
         rows[name] = {
             "track_loss": proportion(int((~mine).sum()), len(mine)),
@@ -60,8 +61,8 @@ def summary(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[s
             "error_common": mean(position[common].mean(axis=1)),
             "velocity_rmse_own": _root(mean((velocity[mine] ** 2).mean(axis=1))),
             "anees_own": mean(consistency[mine]),
-            "nci_own": Figure(float(index.mean())),
-            "inclination_own": Figure(float(inclination.mean())),
+            "nci_own": Figure(float(index[defined].mean()) if defined.any() else np.nan),
+            "inclination_own": Figure(float(inclination[defined].mean()) if defined.any() else np.nan),
             "components": mean(runs.components.mean(axis=1)),
             "gate_area": mean(runs.gate_volume.mean(axis=1)),
             "time_per_scan": Figure(float(np.median(runs.seconds))),
