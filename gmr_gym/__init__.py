@@ -1,6 +1,6 @@
 """Target tracking in clutter, as something to measure, reproduce and learn on.
 
-Importing registers the environments; `make_tracker` and `montecarlo.run` need no Gymnasium.
+Importing registers the environments; trackers and the Monte Carlo harness work without one.
 """
 
 from gmr_gym.envs import register_envs

@@ -127,6 +127,7 @@ def reproduce(
         write_runs(out / f"runs-{name}.csv", scenario, results)
         if name == "1":
             module.figure(scenario, results, out / "figure-1.png")
+        del results  # a table of a thousand runs is a hundred megabytes
     record = {"paper": paper, "seed": seed, "runs": runs, "tables": records}
     write_json(json_file or out / f"{paper}.json", record)
     write_csv(out / f"{paper}.csv", record)

@@ -105,7 +105,7 @@ def _form_costs(i, n, w, means, entries, w_log_det, room, row):
         _logarithms(determinant, stop - start, log_det)
         for j in range(start, stop):
             cost = (w[i] + w[j]) * log_det[j - start] - w_log_det[i] - w_log_det[j]
-            row[j] = 0.5 * cost if cost > 0.0 else 0.0
+            row[j] = 0.0 if cost < 0.0 else 0.5 * cost
 
 
 @njit(cache=True, error_model="numpy")
@@ -181,8 +181,11 @@ def _weighted_log_determinants(w, entries, room):
         for q in range(len(entries)):
             A[q, 0] = entries[q, i]
         _determinants(A, 1, determinant)
-        if not determinant[0] > 0.0:
-            raise ValueError("a covariance of the mixture is not positive definite")
+        if not 1e-300 < determinant[0] < 1e300:
+            raise ValueError(
+                "a covariance of the mixture is not positive definite, or its determinant lies "
+                "outside 1e-300 to 1e300: choose units nearer to the spread of the states"
+            )
         _logarithms(determinant, 1, log_det)
         out[i] = w[i] * log_det[0]
     return out

@@ -61,7 +61,7 @@ def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
     the covariance of the whole mixture, while more than `components` remain or d^2 is below
     `distance` (Salmond 1990, section 4.1)."""
     whitened = _whitened(p)
-    return _merged(p, _joining(p.w, whitened, _at_least_one(components), distance))
+    return _merged(p, _joining(p.w / p.w.sum(), whitened, _at_least_one(components), distance))
 
 
 def west(p: Mixture, components: int) -> Reduced:
@@ -83,8 +83,8 @@ def total_merge_cost(p: Mixture) -> float:
 
 
 def _at_least_one(components: int) -> int:
-    if components < 1:
-        raise ValueError(f"components must be at least 1, got {components}")
+    if components < 1 or components != int(components):
+        raise ValueError(f"components must be a whole number of at least 1, got {components}")
     return int(components)
 
 

@@ -102,7 +102,7 @@ def mean(values: np.ndarray) -> Figure:
     if len(values) < 2 or np.ptp(values) == 0:
         return Figure(value, value, value) if len(values) > 1 else Figure(value)
     interval = bootstrap(
-        (values,), np.mean, n_resamples=2000, confidence_level=CONFIDENCE,
+        (values,), np.mean, n_resamples=2000, batch=200, confidence_level=CONFIDENCE,
         method="percentile", rng=np.random.default_rng(0),
     ).confidence_interval  # fmt: skip
     return Figure(value, float(interval.low), float(interval.high))

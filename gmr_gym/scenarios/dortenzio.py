@@ -38,7 +38,6 @@ def turning_target(
         x, start = printed_path(), np.array(START)
     else:
         x, start = path(trajectory, PERIOD)
-    x = shortened(x, horizon)
     if box is not None and window is not None:
         raise ValueError("give either box (fixed on the ground) or window (following the estimate)")
     if window is not None:
@@ -50,7 +49,7 @@ def turning_target(
     if clutter_rate is None and clutter_density is None:
         clutter_rate = 150.0
     return along(
-        x,
+        shortened(x, horizon),  # after the box: a shorter episode has no denser clutter
         start,
         view,
         period=PERIOD,
