@@ -83,8 +83,10 @@ def total_merge_cost(p: Mixture) -> float:
 
 
 def _at_least_one(components: int) -> int:
-    if components < 1 or components != int(components):
-        raise ValueError(f"components must be a whole number of at least 1, got {components}")
+    if components < 1:
+        raise ValueError(f"components must be at least 1, got {components}")
+    if components != int(components):
+        raise ValueError(f"components must be a whole number, got {components}")
     return int(components)
 
 

@@ -279,3 +279,8 @@ def test_loss_bound_is_a_share(bound):
         adaptive(random_mixture(0), bound)
     with pytest.raises(ValueError, match="components must be at least 1"):
         adaptive(random_mixture(0), 0.5, components=0)
+
+
+def test_a_budget_of_two_and_a_half_components_is_refused():
+    with pytest.raises(ValueError, match=r"components must be a whole number, got 2\.5"):
+        runnalls(Mixture(np.full(2, 0.5), np.eye(2), np.array([np.eye(2)] * 2)), 2.5)
