@@ -27,7 +27,7 @@ SIZES = ((50, 5, 300.0), (150, 30, 150.0), (400, 50, 300.0))  # components, targ
 
 
 def reduction_rows(plan: Plan) -> Iterator[Row]:
-    rounds, count = (1, 4) if plan.quick else (10, 8)
+    rounds, count = (1, 4) if plan.quick else (5, 8)
     for n, components, clutter_rate in SIZES:
         mixtures = {
             "tracker posteriors": posteriors(n, components, clutter_rate, count),
@@ -87,7 +87,7 @@ class Tracked:
 
 
 def scan_rows(plan: Plan) -> Iterator[Row]:
-    seeds, count, rounds = (2, 30, 1) if plan.quick else (6, 100, 2)
+    seeds, count = (2, 30) if plan.quick else (6, 100)
     scenario = turning_target(clutter_rate=150.0)
     seen = [scans(scenario, seed, count) for seed in range(seeds)]
     told, clock = scenario.model, plan.clock
@@ -102,7 +102,7 @@ def scan_rows(plan: Plan) -> Iterator[Row]:
         detections = [stone_soup.detections(z) for z in seen]
         parts = stone_soup.Pda(told)
         alternatives["Stone Soup"] = Tracked(parts, detections, parts.estimate, clock)
-    timings = interleaved(alternatives, seeds, rounds)
+    timings = interleaved(alternatives, seeds, rounds=1)
     for name in ("plain NumPy", "Stone Soup"):
         note = _apart(pda, alternatives[name]) if name in alternatives else MISSING
         yield Row("scan, PDA, clutter 150", timings["ours"], name, timings.get(name), note)
@@ -112,7 +112,7 @@ def scan_rows(plan: Plan) -> Iterator[Row]:
         if stone_soup:
             parts = stone_soup.MultipleHypotheses(told, 30, prune_weight)
             theirs = alternatives["Stone Soup"] = Tracked(parts, detections, parts.estimate, clock)
-        timings = interleaved(alternatives, seeds, rounds)
+        timings = interleaved(alternatives, seeds, rounds=1)
         note = f"hypotheses kept: {_kept(mht)}, theirs {_kept(theirs)}" if stone_soup else MISSING
         yield Row(
             f"scan, runnalls-30 {what}, clutter 150",

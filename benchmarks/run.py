@@ -38,13 +38,13 @@ def main() -> None:
         for section in SECTIONS:
             print(section.__name__.removesuffix("_rows"), "...", file=sys.stderr)
             rows += section(plan)
-    print("\n".join(f"- {name}: {value}" for name, value in machine().items()), "", sep="\n")
+    clock = "processor time of this process, wall where there are others" if options.cpu else "wall"
+    print("\n".join(f"- {name}: {value}" for name, value in machine(clock).items()), "", sep="\n")
     print(table(rows))
     if options.json:
         record = {
-            "machine": machine(),
+            "machine": machine(clock),
             "quick": options.quick,
-            "cpu": options.cpu,
             "rows": [_record(row) for row in rows],
         }
         options.json.write_text(json.dumps(record, indent=1) + "\n")
@@ -65,10 +65,11 @@ def table(rows: list[Row]) -> str:
     return "\n".join(lines)
 
 
-def machine() -> dict[str, str]:
+def machine(clock: str) -> dict[str, str]:
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     return {
         "processor": f"{_processor()}, {os.cpu_count()} cores, load {load:.1f}",
+        "clock": clock,
         "Python": platform.python_version(),
         **{name: _version(name) for name in ("gmr-gym", "numpy", "numba", "stonesoup")},
     }

@@ -8,7 +8,7 @@ import numpy as np
 
 Stopwatch = Callable[[int], Any]  # does item i of the work; the seconds it took, or those of its parts
 
-TURN = 0.03  # s, a short alternative is timed again and again for that long before the next one
+TURN = 0.1  # s, a short alternative is timed again and again for that long before the next one
 
 
 class Plan(NamedTuple):
