@@ -122,7 +122,11 @@ def _expand(w, m, P, z_hat, S, size, H, z, log_miss, log_detect):
     for i in range(n):
         if misses:
             log_w[at] = np.log(w[i]) + (log_miss if log_miss > -np.inf else 0.0)
-            m_out[at], P_out[at], parent[at], detection[at] = m[i], P[i], i, -1
+            parent[at], detection[at] = i, -1
+            for r in range(d):
+                m_out[at, r] = m[i, r]
+                for c in range(d):
+                    P_out[at, r, c] = P[i, r, c]
             at += 1
         conditioned = False
         log_scale = 0.0
@@ -138,7 +142,9 @@ def _expand(w, m, P, z_hat, S, size, H, z, log_miss, log_detect):
                     m_out[at, r] = m[i, r]
                     for c in range(p):
                         m_out[at, r] += K[r, c] * (z[j, c] - z_hat[i, c])
-                P_out[at], parent[at], detection[at] = P_hit, i, j
+                    for c in range(d):
+                        P_out[at, r, c] = P_hit[r, c]
+                parent[at], detection[at] = i, j
                 at += 1
     w_out = np.exp(log_w - log_w.max())
     return w_out / w_out.sum(), m_out, P_out, parent, detection

@@ -176,18 +176,22 @@ def _merge_pair(i, j, w, means, entries, room):
 @njit(cache=True, error_model="numpy")
 def _weighted_log_determinants(w, entries, room):
     A, determinant, log_det, _ = room
-    out = np.empty(len(w))
-    for i in range(len(w)):
+    n = len(w)
+    out = np.empty(n)
+    for start in range(0, n, BLOCK):
+        stop = min(start + BLOCK, n)
         for q in range(len(entries)):
-            A[q, 0] = entries[q, i]
-        _determinants(A, 1, determinant)
-        if not 1e-300 < determinant[0] < 1e300:
-            raise ValueError(
-                "a covariance of the mixture is not positive definite, or its determinant lies "
-                "outside 1e-300 to 1e300: choose units nearer to the spread of the states"
-            )
-        _logarithms(determinant, 1, log_det)
-        out[i] = w[i] * log_det[0]
+            for j in range(start, stop):
+                A[q, j - start] = entries[q, j]
+        _determinants(A, stop - start, determinant)
+        _logarithms(determinant, stop - start, log_det)
+        for j in range(start, stop):
+            if not 1e-300 < determinant[j - start] < 1e300:
+                raise ValueError(
+                    "a covariance of the mixture is not positive definite, or its determinant lies "
+                    "outside 1e-300 to 1e300: choose units nearer to the spread of the states"
+                )
+            out[j] = w[j] * log_det[j - start]
     return out
 
 

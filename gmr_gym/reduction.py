@@ -47,13 +47,13 @@ def capping(p: Mixture, components: int) -> Reduced:
 
 def prune(p: Mixture, weight: float) -> Reduced:
     """Drops what weighs less than `weight` (gamma; D'Ortenzio, section 3.4), never the heaviest."""
-    return _kept(p, _or_heaviest(p, p.w >= weight))
+    return _heavier(p, p.w, weight)
 
 
 def prune_density(p: Mixture, density: float) -> Reduced:
     """Drops what has w / sqrt|P| below `density` (gamma~, in units of 1 / sqrt|P|: s^2/m^4 for a
     planar position and velocity), never the heaviest (D'Ortenzio, eq. 16)."""
-    return _kept(p, _or_heaviest(p, p.w >= density * root_determinants(p.P)))
+    return _heavier(p, p.w / root_determinants(p.P), density)
 
 
 def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
@@ -90,11 +90,13 @@ def _at_least_one(components: int) -> int:
     return int(components)
 
 
-def _or_heaviest(p: Mixture, kept: np.ndarray) -> np.ndarray:
-    kept &= p.w > 0
+def _heavier(p: Mixture, measure: np.ndarray, threshold: float) -> Reduced:
+    kept = (measure >= threshold) & (p.w > 0)
     if not kept.any():
-        kept[np.argmax(p.w)] = True
-    return kept
+        kept[p.w.argmax()] = True
+    elif kept.all():
+        return p, np.arange(len(kept))
+    return _kept(p, kept)
 
 
 def _kept(p: Mixture, kept: np.ndarray) -> Reduced:
@@ -109,11 +111,13 @@ def _whitened(p: Mixture) -> np.ndarray:
 
 
 def _greedily_merged(p: Mixture, components: int, budget: float) -> Reduced:
-    alive, alive_origin = _kept(p, p.w > 0)
+    alive, alive_origin = _heavier(p, p.w, 0.0)
     if len(alive.w) == 1 or (budget < 0 and len(alive.w) <= components):
         return alive, alive_origin
     w, m, P, origin = merge_greedily(*alive, components, budget)
-    return Mixture(w, m, P), np.where(alive_origin < 0, -1, origin[alive_origin])
+    if alive is not p:
+        origin = np.where(alive_origin < 0, -1, origin[alive_origin])
+    return Mixture(w, m, P), origin
 
 
 def _merged(p: Mixture, group: np.ndarray) -> Reduced:
@@ -135,7 +139,11 @@ def _selected(w, m, P, kept):
     at = 0
     for i in range(n):
         if kept[i]:
-            w_out[at], m_out[at], P_out[at], origin[i] = w[i], m[i], P[i], at
+            w_out[at], origin[i] = w[i], at
+            for r in range(d):
+                m_out[at, r] = m[i, r]
+                for c in range(d):
+                    P_out[at, r, c] = P[i, r, c]
             at += 1
     return w_out, m_out, P_out, origin
 

@@ -81,7 +81,7 @@ def test_mht_prunes_by_weight_then_reduces_then_prunes_by_density():
     assert len(seen[-1].w) == 4 and belief.w.tolist() == [1.0]
 
 
-@pytest.mark.parametrize("clutter_rate", [5, 60])
+@pytest.mark.parametrize("clutter_rate", [20, 150])
 def test_pda_is_the_mht_merged_down_to_one(clutter_rate):
     world = turning_target(clutter_rate=clutter_rate, horizon=30)
     single = run_once(world, Pda(world.model), 4)
