@@ -48,7 +48,10 @@ class Scenario:
     cutoff: float  # m, an error beyond counts as this much
 
     def centre(self, estimate: np.ndarray) -> np.ndarray:
-        """Where a following window is centred after the estimate (d,) of the scan before."""
+        """Where the window of the next scan is centred after the estimate (d,) of this one: on it,
+        carried forward one period, or, fixed on the ground, nowhere else than where it was."""
+        if not self.window.follows:
+            return np.zeros(len(self.window.low))
         motion = self.model.motions[0]
         return self.model.sensor.H @ (motion.F @ estimate + motion.offset)
 
