@@ -57,9 +57,7 @@ class Mht:
         return posterior, Report(mean[None], covariance[None], looked, posterior)
 
 
-def capping(
-    model: Model, components: int = 30, prune_weight: float = 0.0, prune_density: float = 0.0
-) -> Mht:
+def capping(model: Model, components: int = 30, prune_weight: float = 0.0, prune_density: float = 0.0) -> Mht:
     """MHT that keeps the heaviest `components` hypotheses and does not prune otherwise
     (D'Ortenzio, Capping: the paper's capping takes no part in its change of gamma)."""
     return Mht(model, partial(reduction.capping, components=components), prune_weight, prune_density)

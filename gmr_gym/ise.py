@@ -42,8 +42,9 @@ def integral_squared_error(
     h = p.w * (E @ p.w)
     if not np.isfinite(h.sum()):
         raise ValueError("the square of p must have a finite integral; check p with mixture(w, m, P)")
-    g, pairs = h.copy(), np.full((4, n, n), np.nan)
-    work = _Work(p.w.copy(), f, p.w.copy(), f.copy(), h, g, E, *pairs, np.arange(n))
+    g = h.copy()
+    unknown = (np.full((n, n), np.nan) for _ in range(4))
+    work = _Work._make([p.w.copy(), f, p.w.copy(), f.copy(), h, g, E, *unknown, np.arange(n)])
     n, s = _reduce(work, components, renormalise)
     return Mixture(s * work.q[:n], *unpack(work.M[:, :n], d)), work.origin
 
@@ -122,7 +123,7 @@ def _cheapest_merge(work, n, s, error, limit):
     for a in range(n - 1):
         bound[a], at[a] = _least_bound(work, a, n, s, error)
     while True:
-        a = np.argmin(bound)
+        a = int(np.argmin(bound))
         b = at[a]
         if not bound[a] < limit:
             return np.inf, a, b
