@@ -72,13 +72,13 @@ def runnalls(
 
 def adaptive(
     model: Model,
-    components: int = 30,
+    components: int | None = 30,
     loss_bound: float = 0.05,
     prune_weight: float = 5e-4,
     prune_density: float = 1e-10,
 ) -> Mht:
     """MHT merged while the relative loss stays within `loss_bound` (alpha) and on to `components`
-    at most (D'Ortenzio, Adaptive)."""
+    at most, None for no such limit (D'Ortenzio, Adaptive)."""
     merging = partial(reduction.adaptive, loss_bound=loss_bound, components=components)
     return Mht(model, merging, prune_weight, prune_density)
 

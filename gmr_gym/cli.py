@@ -2,6 +2,7 @@
 
 import ast
 import sys
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -85,11 +86,16 @@ def evaluate(
     rows = summary(scenario, results)
     screen = console()
     screen.print(grid(f"{env_id}: {runs} runs, seed {seed}", rows))
-    if len(results) > 1:
-        screen.print(grid("paired differences", differences(scenario, results)))
+    paired = differences(scenario, results)
+    if paired:
+        screen.print(grid("paired differences", paired))
     write_runs(out / "runs.csv", scenario, results)
-    record = {"env": env_id, "seed": seed, "runs": runs, "tables": [table_record(env_id, world, rows)]}
-    write_json(json_file or out / "evaluate.json", record)
+    tables = [table_record(env_id, world, rows)]
+    if paired:
+        tables.append(table_record("paired differences", world, paired))
+    record = {"env": env_id, "seed": seed, "runs": runs, "tables": tables}
+    for file in filter(None, (out / "evaluate.json", json_file)):
+        write_json(file, record)
     screen.print(f"written to {out}", highlight=False)
 
 
@@ -129,7 +135,8 @@ def reproduce(
             module.figure(scenario, results, out / "figure-1.png")
         del results  # a table of a thousand runs is a hundred megabytes
     record = {"paper": paper, "seed": seed, "runs": runs, "tables": records}
-    write_json(json_file or out / f"{paper}.json", record)
+    for file in filter(None, (out / f"{paper}.json", json_file)):
+        write_json(file, record)
     write_csv(out / f"{paper}.csv", record)
     screen.print(f"tables, figures and runs are in {out}", highlight=False)
 
@@ -222,7 +229,15 @@ def main() -> None:
     """Entry point: what a user got wrong is one line, not a traceback."""
     try:
         app()
-    except (ValueError, TypeError, ImportError, OSError, gym.error.Error) as error:
+    except (
+        ValueError,
+        TypeError,
+        ArithmeticError,
+        ImportError,
+        MemoryError,
+        OSError,
+        gym.error.Error,
+    ) as error:
         Console(stderr=True, soft_wrap=True).print(f"error: {error}", style="red", markup=False)
         sys.exit(2)
 
@@ -232,13 +247,20 @@ def _key_value(text: str) -> tuple[str, Any]:
     key, sign, value = text.partition("=")
     if not sign or not key:
         raise ValueError(f"expected key=value, got {text!r}")
-    try:
-        return key, ast.literal_eval(value)
-    except (ValueError, SyntaxError):
-        return key, value
+    for read in (ast.literal_eval, float):  # float reads nan and inf, which are then refused by name
+        try:
+            return key, read(value)
+        except (ValueError, SyntaxError):
+            pass
+    return key, value
 
 
 def _scenario(env_id: str, world: dict[str, Any]) -> Scenario:
+    bare = {name.partition("/")[2]: name for name in ENVIRONMENTS}
+    if env_id not in gym.registry and (
+        near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
+    ):
+        raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
     env = gym.make(env_id, **world).unwrapped
     if not hasattr(env, "scenario"):
         raise ValueError(f"{env_id} is not a tracking environment; choose from {', '.join(ENVIRONMENTS)}")
@@ -269,10 +291,8 @@ def _run(label, scenario, candidates, runs, seed, jobs, out) -> dict[str, Runs]:
         with progress(label) as report:
             return run(scenario, candidates, runs, seed, jobs=jobs, folder=folder, progress=report)
     except KeyboardInterrupt:
-        kept = len(list(folder.glob("*.npz")))
         Console(stderr=True, soft_wrap=True).print(
-            f"stopped: {kept} finished blocks of runs are kept in {folder}; "
-            "the same command goes on from there",
+            f"stopped: finished blocks of runs are kept in {folder}; the same command goes on from there",
             highlight=False,
         )
         sys.exit(130)

@@ -19,7 +19,7 @@ from gmr_gym.tracker import Tracker, check_scan
 RESOLUTION = 9  # decimals of a second to which intervals are told apart
 OFF_GRID = 0.1  # of a period, how far from its multiples a scan may lie
 MOST_FILLED = 1_000_000  # scans; only a period far too short makes more
-MOST_STARTS = 2000  # detections; each may meet each of the next scan, at 200 bytes a pair
+MOST_STARTS = 500  # detections; each may meet each of the next scan, at 200 bytes a pair
 
 
 class Scans(NamedTuple):
@@ -219,6 +219,7 @@ def _row(where: str, names: tuple[str, ...], cells: list[str]) -> tuple[float, l
 
 def _write(path: Path | str, header: list[str], rows: Iterable[list]) -> None:
     _checked_header("names", header)
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
     with Path(path).open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows([header, *rows])
 

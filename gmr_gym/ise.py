@@ -7,6 +7,7 @@ from numba import njit
 
 from gmr_gym.distances import dimension, pack, products, products_of_columns, products_with, unpack
 from gmr_gym.mixture import Mixture
+from gmr_gym.reduction import at_least_one
 
 # <u, v> is the integral of u v, f the original mixture, s g the reduced one with
 # g = sum_a q[a] M[a], and r = f - s g the error. An action that turns r into r + v costs
@@ -32,8 +33,7 @@ def integral_squared_error(
     good to about 1e-15 of the products <f, q[a] M[a]> they are made of; between actions closer
     than that the choice is repeatable but arbitrary.
     """
-    if components < 1:
-        raise ValueError(f"components must be at least 1, got {components}")
+    components = at_least_one(components)
     n, d = p.m.shape
     if n <= components:
         return p, np.arange(n)

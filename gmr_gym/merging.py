@@ -37,6 +37,8 @@ def merge_greedily(w, m, P, components, budget):
         if nearest[i] < 0:
             nearest[i], least[i] = _cheapest(table[i], born, born[i], n)
             continue
+        if least[i] == np.inf:
+            raise ValueError("components lie too far apart to tell what merging them costs")
         budget -= least[i]
         if n <= components and budget < 0.0:
             break
@@ -105,7 +107,9 @@ def _form_costs(i, n, w, means, entries, w_log_det, room, row):
         _logarithms(determinant, stop - start, log_det)
         for j in range(start, stop):
             cost = (w[i] + w[j]) * log_det[j - start] - w_log_det[i] - w_log_det[j]
-            row[j] = 0.0 if cost < 0.0 else 0.5 * cost
+            # beyond 1e8 standard deviations apart the determinant drowns in rounding: never nearest
+            known = 0.0 if cost < 0.0 else 0.5 * cost
+            row[j] = known if determinant[j - start] > 0.0 else np.inf
 
 
 @njit(cache=True, error_model="numpy")

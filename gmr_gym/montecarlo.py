@@ -1,6 +1,7 @@
 """Monte Carlo runs of trackers in a scenario: the loop, on any number of workers, resumable."""
 
 import os
+import sys
 import zlib
 from collections.abc import Callable, Mapping
 from itertools import islice
@@ -123,8 +124,19 @@ def _joined(join: Callable, rows: list) -> Runs:
 
 
 def _file_name(scenario: Scenario, tracker: Tracker, seed: int, first: int, runs: int) -> str:
-    content = scenario, tracker, seed, first, min(first + BLOCK, runs), __version__
+    content = scenario, tracker, _code(tracker), seed, first, min(first + BLOCK, runs), __version__
     return f"{joblib.hash(content)}.npz"
+
+
+def _code(tracker: Tracker) -> str:
+    """Digest of the source that a run depends on, so that an edited tracker is run again."""
+    parts = [getattr(tracker, field, None) for field in getattr(tracker, "__dataclass_fields__", ())]
+    functions = [getattr(part, "func", part) for part in parts if callable(part)]
+    modules = {sys.modules[thing.__module__].__file__ for thing in (type(tracker), *functions)}
+    files = sorted(Path(__file__).parent.glob("**/*.py")) + [
+        Path(file) for file in sorted(filter(None, modules))
+    ]
+    return joblib.hash([file.read_bytes() for file in files])
 
 
 def _save(file: Path, result: Runs) -> None:

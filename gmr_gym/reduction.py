@@ -18,7 +18,7 @@ Reduced = tuple[Mixture, np.ndarray]
 def runnalls(p: Mixture, components: int) -> Reduced:
     """Greedy merging of the pair with the least cost B until `components` remain
     (Runnalls 2007; D'Ortenzio, eq. 13 and section 3.1)."""
-    return _greedily_merged(p, _at_least_one(components), budget=-1.0)
+    return _greedily_merged(p, at_least_one(components), budget=-1.0)
 
 
 def adaptive(p: Mixture, loss_bound: float, components: int | None = None) -> Reduced:
@@ -31,7 +31,7 @@ def adaptive(p: Mixture, loss_bound: float, components: int | None = None) -> Re
     """
     if not 0 <= loss_bound <= 1:
         raise ValueError(f"loss_bound must lie in [0, 1], got {loss_bound}")
-    most = len(p.w) if components is None else _at_least_one(components)
+    most = len(p.w) if components is None else at_least_one(components)
     # at a bound of 1 the rounding of the sum must not spare the last merge
     budget = loss_bound * total_merge_cost(p) if loss_bound < 1 else np.inf
     return _greedily_merged(p, most, budget)
@@ -39,7 +39,7 @@ def adaptive(p: Mixture, loss_bound: float, components: int | None = None) -> Re
 
 def capping(p: Mixture, components: int) -> Reduced:
     """The `components` heaviest, the earlier first among equals (D'Ortenzio, section 3.3)."""
-    heaviest = np.argsort(-p.w, kind="stable")[: _at_least_one(components)]
+    heaviest = np.argsort(-p.w, kind="stable")[: at_least_one(components)]
     kept = np.zeros(len(p.w), bool)
     kept[heaviest] = True
     return _kept(p, kept & (p.w > 0))
@@ -61,14 +61,14 @@ def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
     the covariance of the whole mixture, while more than `components` remain or d^2 is below
     `distance` (Salmond 1990, section 4.1)."""
     whitened = _whitened(p)
-    return _merged(p, _joining(p.w / p.w.sum(), whitened, _at_least_one(components), distance))
+    return _merged(p, _joining(p.w / p.w.sum(), whitened, at_least_one(components), distance))
 
 
 def west(p: Mixture, components: int) -> Reduced:
     """Merges the lightest component with its nearest neighbour, distances measured by the
     covariance of the whole mixture, until `components` remain (West 1993, section 3)."""
     whitened = _whitened(p)
-    return _merged(p, _lightest_first(p.w, whitened, _at_least_one(components)))
+    return _merged(p, _lightest_first(p.w, whitened, at_least_one(components)))
 
 
 def total_merge_cost(p: Mixture) -> float:
@@ -82,7 +82,8 @@ def total_merge_cost(p: Mixture) -> float:
     return max(0.0, 0.5 * float(p.w @ (np.linalg.slogdet(P)[1] - log_determinants)))
 
 
-def _at_least_one(components: int) -> int:
+def at_least_one(components: int) -> int:
+    """A budget of components, checked; ValueError unless it is a whole number of at least 1."""
     if components < 1:
         raise ValueError(f"components must be at least 1, got {components}")
     if components != int(components):

@@ -19,6 +19,8 @@ class Window(NamedTuple):
     low: np.ndarray  # (p,), m; relative to the centre when it follows
     high: np.ndarray  # (p,), m
     follows: bool
+    # whether the sensor sees nothing outside: not so where the paper's truth runs along the edge
+    ends_sight: bool = True
 
     @property
     def volume(self) -> float:
@@ -29,8 +31,9 @@ class Window(NamedTuple):
 class Scenario:
     """The world of one target, and what a tracker is told of it.
 
-    A window that follows is centred on the latest submitted estimate carried forward one period,
-    and a detection of the target outside it is not seen: a lone point there would betray it.
+    A window that follows is centred on the latest submitted estimate carried forward one period. A
+    detection of the target outside a window that ends sight is not seen: a lone point there would
+    betray it.
     """
 
     model: Model
@@ -95,13 +98,15 @@ def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
 
 def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Scan:
     """Scan t (from 0) of the episode; centre (p,) places a window that follows."""
-    low, high, follows = scenario.window
+    low, high, follows, ends_sight = scenario.window
     z = low + (high - low) * episode.clutter[episode.first[t] : episode.first[t + 1]]
     target = episode.z[t]
     seen = episode.detected[t]
     if follows:
         z += centre
-        seen = seen and bool((np.abs(target - centre - (low + high) / 2) <= (high - low) / 2).all())
+        low, high = low + centre, high + centre
+    if ends_sight:
+        seen = seen and bool(((low <= target) & (target <= high)).all())
     if not seen:
         return Scan(z, np.full(len(z), -1))
     slot = int(episode.slot[t] * (len(z) + 1))

@@ -54,7 +54,7 @@ def _mp4(out: Path, frames: list) -> None:
     try:
         from imageio_ffmpeg import write_frames
     except ImportError:
-        raise ImportError("a .mp4 needs the extra `video`: pip install 'gmr-gym[video]'") from None
+        raise ImportError("a .mp4 needs the extra `video`: pip install imageio-ffmpeg") from None
     height, width = (side - side % 2 for side in frames[0].shape[:2])
     stream = write_frames(str(out), (width, height), fps=8, macro_block_size=2)
     stream.send(None)

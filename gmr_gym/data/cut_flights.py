@@ -2,8 +2,7 @@
 
     python gmr_gym/data/cut_flights.py SAMPLES_DIR
 
-SAMPLES_DIR is `traffic/data/samples` of the unpacked wheel. Needs scipy; the project itself does
-not. Prints the numbers quoted in `flights/LICENCE.md`.
+SAMPLES_DIR is `traffic/data/samples` of the unpacked wheel. Prints the numbers quoted in `flights/LICENCE.md`.
 """
 
 import gzip

@@ -85,7 +85,7 @@ class Canvas:
         axes.add_collection(_ellipses(axes, p.m[:, at], spread, edgecolors=colours, linewidths=1.2))
 
     def _frame(self, axes, episode, t, estimates):
-        low, high, follows = self.scenario.window
+        low, high, follows, _ = self.scenario.window
         if follows:
             here = episode.x[min(t, len(episode.x) - 1)]
             at = self.scenario.model.sensor.H @ (estimates[-1] if estimates else here)

@@ -54,7 +54,7 @@ class TrackingEnv(gym.Env):
     every scan that is left, so that losing early never pays.
 
     ## Info
-    `truth` (d,) and `origin` (k,) (0 the target's, -1 clutter) of the scan observed, and after a
+    `truth` (d,) and `origin` (capacity,) (0 the target's, -1 clutter, -2 padding) of the scan observed, and after a
     step `error`, m. They are for scoring and drawing: a policy that reads them cheats.
 
     ## Arguments
@@ -135,7 +135,8 @@ class TrackingEnv(gym.Env):
 
         if self._canvas is None:
             self._canvas = Canvas(self.scenario, on_screen=self.render_mode == "human")
-        return self._canvas.draw(self._episode, self._scan, self._t, self._estimates)
+        shown = min(self._t, self.scenario.horizon - 1)
+        return self._canvas.draw(self._episode, self._scan, shown, self._estimates)
 
     def close(self):
         """Close the window, if one is open."""
@@ -152,7 +153,9 @@ class TrackingEnv(gym.Env):
             k = len(self._scan.z)
             z[:k] = self._scan.z
             mask[:k] = 1
-            info = {"truth": self._episode.x[t].copy(), "origin": self._scan.origin}
+            origin = np.full(self._capacity, -2)
+            origin[:k] = self._scan.origin
+            info = {"truth": self._episode.x[t].copy(), "origin": origin}
         else:
             info = {}
         observation = {
@@ -179,5 +182,8 @@ def _build(scenario: str, world: dict[str, Any]) -> Scenario:
     takes = list(signature(factory).parameters)
     for name in world:
         if name not in takes:
-            raise TypeError(f"unknown argument {name!r}; this environment takes {', '.join(takes)}")
-    return factory(**world)
+            raise ValueError(f"unknown argument {name!r}; this environment takes {', '.join(takes)}")
+    try:
+        return factory(**world)
+    except TypeError as error:  # text or a fraction where a number of another kind belongs
+        raise ValueError(f"cannot make a scenario of {world}: {error}") from None

@@ -25,13 +25,13 @@ class Table:
 
 def verdict(figure: Figure, runs: int, printed: float, printed_runs: int, share: bool) -> str:
     """ "agrees" when ours and the printed figure differ by no more than chance allows 99 times in a
-    hundred, else "above" or "below". The printed figure is given the sampling error ours would have
-    with as many runs; `share` marks a proportion, whose error is known from the figure itself."""
+    hundred, else "above" or "below". The printed figure is given the relative sampling error ours would
+    have with as many runs; `share` marks a proportion, whose error is known from the figure itself."""
     if share:
         deviation = np.sqrt(figure.value * (1 - figure.value) / runs + printed * (1 - printed) / printed_runs)
     else:
         own = (figure.high - figure.low) / 2 / norm.ppf((1 + CONFIDENCE) / 2)
-        deviation = own * np.sqrt(1 + runs / printed_runs)
+        deviation = own * np.hypot(1, printed / figure.value * np.sqrt(runs / printed_runs))
     if not np.isfinite(deviation):
         return "unknown"
     if abs(figure.value - printed) <= norm.ppf(0.995) * deviation:

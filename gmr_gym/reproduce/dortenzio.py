@@ -83,7 +83,7 @@ def figure(scenario: Scenario, results: Mapping[str, Runs], out: Path) -> None:
         paths.plot(*runs.x[i][:, list(scenario.position)].T, lw=1.2, label=name)
         components.plot(scans, runs.components[i], lw=1.2)
         gated.plot(scans, runs.gated[i], lw=1.2)
-    low, high, _ = scenario.window
+    low, high = scenario.window[:2]
     paths.set(xlim=(low[0] - 100, high[0] + 100), ylim=(low[1] - 100, high[1] + 100))
     paths.set(title=f"(a) run {i}", xlabel="x, m", ylabel="y, m", aspect="equal")
     paths.legend(fontsize=8)
