@@ -16,7 +16,7 @@ NOWHERE = np.zeros(2)
 
 def long_episode(seed=0, scans=20_000, **kwargs):
     """Twenty thousand scans of a target that stands still in a box."""
-    scenario = turning_target(trajectory=np.zeros((scans, 2)), **{"box": ((-50, -20), (50, 80))} | kwargs)
+    scenario = turning_target(trajectory=np.zeros((scans, 2)), **{"box": ((-90, -90), (110, 110))} | kwargs)
     return scenario, draw(scenario, seed)
 
 
@@ -71,8 +71,8 @@ def test_clutter_is_poisson_and_uniform_in_the_box():
     # the variance of a Poisson count's variance is (4 + 2 * 16) / T
     assert abs(counts.var() - 4) < 5 * np.sqrt(36 / T)
     points = np.concatenate([s.z[s.origin < 0] for s in scans])
-    assert (points >= [-50, -20]).all() and (points <= [50, 80]).all()
-    cells = np.histogram2d(*points.T, bins=8, range=[(-50, 50), (-20, 80)])[0]
+    assert (points >= -90).all() and (points <= 110).all()
+    cells = np.histogram2d(*points.T, bins=8, range=[(-90, 110)] * 2)[0]
     assert chisquare(cells.ravel()).pvalue > 1e-4  # seeded: it fails for good or not at all
 
 
@@ -111,14 +111,19 @@ def test_window_that_follows_carries_the_same_points_to_any_centre():
         np.testing.assert_allclose(there.z - far, clutter, atol=1e-10)  # rounding at 3e4
 
 
-def test_detection_outside_a_window_that_follows_is_not_seen_and_on_the_ground_it_is():
+def test_detection_outside_a_window_is_not_seen_and_outside_the_papers_own_box_it_is():
     scenario, episode = long_episode(scans=500, box=None, window=(20.0, 20.0), detection_probability=1.0)
     for t in range(500):
         inside = (np.abs(episode.z[t]) <= 10).all()
         assert (scan(scenario, episode, t, NOWHERE).origin == 0).any() == inside
     assert 0 < sum((np.abs(z) <= 10).all() for z in episode.z) < 500
-    ground, episode = long_episode(scans=500, box=((1000, 1000), (1001, 1001)), detection_probability=1.0)
-    assert all((scan(ground, episode, t, NOWHERE).origin == 0).any() for t in range(500))
+    beside, episode = long_episode(scans=500, box=((0, -100), (100, 100)), detection_probability=1.0)
+    seen = [(scan(beside, episode, t, NOWHERE).origin == 0).any() for t in range(500)]
+    assert seen == [z[0] >= 0 for z in episode.z]
+    paper = turning_target(detection_probability=1.0)
+    episode = draw(paper, 0)
+    assert all((scan(paper, episode, t, NOWHERE).origin == 0).any() for t in range(100))
+    assert ((episode.z < paper.window.low) | (episode.z > paper.window.high)).any()
 
 
 def test_following_window_is_centred_on_the_estimate_carried_forward_one_period():

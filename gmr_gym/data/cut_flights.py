@@ -2,7 +2,8 @@
 
     python gmr_gym/data/cut_flights.py SAMPLES_DIR
 
-SAMPLES_DIR is `traffic/data/samples` of the unpacked wheel. Prints the numbers quoted in `flights/LICENCE.md`.
+SAMPLES_DIR is `traffic/data/samples` of the unpacked wheel. Prints the
+numbers quoted in `flights/LICENCE.md`.
 """
 
 import gzip

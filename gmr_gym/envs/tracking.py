@@ -54,8 +54,8 @@ class TrackingEnv(gym.Env):
     every scan that is left, so that losing early never pays.
 
     ## Info
-    `truth` (d,) and `origin` (capacity,) (0 the target's, -1 clutter, -2 padding) of the scan observed, and after a
-    step `error`, m. They are for scoring and drawing: a policy that reads them cheats.
+    `truth` (d,) and `origin` (capacity,) (0 the target's, -1 clutter, -2 padding) of the scan
+    observed, and after a step `error`, m. They are for scoring and drawing: a policy that reads them cheats.
 
     ## Arguments
     `scenario`: "module:function" that returns a Scenario; every other keyword goes to it.
