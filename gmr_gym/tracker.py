@@ -69,7 +69,10 @@ def make_tracker(name: str, model: Model, **parameters) -> Tracker:
             raise ValueError(
                 f"tracker {name!r} takes no parameter {parameter!r}; it takes {', '.join(takes) or 'none'}"
             )
-    return factory(model, **parameters)
+    try:
+        return factory(model, **parameters)
+    except TypeError as error:  # text where a number belongs
+        raise ValueError(f"tracker {name!r} cannot be made with {parameters}: {error}") from None
 
 
 def check_scan(z, p: int) -> np.ndarray:
