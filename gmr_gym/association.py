@@ -8,14 +8,14 @@ from numba import njit
 from scipy.special import gamma
 from scipy.stats import chi2
 
-from gmr_gym.kalman import (
-    Sensor,
-    innovation,
+from gmr_gym.kalman import Sensor, innovation, posterior_into
+from gmr_gym.mixture import (
+    Mixture,
+    cholesky_into,
     log_gaussian_scale,
     mahalanobis_squared,
-    posterior_into,
+    root_determinants,
 )
-from gmr_gym.mixture import Mixture, cholesky_into, root_determinants
 
 
 class Gates(NamedTuple):

@@ -5,7 +5,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from gmr_gym.mixture import LOG_2PI, Mixture, check_covariance, cholesky_into
+from gmr_gym.mixture import (
+    Mixture,
+    check_covariance,
+    cholesky_into,
+    log_gaussian_scale,
+    mahalanobis_squared,
+)
 
 
 class Motion(NamedTuple):
@@ -163,29 +169,6 @@ def posterior_into(P_out, K, W, L, P, H):
             for k in range(p):
                 total -= W[k, r] * W[k, c]
             P_out[r, c] = P_out[c, r] = total
-
-
-@njit(cache=True, error_model="numpy")
-def mahalanobis_squared(L, z, z_hat, y):
-    """(z - z_hat)' S^-1 (z - z_hat) with S = L L'; y (p,) is room to work in."""
-    d2 = 0.0
-    for r in range(len(z)):
-        total = z[r] - z_hat[r]
-        for k in range(r):
-            total -= L[r, k] * y[k]
-        y[r] = total / L[r, r]
-        d2 += y[r] * y[r]
-    return d2
-
-
-@njit(cache=True, error_model="numpy")
-def log_gaussian_scale(L):
-    """log of N(z; z, L L'), the density at its mean."""
-    p = len(L)
-    total = -0.5 * p * LOG_2PI
-    for r in range(p):
-        total -= np.log(L[r, r])
-    return total
 
 
 @njit(cache=True, error_model="numpy")

@@ -147,25 +147,39 @@ def root_determinants(P):
 
 
 @njit(cache=True, error_model="numpy")
+def mahalanobis_squared(L, z, z_hat, y):
+    """(z - z_hat)' S^-1 (z - z_hat) with S = L L'; y (p,) is room to work in."""
+    d2 = 0.0
+    for r in range(len(z)):
+        total = z[r] - z_hat[r]
+        for k in range(r):
+            total -= L[r, k] * y[k]
+        y[r] = total / L[r, r]
+        d2 += y[r] * y[r]
+    return d2
+
+
+@njit(cache=True, error_model="numpy")
+def log_gaussian_scale(L):
+    """log of N(z; z, L L'), the density at its mean."""
+    p = len(L)
+    total = -0.5 * p * LOG_2PI
+    for r in range(p):
+        total -= np.log(L[r, r])
+    return total
+
+
+@njit(cache=True, error_model="numpy")
 def _log_density(w, m, P, x):
     n, d = m.shape
     terms = np.empty((len(x), n))
-    L = np.zeros((d, d))
-    y = np.empty(d)
+    L, y = np.zeros((d, d)), np.empty(d)
     for i in range(n):
-        definite = cholesky_into(L, P[i])
-        log_scale = np.log(w[i]) - 0.5 * d * LOG_2PI if definite else np.nan
-        for r in range(d):
-            log_scale -= np.log(L[r, r])
+        if not cholesky_into(L, P[i]):
+            raise ValueError("a covariance of the mixture is not positive definite")
+        log_scale = np.log(w[i]) + log_gaussian_scale(L)
         for j in range(len(x)):
-            d2 = 0.0
-            for r in range(d):
-                y[r] = x[j, r] - m[i, r]
-                for c in range(r):
-                    y[r] -= L[r, c] * y[c]
-                y[r] /= L[r, r]
-                d2 += y[r] * y[r]
-            terms[j, i] = log_scale - 0.5 * d2
+            terms[j, i] = log_scale - 0.5 * mahalanobis_squared(L, x[j], m[i], y)
     out = np.empty(len(x))
     for j in range(len(x)):
         top = terms[j].max()

@@ -50,18 +50,20 @@ def run(
     Run i draws its episode from (seed, i) alone, whatever the tracker and the number of runs or of
     workers; the results are the same to the last bit on any number of workers, `seconds` apart.
     With a `folder`, finished blocks of runs are kept there, found again by the content of scenario,
-    tracker, seed and version, and not run a second time. progress(done, total) counts runs.
+    tracker, seed and source code, and not run a second time. progress(done, total) counts runs.
     """
     if runs < 1:
         raise ValueError(f"runs must be at least 1, got {runs}")
     if not trackers:
         raise ValueError("trackers must hold at least one tracker")
     tasks = [(name, first) for name in trackers for first in range(0, runs, BLOCK)]
-    files = {
-        (name, first): Path(folder) / _file_name(scenario, trackers[name], seed, first, runs)
-        for name, first in tasks
-        if folder is not None
-    }
+    files = {}
+    if folder is not None:
+        told = {name: joblib.hash((scenario, t, _code(t), seed, __version__)) for name, t in trackers.items()}
+        files = {
+            (name, first): Path(folder) / f"{told[name]}-{first}-{min(first + BLOCK, runs)}.npz"
+            for name, first in tasks
+        }
     results = {task: _load(file) for task, file in files.items() if file.exists()}
     total = runs * len(trackers)
     done = sum(len(result.x) for result in results.values())
@@ -121,11 +123,6 @@ def _block(scenario, tracker, seed, task, runs) -> tuple[tuple[str, int], Runs]:
 def _joined(join: Callable, rows: list) -> Runs:
     """Runs of many rows, field by field."""
     return Runs(*map(join, zip(*rows, strict=True)))
-
-
-def _file_name(scenario: Scenario, tracker: Tracker, seed: int, first: int, runs: int) -> str:
-    content = scenario, tracker, _code(tracker), seed, first, min(first + BLOCK, runs), __version__
-    return f"{joblib.hash(content)}.npz"
 
 
 def _code(tracker: Tracker) -> str:

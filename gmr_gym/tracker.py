@@ -39,7 +39,7 @@ class Tracker(Protocol):
 
 
 def trackers() -> dict[str, str]:
-    """Names of the installed trackers, each with the first sentence of its description."""
+    """Names of the installed trackers, each with the first paragraph of its description."""
     found = {}
     for name, point in sorted(_entry_points().items()):
         doc = inspect.getdoc(point.load()) or ""

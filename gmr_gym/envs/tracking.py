@@ -90,6 +90,7 @@ class TrackingEnv(gym.Env):
         self._episode: Episode
         self._scan: Scan
         self._t = self.scenario.horizon  # no episode is running
+        self._shown = -1  # the scan last emitted
         self._canvas: Canvas | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
@@ -131,12 +132,13 @@ class TrackingEnv(gym.Env):
         if self.render_mode is None:
             gym.logger.warn("render() needs a render_mode: pass render_mode='rgb_array' to make()")
             return None
+        if self._shown < 0:
+            raise RuntimeError("call reset() before render(): nothing has been seen yet")
         from gmr_gym.envs.render import Canvas
 
         if self._canvas is None:
             self._canvas = Canvas(self.scenario, on_screen=self.render_mode == "human")
-        shown = min(self._t, self.scenario.horizon - 1)
-        return self._canvas.draw(self._episode, self._scan, shown, self._estimates)
+        return self._canvas.draw(self._episode, self._scan, self._shown, self._estimates)
 
     def close(self):
         """Close the window, if one is open."""
@@ -150,7 +152,7 @@ class TrackingEnv(gym.Env):
         mask = np.zeros(self._capacity, np.int8)
         if t < self.scenario.horizon:
             self._scan = scan(self.scenario, self._episode, t, self.scenario.centre(estimate))
-            k = len(self._scan.z)
+            self._shown, k = t, len(self._scan.z)
             z[:k] = self._scan.z
             mask[:k] = 1
             origin = np.full(self._capacity, -2)
