@@ -1,34 +1,43 @@
-"""The Kalman filter that is told which detection is the target's: the bound for every score."""
+"""The filter that is told which detection is the target's: the bound for every score."""
 
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from gmr_gym.association import gates
-from gmr_gym.kalman import condition, predict
-from gmr_gym.mixture import Mixture, collapsed
+from gmr_gym.association import expand, gates
+from gmr_gym.mixture import collapsed, moments
 from gmr_gym.model import Model
+from gmr_gym.modes import Modal, carried, spread
+from gmr_gym.reduction import runnalls
 from gmr_gym.tracker import Report, check_scan
 
 
 @dataclass(frozen=True)
 class Clairvoyant:
     """Kalman filter that is told the association: whoever runs it hands it the target's own
-    detection and no clutter. No tracker that has to guess can be expected to do better."""
+    detection and no clutter. No tracker that has to guess can be expected to do better.
+
+    Of several motions it is told nothing: it is then the filter of all model sequences, reduced to
+    `components` by Runnalls.
+    """
 
     model: Model
+    components: int = 30
     told_origin: ClassVar[bool] = True
 
-    def init(self) -> Mixture:
-        return collapsed(self.model.prior)
+    def init(self) -> Modal:
+        return Modal(collapsed(self.model.prior), self.model.mode_prior[None])
 
-    def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
-        z = check_scan(z, len(self.model.sensor.H))
+    def step(self, belief: Modal, z: np.ndarray) -> tuple[Modal, Report]:
+        model = self.model
+        z = check_scan(z, len(model.sensor.H))
         if len(z) > 1:
             raise ValueError(f"the clairvoyant filter takes the target's detection alone, got {len(z)}")
-        belief = predict(belief, self.model.motions[0])
-        looked = gates(belief, self.model.sensor, self.model.gate_probability)
-        if len(z):
-            belief, _ = condition(belief, self.model.sensor, z)
-        return belief, Report(belief.m, belief.P, looked, belief)
+        predicted, mode = spread(belief, model.motions, model.switching)
+        looked = gates(predicted, model.sensor, model.gate_probability)
+        # sure of the detection it is handed, and of nothing where there is none
+        posterior = expand(predicted, looked._replace(size=np.inf), model.sensor, z, 1.0, 1.0, 1.0).mixture
+        belief = carried(posterior, mode, runnalls(posterior, self.components), len(model.motions))
+        mean, covariance = moments(belief.mixture)
+        return belief, Report(mean[None], covariance[None], looked, belief.mixture)

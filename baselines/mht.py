@@ -14,7 +14,7 @@ from gmr_gym.kalman import predict
 from gmr_gym.mixture import Mixture, collapsed, moments, normalised
 from gmr_gym.model import Model
 from gmr_gym.reduction import Reduced
-from gmr_gym.tracker import Report, check_scan
+from gmr_gym.tracker import Report, check_limits, check_scan
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,9 @@ class Mht:
     most: int = 2000  # hypotheses that enter `reduce`, the heaviest, lest a huge scan fill memory
 
     def __post_init__(self):
-        for name in ("prune_weight", "prune_density"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise ValueError(f"{name} must be non-negative and finite, got {getattr(self, name)}")
-        if self.most < 1:
-            raise ValueError(f"most must be at least 1, got {self.most}")
+        check_limits(self.prune_weight, self.most)
+        if not 0 <= self.prune_density < np.inf:
+            raise ValueError(f"prune_density must be non-negative and finite, got {self.prune_density}")
         self.reduce(collapsed(self.model.prior))  # a wrong parameter is an error here, not in a scan
 
     def init(self) -> Mixture:
@@ -42,15 +40,13 @@ class Mht:
     def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
-        predicted = predict(belief, model.motions[0])
+        predicted = predict(belief, model.motion)
         looked = gates(predicted, model.sensor, model.gate_probability)
         posterior = expand(
             predicted, looked, model.sensor, z,
             model.detection_probability, model.gate_probability, model.clutter_density,
         ).mixture  # fmt: skip
-        posterior = normalised(reduction.prune(posterior, self.prune_weight)[0])
-        if len(posterior.w) > self.most:
-            posterior = normalised(reduction.capping(posterior, self.most)[0])
+        posterior = normalised(reduction.heaviest(posterior, self.prune_weight, self.most)[0])
         posterior = normalised(self.reduce(posterior)[0])
         posterior = normalised(reduction.prune_density(posterior, self.prune_density)[0])
         mean, covariance = moments(posterior)

@@ -22,7 +22,7 @@ class NearestNeighbour:
 
     def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
         z = check_scan(z, len(self.model.sensor.H))
-        belief = predict(belief, self.model.motions[0])
+        belief = predict(belief, self.model.motion)
         looked = gates(belief, self.model.sensor, self.model.gate_probability)
         distance = gated_distances(looked, z)[0]
         if len(z) and np.isfinite(distance.min()):

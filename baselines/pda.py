@@ -24,7 +24,7 @@ class Pda:
     def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
-        predicted = predict(belief, model.motions[0])
+        predicted = predict(belief, model.motion)
         looked = gates(predicted, model.sensor, model.gate_probability)
         posterior = expand(
             predicted, looked, model.sensor, z,

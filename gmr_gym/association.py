@@ -52,6 +52,18 @@ def gated_distances(gates: Gates, z: np.ndarray) -> np.ndarray:
     return _gated_distances(*gates, z)
 
 
+def in_any_gate(gates: Gates, z: np.ndarray) -> np.ndarray:
+    """Which of the points z (k, p) lie in at least one gate (k,): the list of detections that every
+    component must explain, where components of unlike motions are to be weighed against each other."""
+    return np.isfinite(gated_distances(gates, z)).any(axis=0)
+
+
+def false_expected(gates: Gates, clutter_density: float) -> float:
+    """False detections expected within one standard deviation of the sharpest prediction: how unsure
+    of its target a tracker is, whatever the size of its gates."""
+    return clutter_density * float(volumes(gates._replace(size=1.0)).min())
+
+
 def volumes(gates: Gates) -> np.ndarray:
     """Area (p = 2) or volume of each gate (n,), in the sensor's units; gates may overlap."""
     p = gates.z.shape[1]

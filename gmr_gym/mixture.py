@@ -79,7 +79,8 @@ def take(p: Mixture, index: np.ndarray) -> Mixture:
 
 def moments(p: Mixture) -> tuple[np.ndarray, np.ndarray]:
     """Mean (d,) and covariance (d, d) of the normalised mixture (D'Ortenzio, eqs. 12, 21, 22)."""
-    return _moments(p.w, p.m, p.P)
+    _, m, P = _matched(p.w, p.m, p.P, np.zeros(len(p.w), np.int64), 1)
+    return m[0], P[0]
 
 
 def collapsed(p: Mixture) -> Mixture:
@@ -88,30 +89,45 @@ def collapsed(p: Mixture) -> Mixture:
     return Mixture(np.array([p.w.sum()]), mean[None], covariance[None])
 
 
+def matched(p: Mixture, group: np.ndarray, count: int) -> Mixture:
+    """Moment match of each of `count` groups: group (n,) holds the group of every component, -1 for
+    none (Zhang, eqs. 4-5). Components that all weigh nothing are matched as if of equal weight."""
+    return Mixture(*_matched(p.w, p.m, p.P, group, count))
+
+
 def log_density(p: Mixture, x: np.ndarray) -> np.ndarray:
     """Log of the mixture at the points x (k, d), shape (k,); the weights are not normalised."""
     return _log_density(p.w, p.m, p.P, x)
 
 
 @njit(cache=True, error_model="numpy")
-def _moments(w, m, P):
+def _matched(w, m, P, group, count):
     n, d = m.shape
-    total = w.sum()
-    mean = np.zeros(d)
+    w_out, m_out, P_out = np.zeros(count), np.zeros((count, d)), np.zeros((count, d, d))
+    members = np.zeros(count)
     for i in range(n):
-        a = w[i] / total
-        for r in range(d):
-            mean[r] += a * m[i, r]
-    covariance = np.zeros((d, d))
+        if group[i] >= 0:
+            w_out[group[i]] += w[i]
+            members[group[i]] += 1.0
+    share = np.zeros(n)
     for i in range(n):
-        a = w[i] / total
+        g = group[i]
+        if g >= 0:
+            share[i] = w[i] / w_out[g] if w_out[g] > 0.0 else 1.0 / members[g]
+            for r in range(d):
+                m_out[g, r] += share[i] * m[i, r]
+    for i in range(n):
+        g = group[i]
+        if g >= 0:
+            for r in range(d):
+                for c in range(r + 1):
+                    spread = (m[i, r] - m_out[g, r]) * (m[i, c] - m_out[g, c])
+                    P_out[g, r, c] += share[i] * (P[i, r, c] + spread)
+    for g in range(count):
         for r in range(d):
-            for c in range(r + 1):
-                covariance[r, c] += a * (P[i, r, c] + (m[i, r] - mean[r]) * (m[i, c] - mean[c]))
-    for r in range(d):
-        for c in range(r):
-            covariance[c, r] = covariance[r, c]
-    return mean, covariance
+            for c in range(r):
+                P_out[g, c, r] = P_out[g, r, c]
+    return w_out, m_out, P_out
 
 
 @njit(cache=True, error_model="numpy")

@@ -2,8 +2,11 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from gmr_gym.kalman import Motion, Sensor
 from gmr_gym.mixture import Mixture
+from gmr_gym.modes import check_switching
 
 
 class Model(NamedTuple):
@@ -15,6 +18,18 @@ class Model(NamedTuple):
     gate_probability: float  # P_G
     clutter_density: float  # expected false detections per unit volume of the sensor's space
     prior: Mixture  # one period before the first scan
+    switching: np.ndarray  # (r, r), column p: probabilities of each mode after mode p
+    mode_prior: np.ndarray  # (r,), probability of each mode one period before the first scan
+
+    @property
+    def motion(self) -> Motion:
+        """The one motion; ValueError where there are several, for trackers that know no modes."""
+        if len(self.motions) > 1:
+            raise ValueError(
+                f"this tracker knows one motion and the model has {len(self.motions)}: choose one with "
+                "modes, such as imm-pda, imm-mht or mmg"
+            )
+        return self.motions[0]
 
 
 def model(
@@ -24,9 +39,15 @@ def model(
     gate_probability: float,
     clutter_density: float,
     prior: Mixture,
+    switching=None,
+    mode_prior=None,
 ) -> Model:
-    """Checked Model. Raises ValueError naming the argument for a probability outside (0, 1], a
-    clutter density that is not positive, or motions, sensor and prior of unlike dimension."""
+    """Checked Model. switching (r, r) may be left out for one motion, and mode_prior (r,) always: all
+    modes are then alike.
+
+    Raises ValueError naming the argument for a probability outside (0, 1], a clutter density that is
+    not positive, motions, sensor and prior of unlike dimension, or a switching matrix whose columns
+    are no distributions."""
     motions = (motions,) if isinstance(motions, Motion) else tuple(motions)
     if not motions:
         raise ValueError("motions must hold at least one Motion")
@@ -45,9 +66,12 @@ def model(
             f"clutter_density must be positive and finite, got {clutter_density}; where there is no "
             "clutter pass a very small density, so that a second detection has an explanation"
         )
+    if switching is None and len(motions) > 1:
+        raise ValueError(f"switching must be given for {len(motions)} motions")
     return Model(
-        motions, sensor, float(detection_probability), float(gate_probability),
-        float(clutter_density), prior,
+        motions, sensor, float(detection_probability), float(gate_probability), float(clutter_density), prior,
+        check_switching([[1.0]] if switching is None else switching, len(motions)),
+        _checked_mode_prior(mode_prior, len(motions)),
     )  # fmt: skip
 
 
@@ -55,3 +79,12 @@ def check_probability(name: str, value: float) -> None:
     """Raise ValueError naming the argument unless value lies in (0, 1]."""
     if not 0 < value <= 1:
         raise ValueError(f"{name} must lie in (0, 1], got {value}")
+
+
+def _checked_mode_prior(mode_prior, modes: int) -> np.ndarray:
+    if mode_prior is None:
+        return np.full(modes, 1 / modes)
+    mode_prior = np.array(mode_prior, float)
+    if mode_prior.shape != (modes,) or not (mode_prior >= 0).all() or abs(mode_prior.sum() - 1) > 1e-9:
+        raise ValueError(f"mode_prior must be {modes} probabilities that sum to 1, got {mode_prior.tolist()}")
+    return mode_prior

@@ -3,7 +3,8 @@
 import os
 import sys
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
@@ -31,7 +32,7 @@ class Runs(NamedTuple):
     components: np.ndarray  # (runs, T), hypotheses kept
     gate_volume: np.ndarray  # (runs, T), mean over the gates
     gated: np.ndarray  # (runs, T), detections in a gate, mean over the gates
-    off_target: np.ndarray  # (runs, T), whether the scenario's loss rule saw the target missed
+    off_target: np.ndarray  # (runs, T), given up, or missed by the scenario's loss rule
     seconds: np.ndarray  # (runs, T), of the tracker alone
 
 
@@ -104,7 +105,7 @@ def run_once(
         rows.append((
             x, report.x[0], report.P[0], len(report.mixture.w), volumes(gates).mean(),
             np.isfinite(gated_distances(gates, z)).sum() / len(gates.z),
-            scenario.off_target(gates, x, target), seconds,
+            not report.alive or scenario.off_target(gates, x, target), seconds,
         ))  # fmt: skip
     return _joined(np.array, rows)
 
@@ -128,12 +129,21 @@ def _joined(join: Callable, rows: list) -> Runs:
 def _code(tracker: Tracker) -> str:
     """Digest of the source that a run depends on, so that an edited tracker is run again."""
     parts = [getattr(tracker, field, None) for field in getattr(tracker, "__dataclass_fields__", ())]
-    functions = [getattr(part, "func", part) for part in parts if callable(part)]
+    functions = [function for part in parts for function in _functions(part)]
     modules = {sys.modules[thing.__module__].__file__ for thing in (type(tracker), *functions)}
     files = sorted(Path(__file__).parent.glob("**/*.py")) + [
         Path(file) for file in sorted(filter(None, modules))
     ]
     return joblib.hash([file.read_bytes() for file in files])
+
+
+def _functions(part) -> Iterator[Callable]:
+    """The function, or those inside a partial one."""
+    if isinstance(part, partial):
+        for inner in (part.func, *part.args, *part.keywords.values()):
+            yield from _functions(inner)
+    elif callable(part):
+        yield part
 
 
 def _save(file: Path, result: Runs) -> None:

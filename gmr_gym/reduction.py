@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.merging import merge_greedily
-from gmr_gym.mixture import Mixture, moments, root_determinants, take
+from gmr_gym.mixture import Mixture, matched, moments, root_determinants
 
 Reduced = tuple[Mixture, np.ndarray]
 
@@ -54,6 +54,16 @@ def prune_density(p: Mixture, density: float) -> Reduced:
     """Drops what has w / sqrt|P| below `density` (gamma~, in units of 1 / sqrt|P|: s^2/m^4 for a
     planar position and velocity), never the heaviest (D'Ortenzio, eq. 16)."""
     return _heavier(p, p.w / root_determinants(p.P), density)
+
+
+def heaviest(p: Mixture, weight: float, most: int) -> Reduced:
+    """What weighs at least `weight`, and of that no more than the `most` heaviest: `prune` and
+    `capping` in one, for the hypotheses that are to enter a reduction."""
+    pruned, origin = prune(p, weight)
+    if len(pruned.w) <= most:
+        return pruned, origin
+    capped, place = capping(pruned, most)
+    return capped, np.where(origin < 0, -1, place[origin])
 
 
 def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
@@ -125,10 +135,7 @@ def _merged(p: Mixture, group: np.ndarray) -> Reduced:
     """Moment match of each group of components: group (n,) holds the index of a member, or -1."""
     used = np.unique(group[group >= 0])
     origin = np.where(group < 0, -1, np.searchsorted(used, group))
-    parts = [take(p, origin == i) for i in range(len(used))]
-    matched = [moments(part) for part in parts]
-    w = np.array([part.w.sum() for part in parts])
-    return Mixture(w, np.array([a for a, _ in matched]), np.array([b for _, b in matched])), origin
+    return matched(p, origin, len(used)), origin
 
 
 @njit(cache=True, error_model="numpy")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,14 @@ from gmr_gym.kalman import Sensor
 from gmr_gym.model import Model
 
 Loss = Callable[[Gates, np.ndarray, np.ndarray], bool]
+CELL = 500.0  # m, side of the squares in which clutter on the ground is drawn
+
+
+class Truth(NamedTuple):
+    """States at scans 1, 2, ... and which of the model's motions led to each."""
+
+    x: np.ndarray  # (T, d)
+    mode: np.ndarray  # (T,), index into model.motions, -1 where the target follows none of them
 
 
 class Window(NamedTuple):
@@ -33,14 +42,15 @@ class Scenario:
 
     A window that follows is centred on the latest submitted estimate carried forward one period. A
     detection of the target outside a window that ends sight is not seen: a lone point there would
-    betray it.
+    betray it. Where there is a region, clutter stands fast on its ground whoever looks, and the window
+    that follows is what is seen of it: only what it covers is ever drawn.
     """
 
     model: Model
-    truth: Callable[[np.random.Generator], np.ndarray]  # states (horizon, d) at scans 1, 2, ...
+    truth: Callable[[np.random.Generator], Truth]
     sensor: Sensor  # the world's own; model.sensor is what the tracker believes
     detection_probability: float
-    clutter_rate: float  # expected false detections a scan
+    clutter_rate: float  # expected false detections in the window, a scan
     window: Window
     horizon: int  # scans
     period: float  # s
@@ -49,6 +59,7 @@ class Scenario:
     off_target: Loss  # (gates, true state, target's detection) -> is the target out of sight?
     patience: int  # scans in a row off target that make a track lost
     cutoff: float  # m, an error beyond counts as this much
+    region: Window | None = None  # where there is clutter and sight, m; None for all of the window
 
     def centre(self, estimate: np.ndarray) -> np.ndarray:
         """Where the window of the next scan is centred after the estimate (d,) of this one: on it,
@@ -64,11 +75,13 @@ class Episode(NamedTuple):
     tracker meets the same world whatever it submits."""
 
     x: np.ndarray  # (T, d), true states
+    mode: np.ndarray  # (T,), the motion that led to each, -1 for none of the model's
     z: np.ndarray  # (T, p), what the sensor would say of them
     detected: np.ndarray  # (T,), whether it does
     slot: np.ndarray  # (T,), in [0, 1): where among the clutter the target's detection stands
     clutter: np.ndarray  # (N, p), in [0, 1): places in the window
     first: np.ndarray  # (T + 1,), scan t has clutter[first[t] : first[t + 1]]
+    ground: np.ndarray  # (2,), key of the clutter that stands fast on the ground
 
 
 class Scan(NamedTuple):
@@ -86,14 +99,16 @@ def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
         np.random.default_rng(np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, i)))
         for i in range(3)
     )
-    x = scenario.truth(for_truth)
+    x, mode = scenario.truth(for_truth)
     H, R = scenario.sensor
     noise = for_detection.standard_normal((len(x), len(R))) @ np.linalg.cholesky(R).T
     detected = for_detection.random(len(x)) < scenario.detection_probability
     slot = for_detection.random(len(x))
-    first = np.append(0, np.cumsum(for_clutter.poisson(scenario.clutter_rate, len(x))))
+    rate = scenario.clutter_rate if scenario.region is None else 0.0
+    first = np.append(0, np.cumsum(for_clutter.poisson(rate, len(x))))
     clutter = for_clutter.random((first[-1], len(R)))
-    return Episode(x, x @ H.T + noise, detected, slot, clutter, first)
+    ground = for_clutter.integers(2**64, size=2, dtype=np.uint64)
+    return Episode(x, mode, x @ H.T + noise, detected, slot, clutter, first, ground)
 
 
 def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Scan:
@@ -105,6 +120,10 @@ def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Sc
     if follows:
         z += centre
         low, high = low + centre, high + centre
+    if scenario.region is not None:
+        low, high = np.maximum(low, scenario.region.low), np.minimum(high, scenario.region.high)
+        density = scenario.clutter_rate / scenario.window.volume
+        z = _on_the_ground(episode.ground, t, density, scenario.region.low, low, high)
     if ends_sight:
         seen = seen and bool(((low <= target) & (target <= high)).all())
     if not seen:
@@ -113,3 +132,25 @@ def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Sc
     origin = np.full(len(z) + 1, -1)
     origin[slot] = 0
     return Scan(np.concatenate((z[:slot], target[None], z[slot:])), origin)
+
+
+def _on_the_ground(key, t, density, corner, low, high) -> np.ndarray:
+    """Clutter of scan t between low and high: a Poisson process, drawn square by square from a stream
+    that each square of the grid about `corner` has to itself."""
+    if not (low < high).all():
+        return np.empty((0, len(low)))
+    squares = [
+        range(int(first), int(last) + 1)
+        for first, last in zip((low - corner) // CELL, (high - corner) // CELL, strict=True)
+    ]
+    bits = np.random.Philox(key=key)
+    draws, fresh = np.random.Generator(bits), bits.state
+    parts = []
+    for at in product(*squares):
+        # the counter's first word counts draws; the others are free to name scan and square
+        fresh["state"]["counter"][:] = (0, t, *at)
+        bits.state = fresh
+        count = draws.poisson(density * CELL ** len(at))
+        parts.append(corner + CELL * (np.array(at) + draws.random((count, len(at)))))
+    z = np.concatenate(parts)
+    return z[((low <= z) & (z <= high)).all(axis=1)]

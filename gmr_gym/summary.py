@@ -108,8 +108,10 @@ def mean(values: np.ndarray) -> Figure:
     if len(values) == 0:
         return Figure(np.nan)
     value = float(np.mean(values))
-    if len(values) < 2 or np.ptp(values) == 0:
-        return Figure(value, value, value) if len(values) > 1 else Figure(value)
+    if len(values) < 2 or not np.isfinite(value):  # gates without end have no mean area
+        return Figure(value)
+    if np.ptp(values) == 0:
+        return Figure(value, value, value)
     interval = bootstrap(
         (values,), np.mean, n_resamples=2000, batch=200, confidence_level=CONFIDENCE,
         method="percentile", rng=np.random.default_rng(0),

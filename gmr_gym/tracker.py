@@ -21,6 +21,7 @@ class Report(NamedTuple):
     P: np.ndarray  # (j, d, d), the covariances it claims for them
     gates: Gates  # where it looked for the target's detection
     mixture: Mixture  # the hypotheses it kept
+    alive: bool = True  # False when it has given the target up, and only coasts
 
 
 class Tracker(Protocol):
@@ -86,6 +87,16 @@ def check_scan(z, p: int) -> np.ndarray:
     if not np.isfinite(z).all():
         raise ValueError(f"z must be finite; row {np.argmin(np.isfinite(z).all(axis=1))} is not")
     return np.ascontiguousarray(z)
+
+
+def check_limits(prune_weight: float, most: int, hopeless: float = np.inf) -> None:
+    """Raise ValueError naming the limit of a tracker's work that is none."""
+    if not 0 <= prune_weight < np.inf:
+        raise ValueError(f"prune_weight must be non-negative and finite, got {prune_weight}")
+    if most < 1:
+        raise ValueError(f"most must be at least 1, got {most}")
+    if not hopeless > 0:
+        raise ValueError(f"hopeless must be positive, got {hopeless}")
 
 
 def _entry_points() -> dict[str, EntryPoint]:

@@ -74,9 +74,9 @@ class Canvas:
 
     def _hypotheses(self, axes, report):
         gates, p = report.gates, report.mixture
-        axes.add_collection(
-            _ellipses(axes, gates.z, gates.S * gates.size, edgecolors="#d0d7de", linewidths=0.8)
-        )
+        if np.isfinite(gates.size):
+            outlines = _ellipses(axes, gates.z, gates.S * gates.size, edgecolors="#d0d7de", linewidths=0.8)
+            axes.add_collection(outlines)
         at = list(self.scenario.position)
         opacity = np.clip(np.sqrt(p.w / p.w.max()), 0.04, 1)
         # 95 % of each hypothesis

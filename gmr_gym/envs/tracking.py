@@ -54,8 +54,9 @@ class TrackingEnv(gym.Env):
     every scan that is left, so that losing early never pays.
 
     ## Info
-    `truth` (d,) and `origin` (capacity,) (0 the target's, -1 clutter, -2 padding) of the scan
-    observed, and after a step `error`, m. They are for scoring and drawing: a policy that reads them cheats.
+    `truth` (d,), `mode` (which of the model's motions led to it, -1 for none of them) and `origin`
+    (capacity,) (0 the target's, -1 clutter, -2 padding) of the scan observed, and after a step `error`, m.
+    They are for scoring and drawing: a policy that reads them cheats.
 
     ## Arguments
     `scenario`: "module:function" that returns a Scenario; every other keyword goes to it.
@@ -157,7 +158,9 @@ class TrackingEnv(gym.Env):
             mask[:k] = 1
             origin = np.full(self._capacity, -2)
             origin[:k] = self._scan.origin
-            info = {"truth": self._episode.x[t].copy(), "origin": origin}
+            info = {
+                "truth": self._episode.x[t].copy(), "mode": int(self._episode.mode[t]), "origin": origin
+            }  # fmt: skip
         else:
             info = {}
         observation = {

@@ -8,7 +8,7 @@ from gmr_gym.kalman import constant_velocity, position_sensor
 from gmr_gym.metrics import truth_outside_gates
 from gmr_gym.mixture import gaussian
 from gmr_gym.model import check_probability, model
-from gmr_gym.simulate import Scenario, Window
+from gmr_gym.simulate import Scenario, Truth, Window
 
 
 def along(
@@ -125,5 +125,5 @@ def following_box(sides) -> Window:
     return Window(-sides / 2, sides / 2, follows=True)
 
 
-def _scripted(x: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    return x
+def _scripted(x: np.ndarray, rng: np.random.Generator) -> Truth:
+    return Truth(x, np.full(len(x), -1))

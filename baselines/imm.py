@@ -1,0 +1,73 @@
+"""An interacting multiple model filter in every hypothesis: IMM+MHT, and with one hypothesis IMM+PDA
+(Zhang and Liu, section 6.3)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmr_gym.association import expand, false_expected, gates, in_any_gate
+from gmr_gym.mixture import Mixture, collapsed, moments, normalised
+from gmr_gym.model import Model
+from gmr_gym.modes import Bank, banked, fused, merged, mixed, moved
+from gmr_gym.reducers import reducer
+from gmr_gym.reduction import Reduced, heaviest
+from gmr_gym.tracker import Report, check_limits, check_scan
+
+
+@dataclass(frozen=True)
+class Imm:
+    """Every hypothesis, an IMM, with every detection gated by any of its filters; hypotheses are pruned
+    and reduced by what their filters fuse to, and merged model by model."""
+
+    model: Model
+    reduce: Callable[[Mixture], Reduced]
+    prune_weight: float = 1e-5
+    most: int = 500  # hypotheses that enter `reduce`, the heaviest
+    # false detections within one deviation of the sharpest prediction beyond which a track is given up:
+    # it then coasts, which bounds the work and is said in the report
+    hopeless: float = 20.0
+
+    def __post_init__(self):
+        check_limits(self.prune_weight, self.most, self.hopeless)
+        self.reduce(collapsed(self.model.prior))  # a wrong parameter is an error here, not in a scan
+
+    def init(self) -> Bank:
+        r, prior = len(self.model.motions), self.model.prior
+        w = self.model.mode_prior[:, None] * prior.w
+        return Bank(w, np.repeat(prior.m[None], r, axis=0), np.repeat(prior.P[None], r, axis=0))
+
+    def step(self, belief: Bank, z: np.ndarray) -> tuple[Bank, Report]:
+        model = self.model
+        z = check_scan(z, len(model.sensor.H))
+        predicted = moved(mixed(belief, model.switching), model.motions)
+        looked = gates(predicted, model.sensor, model.gate_probability)
+        alive = false_expected(looked, model.clutter_density) <= self.hopeless
+        posterior = banked(expand(
+            predicted, looked._replace(size=np.inf), model.sensor, z[in_any_gate(looked, z) & alive],
+            model.detection_probability, model.gate_probability, model.clutter_density,
+        ).mixture, len(model.motions))  # fmt: skip
+        hypotheses, kept = heaviest(fused(posterior), self.prune_weight, self.most)
+        reduced, into = self.reduce(hypotheses)
+        belief = merged(posterior, np.where(kept < 0, -1, into[kept]), len(reduced.w))
+        belief = belief._replace(w=belief.w / belief.w.sum())
+        mixture = normalised(reduced)
+        mean, covariance = moments(mixture)
+        return belief, Report(mean[None], covariance[None], looked, mixture, alive)
+
+
+def imm_pda(model: Model) -> Imm:
+    """Interacting multiple models, in clutter with a PDA in place of each Kalman filter (Zhang, IMM+PDA)."""
+    return Imm(model, _all_in_one, prune_weight=0.0)
+
+
+def imm_mht(
+    model: Model, components: int = 15, reduction: str = "runnalls", prune_weight: float = 1e-5
+) -> Imm:
+    """MHT with an IMM in each hypothesis, reduced to `components` by any `reduction` of what the IMMs
+    fuse to (Zhang, IMM+MHT)."""
+    return Imm(model, reducer(reduction, components), prune_weight)
+
+
+def _all_in_one(p: Mixture) -> Reduced:
+    return collapsed(p), np.zeros(len(p.w), int)

@@ -1,0 +1,198 @@
+"""Targets that switch between motions: Markov modes carried by a mixture, or by a bank of filters.
+
+A switching matrix holds in row q and column p the probability of mode q now, given mode p one scan
+before (Zhang's pi(q, p)): every column sums to 1, which is the transpose of much other code.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym.kalman import Motion, predict
+from gmr_gym.mixture import Mixture, matched
+from gmr_gym.reduction import Reduced
+
+
+class Modal(NamedTuple):
+    """A mixture whose every component knows how likely each mode is, given the component."""
+
+    mixture: Mixture  # n components
+    modes: np.ndarray  # (n, r), rows sum to 1: a_k^j in Zhang's eq. 6
+
+
+class Bank(NamedTuple):
+    """n hypotheses with a filter for each of r modes: w[p, j] is the joint probability of mode p and
+    hypothesis j, and N(m[p, j], P[p, j]) the state given both. An IMM is a bank of one hypothesis."""
+
+    w: np.ndarray  # (r, n)
+    m: np.ndarray  # (r, n, d)
+    P: np.ndarray  # (r, n, d, d)
+
+
+def staying(probability: float, modes: int) -> np.ndarray:
+    """Switching matrix (r, r) that keeps a mode with `probability` and is impartial otherwise."""
+    if not 0 <= probability <= 1:
+        raise ValueError(f"probability must lie in [0, 1], got {probability}")
+    if modes < 1:
+        raise ValueError(f"modes must be at least 1, got {modes}")
+    if modes == 1:
+        return np.ones((1, 1))
+    leaving = (1 - probability) / (modes - 1)
+    return np.full((modes, modes), leaving) + (probability - leaving) * np.eye(modes)
+
+
+def check_switching(switching, modes: int) -> np.ndarray:
+    """The matrix as floats (r, r); ValueError unless every column is a distribution over the modes."""
+    switching = np.array(switching, float)
+    if switching.shape != (modes, modes):
+        raise ValueError(f"switching must have shape {(modes, modes)}, got {switching.shape}")
+    if not ((switching >= 0) & (switching <= 1)).all():
+        raise ValueError("switching must hold probabilities between 0 and 1")
+    totals = switching.sum(axis=0)
+    if not np.allclose(totals, 1, rtol=0, atol=1e-9):
+        rows = switching.sum(axis=1)
+        hint = "; its rows do, so pass the transpose" if np.allclose(rows, 1, rtol=0, atol=1e-9) else ""
+        raise ValueError(
+            f"switching must be column-stochastic, switching[q, p] the probability of mode q after "
+            f"mode p, but its columns sum to {np.round(totals, 6).tolist()}{hint}"
+        )
+    return switching
+
+
+# ---- a mixture that carries its modes (Zhang, section 4) ----
+
+
+def spread(belief: Modal, motions: tuple[Motion, ...], switching: np.ndarray) -> tuple[Mixture, np.ndarray]:
+    """Every component under every motion, and the mode (r n,) of each of the r n components: component
+    j moves by motion p with probability (switching a_j)(p) (Zhang, eq. 8 and Table 1, step 2)."""
+    w = switching @ (belief.modes * belief.mixture.w[:, None]).T
+    predicted = _joined([
+        predict(belief.mixture._replace(w=share), motion) for share, motion in zip(w, motions, strict=True)
+    ])  # fmt: skip
+    return predicted, np.repeat(np.arange(len(motions)), len(belief.mixture.w))
+
+
+def carried(posterior: Mixture, mode: np.ndarray, reduced: Reduced, modes: int) -> Modal:
+    """The reduced mixture with its modes: the share of each mode in what every component is made of
+    (Zhang, eq. 6). mode (N,) is the mode of each posterior component.
+
+    Departs: eq. 6 sums over the components that remain; it is the N before reduction that count.
+    """
+    mixture, origin = reduced
+    alive = origin >= 0
+    into = np.zeros((len(mixture.w), modes))
+    np.add.at(into, (origin[alive], mode[alive]), posterior.w[alive])
+    return Modal(mixture, into / into.sum(axis=1, keepdims=True))
+
+
+def gpb1(posterior: Mixture, mode: np.ndarray) -> Reduced:
+    """Everything merged into one Gaussian: the first-order generalised pseudo-Bayesian merge, all
+    model sequences alike (Ackerson and Fu 1970; Zhang, section 4, GPBn with n = 1)."""
+    return _grouped(posterior, np.zeros(len(mode), np.int64))
+
+
+def gpb2(posterior: Mixture, mode: np.ndarray) -> Reduced:
+    """One Gaussian per current mode: the second-order merge, model sequences alike that end alike
+    (Chang and Athans 1978; Zhang, section 4, GPBn with n = 2)."""
+    return _grouped(posterior, mode)
+
+
+def _grouped(posterior, group):
+    alive = posterior.w > 0
+    used, into = np.unique(group[alive], return_inverse=True)
+    origin = np.full(len(group), -1)
+    origin[alive] = into
+    return matched(posterior, origin, len(used)), origin
+
+
+# ---- a bank of filters in every hypothesis ----
+
+
+def flat(bank: Bank) -> Mixture:
+    """The r n Gaussians of a bank as one mixture, mode by mode."""
+    r, n, d = bank.m.shape
+    return Mixture(bank.w.reshape(-1), bank.m.reshape(r * n, d), bank.P.reshape(r * n, d, d))
+
+
+def banked(p: Mixture, modes: int) -> Bank:
+    """Undoes `flat`: as many hypotheses as there are components for each mode."""
+    d = p.m.shape[1]
+    return Bank(p.w.reshape(modes, -1), p.m.reshape(modes, -1, d), p.P.reshape(modes, -1, d, d))
+
+
+def moved(bank: Bank, motions: tuple[Motion, ...]) -> Mixture:
+    """Every filter carried forward by the motion of its mode; flat, mode by mode."""
+    parts = [predict(Mixture(*filters), motion) for *filters, motion in zip(*bank, motions, strict=True)]
+    return _joined(parts)
+
+
+def mixed(bank: Bank, switching: np.ndarray) -> Bank:
+    """IMM mixing: the mode probabilities one scan on, and for each mode the Gaussian that matches all
+    the modes it may have come from (Blom and Bar-Shalom 1988)."""
+    r, n = bank.w.shape
+    joint = switching[:, :, None] * bank.w  # mode now, mode before, hypothesis
+    into = np.tile(np.arange(r * n).reshape(r, 1, n), (1, r, 1))
+    return banked(matched(_tiled(bank, joint), into.ravel(), r * n), r)
+
+
+def fused(bank: Bank) -> Mixture:
+    """One Gaussian per hypothesis, its modes matched in weight, mean and covariance: the IMM's output
+    (n hypotheses)."""
+    r, n = bank.w.shape
+    return matched(flat(bank), np.tile(np.arange(n), r), n)
+
+
+def mode_probabilities(bank: Bank) -> np.ndarray:
+    """Probability of each mode in each hypothesis (r, n); columns sum to 1."""
+    return bank.w / bank.w.sum(axis=0)
+
+
+def merged(bank: Bank, origin: np.ndarray, count: int) -> Bank:
+    """Hypotheses merged mode by mode into `count`, origin (n,) as a reducer returns it, with the joint
+    weights of hypothesis and mode, so that the grand mean and covariance stay.
+
+    Departs: how two filter banks merge is not said in Zhang, section 6.3 ("approximated by the fusion
+    output of IMM"); fused output alone would lose the modes.
+    """
+    r = len(bank.w)
+    group = np.where(origin < 0, -1, origin + count * np.arange(r)[:, None]).ravel()
+    return banked(matched(flat(bank), group, r * count), r)
+
+
+def floored(probabilities: np.ndarray, floor: float) -> np.ndarray:
+    """Mode probabilities (r,) or (r, n), each column raised to at least `floor` and still summing to 1,
+    so that no filter of an MMAE is ever shut out (Maybeck and Smith 2005). What the raised ones need
+    is taken from the others in proportion.
+
+    Raises ValueError unless floor lies in [0, 1 / r).
+    """
+    r = len(probabilities)
+    if not 0 <= floor < 1 / r:
+        raise ValueError(f"floor must lie in [0, 1 / {r}) for {r} modes, got {floor}")
+    out = probabilities / probabilities.sum(axis=0)
+    for _ in range(r):  # scaling the others down may bring one more of them to the floor
+        low = out <= floor
+        rest = np.where(low, 0.0, out)
+        out = np.where(low, floor, rest * (1 - floor * low.sum(axis=0)) / rest.sum(axis=0))
+    return out
+
+
+def mmae_weights(probabilities: np.ndarray, log_likelihood: np.ndarray, floor: float = 0.0) -> np.ndarray:
+    """Mode probabilities (r,) or (r, n) after a scan that mode p explains with log_likelihood[p]: Bayes'
+    rule without switching, floored (Maybeck's multiple model adaptive estimation)."""
+    with np.errstate(divide="ignore"):
+        log_w = np.log(probabilities) + log_likelihood
+    if np.isneginf(log_w).all(axis=0).any():
+        raise ValueError("log_likelihood calls every mode impossible")
+    return floored(np.exp(log_w - log_w.max(axis=0)), floor)
+
+
+def _joined(parts: list[Mixture]) -> Mixture:
+    return Mixture(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+def _tiled(bank, joint):
+    r, n, d = bank.m.shape
+    m = np.broadcast_to(bank.m, (r, r, n, d)).reshape(-1, d)
+    P = np.broadcast_to(bank.P, (r, r, n, d, d)).reshape(-1, d, d)
+    return Mixture(joint.ravel(), m, P)

@@ -1,0 +1,45 @@
+"""Reductions by name, as a tracker's parameter `reduction` takes them."""
+
+from collections.abc import Callable
+from difflib import get_close_matches
+from functools import partial
+from importlib import import_module
+
+from gmr_gym.clustering import hierarchical, k_means, k_medoids
+from gmr_gym.greedy_isd import greedy_isd
+from gmr_gym.ise import integral_squared_error
+from gmr_gym.reduction import adaptive, capping, runnalls, salmond, west
+
+MEASURES = ("isd", "correlation", "runnalls")
+REDUCERS: dict[str, Callable] = {
+    "runnalls": runnalls,
+    "greedy-isd": greedy_isd,
+    "adaptive": partial(adaptive, loss_bound=0.05),
+    "ise": integral_squared_error,
+    "salmond": salmond,
+    "west": west,
+    "capping": capping,
+    "k-means": k_means,
+    **{f"k-medoids-{measure}": partial(k_medoids, measure=measure) for measure in MEASURES},
+    **{
+        f"{linkage}-{measure}": partial(hierarchical, linkage=linkage, measure=measure)
+        for linkage in ("average", "complete", "single")
+        for measure in MEASURES
+    },
+}
+
+
+def reducer(name: str, components: int) -> partial:
+    """The reduction of that name to `components`, to be called with a mixture. A name with a colon,
+    "module:function", is a function of (mixture, components) of your own.
+
+    Raises ValueError for an unknown name, with the nearest there is.
+    """
+    module, colon, function = name.partition(":")
+    if colon:
+        return partial(getattr(import_module(module), function), components=components)
+    if name not in REDUCERS:
+        near = get_close_matches(name, REDUCERS, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise ValueError(f"unknown reduction {name!r}{hint} (there are {', '.join(REDUCERS)})")
+    return partial(REDUCERS[name], components=components)

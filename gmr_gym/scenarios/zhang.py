@@ -1,0 +1,138 @@
+"""Zhang and Liu, "Single maneuvering target tracking in clutter based on multiple model algorithm with
+Gaussian mixture reduction", section 6.1: a target that switches between constant accelerations."""
+
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from gmr_gym.kalman import Motion, motion, sensor
+from gmr_gym.metrics import truth_outside_gates
+from gmr_gym.mixture import gaussian
+from gmr_gym.model import Model, check_probability, model
+from gmr_gym.modes import staying
+from gmr_gym.scenarios.planar import fixed_box, following_box
+from gmr_gym.simulate import Scenario, Truth
+
+PERIOD = 1.0  # s
+# [px, py, vx, vy], m and m/s. Departs: the states are in the order of the other scenarios, the paper's
+# is [x, vx, y, vy]; y_0 is printed as 2 000 000
+START = (250_000.0, 200_000.0, -100.0, -300.0)
+PRIOR = (1000.0, 1000.0, 10.0, 10.0)  # m^2 and m^2/s^2, the diagonal of P_0
+SENSOR_VARIANCE = 10.0  # m^2
+ACCELERATIONS = ((0.0, 0.0), (0.0, 2.0), (2.0, 0.0), (0.0, -2.0), (-2.0, 0.0))  # Table 2, m/s^2
+SCANS = 45
+# Departs: when and to what the target switches is not given beyond "at k = 16 and k = 30"; scans 1 to
+# 15 are the first model's, 16 to 29 and 30 to 45 another's, each of the others equally likely
+SWITCHES = (16, 30)
+# Departs: not given; a mode lasts fifteen scans on average, as it does in the truth
+STAY = 14 / 15
+# Departs: both cases print 3e-3, which puts 150 false detections into the first gate and loses every
+# track; 1e-3 is the most that anything survives
+CLUTTER = {"1": 1e-4, "2": 3e-4, "stress": 1e-3, "clear": 0.0}  # m^-2
+GATE = 25.0  # squared Mahalanobis distance; the paper gives none
+MARGIN = 2750.0  # m, of the region about the nominal path: 10 km by 19 km
+
+
+def jump_markov(
+    case: str = "1",
+    clutter_density: float | None = None,
+    detection_probability: float = 1.0,
+    process_variance: float = 1.0,
+    discretisation: str = "printed",
+    accelerations=ACCELERATIONS,
+    stay: float = STAY,
+    window=(1000.0, 1000.0),
+) -> Scenario:
+    """The paper's scenario, every number of it open to change; the filter's models are the truth's.
+
+    case: "1", "2", "stress" or "clear", that is 1e-4, 3e-4, 1e-3 or no false detections per m^2;
+    clutter_density, if given, takes its place.
+    process_variance: Q is this times the identity; (m/s)^2 as printed, (m/s^2)^2 in the standard form.
+    discretisation: "printed", B = [0; T] and G = [T; 1] per axis, or "standard", both [T^2/2; T].
+    accelerations: (r, 2), m/s^2, one model each; the target starts with the first.
+    stay: probability of keeping a model, as the filter is told; the others share the rest.
+    window: (width, height), m, of the view about the submitted estimate on clutter that fills a region
+    of 10 km by 19 km and stands fast on its ground.
+    """
+    if clutter_density is None:
+        if case not in CLUTTER:
+            raise ValueError(f"case must be one of {', '.join(CLUTTER)}, got {case!r}")
+        clutter_density = CLUTTER[case]
+    view = following_box(window)
+    rate = clutter_density * view.volume
+    if not 0 <= rate <= 1e5:
+        raise ValueError(f"clutter must be between 0 and 1e5 points a scan in the window, got {rate:g}")
+    check_probability("detection_probability", detection_probability)
+    motions = _motions(accelerations, process_variance, discretisation)
+    told = model(
+        motions,
+        sensor(np.eye(2, 4), SENSOR_VARIANCE * np.eye(2)),
+        detection_probability,
+        # a target at acquisition that falls outside every gate would be lost for good: the gates leave
+        # out 4 in a million, and a miss keeps that weight at P_D = 1. Without clutter nothing is gated
+        gate_probability=float(-np.expm1(-GATE / 2)) if rate > 0 else 1.0,
+        clutter_density=max(clutter_density, np.finfo(float).tiny),
+        prior=gaussian(START, np.diag(PRIOR)),
+        switching=staying(stay, len(motions)),
+    )
+    return Scenario(
+        model=told,
+        truth=partial(_jumping, told),
+        sensor=told.sensor,
+        detection_probability=detection_probability,
+        clutter_rate=float(rate),
+        window=view,
+        horizon=SCANS,
+        period=PERIOD,
+        position=(0, 1),
+        velocity=(2, 3),
+        off_target=partial(truth_outside_gates, told.sensor.H),
+        patience=1,
+        cutoff=100.0,
+        region=_region(),
+    )
+
+
+def _motions(accelerations, process_variance, discretisation) -> tuple[Motion, ...]:
+    """Eq. 1 with the matrices of section 6.1. Departs: F is printed as diag(1, T, 1, T), and G under
+    the name of F."""
+    accelerations = np.array(accelerations, float)
+    if accelerations.ndim != 2 or accelerations.shape[1] != 2 or len(accelerations) == 0:
+        raise ValueError(f"accelerations must have shape (r, 2) with r >= 1, got {accelerations.shape}")
+    if not (np.abs(accelerations) <= 100).all():
+        raise ValueError("accelerations must be finite and within 100 m/s^2")
+    if not 0 < process_variance < np.inf:
+        raise ValueError(f"process_variance must be positive and finite, got {process_variance}")
+    T, eye = PERIOD, np.eye(2)
+    columns = {
+        "printed": ((0.0, T), (T, 1.0)),
+        "standard": ((T**2 / 2, T), (T**2 / 2, T)),
+    }
+    if discretisation not in columns:
+        raise ValueError(f"discretisation must be one of {', '.join(columns)}, got {discretisation!r}")
+    B, G = (np.vstack([position * eye, velocity * eye]) for position, velocity in columns[discretisation])
+    F = np.block([[eye, T * eye], [np.zeros((2, 2)), eye]])
+    Q = process_variance * G @ G.T
+    return tuple(motion(F, Q, B @ u) for u in accelerations)
+
+
+def _jumping(told: Model, rng: np.random.Generator) -> Truth:
+    """One truth: the first model, then at each switch one of the others, and the process noise of all."""
+    mode = np.zeros(SCANS, int)
+    for first, last in pairwise((*SWITCHES, SCANS + 1)):
+        others = np.delete(np.arange(len(told.motions)), mode[first - 2])
+        mode[first - 1 : last - 1] = rng.choice(others) if len(others) else 0
+    x = rng.multivariate_normal(told.prior.m[0], told.prior.P[0], method="cholesky")
+    states = np.empty((SCANS, len(x)))
+    for t, p in enumerate(mode):
+        F, Q, offset = told.motions[p]
+        x = rng.multivariate_normal(F @ x + offset, Q, method="eigh")  # Q is singular
+        states[t] = x
+    return Truth(states, mode)
+
+
+def _region():
+    start = np.array(START)
+    path = start[:2] + np.outer((0, SCANS * PERIOD), start[2:])
+    return fixed_box(path.min(axis=0) - MARGIN, path.max(axis=0) + MARGIN)
