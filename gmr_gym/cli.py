@@ -17,6 +17,7 @@ from gmr_gym.data import flight_names
 from gmr_gym.envs import ENVIRONMENTS
 from gmr_gym.montecarlo import Runs, run
 from gmr_gym.output import (
+    claims_grid,
     comparison,
     console,
     grid,
@@ -31,7 +32,10 @@ from gmr_gym.simulate import Scenario, draw
 from gmr_gym.summary import differences, summary
 from gmr_gym.tracker import Tracker, make_tracker, trackers
 
-PAPERS = {"dortenzio": "adaptive reduction of a single target's hypotheses: Tables 1-4, Fig. 1"}
+PAPERS = {
+    "dortenzio": "adaptive reduction of a single target's hypotheses: Tables 1-4, Fig. 1",
+    "zhang": "models and hypotheses of a manoeuvring target reduced jointly: cases 1 and 2, Figs. 1-2",
+}
 
 app = typer.Typer(
     add_completion=False,
@@ -118,23 +122,29 @@ def reproduce(
         if name not in known:
             raise ValueError(f"{paper} has no table {name!r}; choose from {', '.join(known)}")
     out = out or Path("results") / paper
-    screen, records = console(), []
+    screen, records, evidence = console(), [], {}
     for name in table or known:
         entry = known[name]
         scenario = _scenario(entry.env_id, entry.settings)
-        candidates = {
-            tracker: make_tracker(tracker, scenario.model, **parameters)
-            for tracker, parameters in entry.trackers.items()
-        }
+        candidates = {}
+        for spec, parameters in entry.trackers.items():
+            tracker, further = _spec(spec)
+            candidates[spec] = make_tracker(tracker, scenario.model, **parameters, **further)
         results = _run(f"table {name}", scenario, candidates, runs, seed, jobs, out)
-        record = table_record(name, entry.settings, summary(scenario, results), entry, runs)
+        rows = entry.summarise(scenario, results)
+        record = table_record(name, entry.settings, rows, entry, runs)
         records.append(record)
-        screen.print(comparison(f"{paper}, table {name}: {entry.title}; {runs} runs", record))
+        title = f"{paper}, table {name}: {entry.title}; {runs} runs"
+        screen.print(comparison(title, record, entry.columns))
         write_runs(out / f"runs-{name}.csv", scenario, results)
-        if name == "1":
-            module.figure(scenario, results, out / "figure-1.png")
+        module.figures(entry, scenario, results, rows, out)
+        if entry.evidence:
+            evidence[name] = entry.evidence(scenario, results)
         del results  # a table of a thousand runs is a hundred megabytes
     record = {"paper": paper, "seed": seed, "runs": runs, "tables": records}
+    if evidence:
+        record["claims"] = module.claims(evidence)
+        screen.print(claims_grid(record["claims"]))
     for file in filter(None, (out / f"{paper}.json", json_file)):
         write_json(file, record)
     write_csv(out / f"{paper}.csv", record)

@@ -34,8 +34,8 @@ def dissimilarity(p: Mixture, measure: str) -> np.ndarray:
         good to about 1e-16 of the integral of the square of the two.
         Departs: the line below eq. 3 prints + Jfg, which is not the square it expands.
     correlation: 1 - <Ni, Nj> / sqrt(<Ni, Ni> <Nj, Nj>), in [0, 1]; weights play no part.
-    runnalls: the cost B of merging the two (D'Ortenzio, eq. 13), infinite beyond some 1e8 standard
-        deviations.
+    runnalls: the cost B of merging the two (D'Ortenzio, eq. 13), infinite where they lie so many
+        standard deviations apart, some 1e8, that it is lost in rounding.
     """
     _check("measure", measure, MEASURES)
     if measure == "isd":

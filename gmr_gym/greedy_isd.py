@@ -27,7 +27,7 @@ def greedy_isd(p: Mixture, components: int) -> Reduced:
 
     def groups(q, components):
         # about the mean, merged means keep the digits that their differences are made of
-        return _merge_nearest(q.w.copy(), pack(q.m - moments(q)[0], q.P), components)
+        return _merge_nearest(q.w, pack(q.m - moments(q)[0], q.P), components)
 
     return merged_by(groups, p, components)
 

@@ -27,20 +27,28 @@ def nees(error: np.ndarray, P: np.ndarray) -> np.ndarray:
     return np.einsum("...i,...i->...", error, np.linalg.solve(P, error[..., None])[..., 0])
 
 
-def credibility(error: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Noncredibility index and inclination (T,), dB, of errors (runs, T, d) with the covariances
-    P (runs, T, d, d) a filter claims for them (Li and Zhao 2006):
+def credibility(
+    error: np.ndarray, claimed: np.ndarray, weight: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Noncredibility index and inclination (T,), dB, of errors (runs, T, d) whose normalised squares
+    e' P^-1 e by the covariances a filter claims are `claimed` (runs, T), see `nees` (Li and Zhao 2006;
+    Zhang, section 6.2):
 
         rho = 10 log10((e' P^-1 e) / (e' C^-1 e)),  C the mean of e e' over the runs
 
     index = mean |rho|, 0 for a filter as good as it says; inclination = mean rho, above 0 for one
-    that is worse than it says. Not a number at a scan whose C is singular, as with fewer runs than states.
+    that is worse than it says. All means are weighted by weight (runs,) where it is given. Not a number
+    at a scan whose C is singular, as with fewer runs than states.
     """
     runs, scans, d = error.shape
+    share = np.full(runs, 1 / max(runs, 1)) if weight is None else weight / weight.sum()
     if runs == 0:
         return np.full(scans, np.nan), np.full(scans, np.nan)
-    C = np.einsum("ati,atj->tij", error, error) / runs
-    C[np.linalg.matrix_rank(C, hermitian=True) < d] = np.nan
-    actual = nees(error, np.broadcast_to(C, (runs, *C.shape)))
-    rho = 10 * np.log10(nees(error, P) / actual)
-    return np.abs(rho).mean(axis=0), rho.mean(axis=0)
+    e = error.transpose(1, 2, 0)
+    C = (share * e) @ e.transpose(0, 2, 1)
+    known = np.linalg.matrix_rank(C, hermitian=True) == d
+    whitener = np.full_like(C, np.nan)
+    whitener[known] = np.linalg.solve(np.linalg.cholesky(C[known]), np.eye(d))
+    actual = ((whitener @ e) ** 2).sum(axis=1).T
+    rho = 10 * np.log10(claimed / actual)
+    return share @ np.abs(rho), share @ rho

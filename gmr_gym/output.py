@@ -3,6 +3,7 @@
 import csv
 import json
 import sys
+from collections.abc import Iterable, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -23,10 +24,14 @@ HEADINGS = {
     "error_own": "error own, m", "error_common": "error common, m",
     "velocity_rmse_own": "velocity RMSE, m/s", "anees_own": "ANEES", "nci_own": "NCI, dB",
     "inclination_own": "inclination, dB", "components": "components",
-    "gate_area": "gate area, m²", "time_per_scan": "time a scan, ms",
+    "gate_area": "gate area, m²", "time_per_scan": "time a scan, ms", "time_worst": "longest, ms",
+    "rmse_all": "RMSE all, m", "velocity_rmse_all": "velocity RMSE all, m/s",
+    "velocity_rmse_common": "velocity RMSE common, m/s", "nci_all": "NCI all, dB",
+    "nci_common": "NCI common, dB", "inclination_all": "inclination all, dB",
+    "inclination_common": "inclination common, dB",
 }  # fmt: skip
 LEFT_TO_FILES = {"rmse_common", "error_own", "inclination_own"}  # a screen is only so wide
-SCALE = {"track_loss": 100, "time_per_scan": 1e3}
+SCALE = {"track_loss": 100, "time_per_scan": 1e3, "time_worst": 1e3}
 
 
 RUN_COLUMNS = (
@@ -43,9 +48,8 @@ def grid(title: str, rows: dict[str, dict[str, Figure]]) -> Grid:
     return table
 
 
-def comparison(title: str, record: dict[str, Any]) -> Grid:
+def comparison(title: str, record: dict[str, Any], metrics: Sequence[str]) -> Grid:
     """A table of `table_record`: our figure, and under it the printed one with its verdict."""
-    metrics = ["track_loss", "components", "rmse_own", "error_common", "time_per_scan", "gate_area"]
     table = _empty_grid(title, metrics)
     for row in record["rows"]:
         cells = []
@@ -60,11 +64,29 @@ def comparison(title: str, record: dict[str, Any]) -> Grid:
     return table
 
 
-def _empty_grid(title: str, metrics: list[str]) -> Grid:
+def claims_grid(records: list[dict[str, Any]]) -> Grid:
+    """What a paper says, by table and set of runs: the number, its interval and the verdict."""
+    table = _titled_grid(
+        "what the paper says", ["table", "runs", "claim", "measure", "value", "holds above", "verdict"]
+    )
+    for record in records:
+        figure = Figure(*(np.nan if record[key] is None else record[key] for key in Figure._fields))
+        table.add_row(
+            record["table"], record["runs"], record["claim"], record["measure"],
+            _shown("", figure), f"{record['threshold']:g}", record["verdict"],
+        )  # fmt: skip
+    return table
+
+
+def _empty_grid(title: str, metrics: Sequence[str]) -> Grid:
+    return _titled_grid(title, ["tracker", *(HEADINGS[metric] for metric in metrics)])
+
+
+def _titled_grid(title: str, headings: list[str]) -> Grid:
     terminal = Console().is_terminal
     style = box.SIMPLE_HEAD if terminal else box.ASCII2
     table = Grid(title=title, title_justify="left", show_lines=terminal, box=style)
-    for heading in ["tracker", *(HEADINGS[metric] for metric in metrics)]:
+    for heading in headings:
         table.add_column(heading)
     return table
 
@@ -77,19 +99,26 @@ def _shown(metric: str, figure: Figure) -> str:
 
 def write_runs(file: Path, scenario: Scenario, results: dict[str, Runs]) -> None:
     """One row per tracker and run; nothing in it depends on the clock."""
+    rows = []
+    for tracker, runs in results.items():
+        position, velocity = errors(scenario, runs)
+        lost = lost_at(runs.off_target, scenario.patience) + 1
+        figures = np.stack([
+            np.sqrt((position**2).mean(axis=1)), position.mean(axis=1),
+            np.sqrt((velocity**2).mean(axis=1)),
+            runs.components.mean(axis=1), runs.gate_volume.mean(axis=1),
+        ], axis=1)  # fmt: skip
+        rows += [[tracker, i, lost[i] or "", *row] for i, row in enumerate(figures.tolist())]
+    write_rows(file, RUN_COLUMNS, rows)
+
+
+def write_rows(file: Path, header: Sequence[str], rows: Iterable[Sequence]) -> None:
+    """A CSV file; floats keep all their digits."""
+    file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("w", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(RUN_COLUMNS)
-        for tracker, runs in results.items():
-            position, velocity = errors(scenario, runs)
-            lost = lost_at(runs.off_target, scenario.patience) + 1
-            figures = np.stack([
-                np.sqrt((position**2).mean(axis=1)), position.mean(axis=1),
-                np.sqrt((velocity**2).mean(axis=1)),
-                runs.components.mean(axis=1), runs.gate_volume.mean(axis=1),
-            ], axis=1)  # fmt: skip
-            for i, row in enumerate(figures.tolist()):
-                writer.writerow([tracker, i, lost[i] or "", *map(repr, row)])
+        writer.writerow(header)
+        writer.writerows(rows)
 
 
 def write_json(file: Path, record: dict[str, Any]) -> None:
@@ -100,14 +129,14 @@ def write_json(file: Path, record: dict[str, Any]) -> None:
 
 def write_csv(file: Path, record: dict[str, Any]) -> None:
     """A paper's record, one figure a line."""
-    with file.open("w", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["table", "tracker", "metric", "value", "low", "high", "paper", "verdict"])
-        for table in record["tables"]:
-            for row in table["rows"]:
-                for metric, cell in row["metrics"].items():
-                    keys = ("value", "low", "high", "paper", "verdict")
-                    writer.writerow([table["name"], row["tracker"], metric, *(cell.get(key) for key in keys)])
+    keys = ("value", "low", "high", "paper", "verdict")
+    rows = [
+        [table["name"], row["tracker"], metric, *(cell.get(key) for key in keys)]
+        for table in record["tables"]
+        for row in table["rows"]
+        for metric, cell in row["metrics"].items()
+    ]
+    write_rows(file, ("table", "tracker", "metric", *keys), rows)
 
 
 def console() -> Console:

@@ -5,12 +5,11 @@ from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
 
-from gmr_gym.clustering import hierarchical, k_means, k_medoids
+from gmr_gym.clustering import LINKAGES, MEASURES, hierarchical, k_means, k_medoids
 from gmr_gym.greedy_isd import greedy_isd
 from gmr_gym.ise import integral_squared_error
 from gmr_gym.reduction import adaptive, capping, runnalls, salmond, west
 
-MEASURES = ("isd", "correlation", "runnalls")
 REDUCERS: dict[str, Callable] = {
     "runnalls": runnalls,
     "greedy-isd": greedy_isd,
@@ -23,7 +22,7 @@ REDUCERS: dict[str, Callable] = {
     **{f"k-medoids-{measure}": partial(k_medoids, measure=measure) for measure in MEASURES},
     **{
         f"{linkage}-{measure}": partial(hierarchical, linkage=linkage, measure=measure)
-        for linkage in ("average", "complete", "single")
+        for linkage in LINKAGES
         for measure in MEASURES
     },
 }

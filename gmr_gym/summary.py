@@ -50,9 +50,10 @@ def summary(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[s
         position, velocity = errors(scenario, runs)
         error = runs.x - runs.truth
         mine = own[name]
-        index, inclination = credibility(error[mine], runs.P[mine])
+        claimed = nees(error, runs.P)
+        index, inclination = credibility(error[mine], claimed[mine])
         defined = np.isfinite(index)  # a scripted start leaves too little spread in the first scan
-        consistency = nees(error, runs.P).mean(axis=1) / error.shape[-1]
+        consistency = claimed.mean(axis=1) / error.shape[-1]
         rows[name] = {
             "track_loss": proportion(int((~mine).sum()), len(mine)),
             "rmse_own": _root(mean((position[mine] ** 2).mean(axis=1))),

@@ -48,7 +48,7 @@ def test_credibility_is_the_direct_loop():
     error, P = rng.standard_normal((runs, scans, d)), np.empty((runs, scans, d, d))
     for t in range(scans):
         P[:, t] = reference.random_mixture(rng, runs, d)[2]
-    index, inclination = credibility(error, P)
+    index, inclination = credibility(error, nees(error, P))
     for t in range(scans):
         C = sum(np.outer(e, e) for e in error[:, t]) / runs
         rho = [
@@ -64,11 +64,11 @@ def test_credibility_is_zero_for_the_truth_and_a_factor_in_decibels_for_a_boast(
     error = rng.standard_normal((50, 4, 3))
     C = np.einsum("ati,atj->tij", error, error) / 50
     for claimed, decibels in ((1.0, 0.0), (0.1, 10.0), (100.0, -20.0)):
-        index, inclination = credibility(error, np.broadcast_to(claimed * C, (50, 4, 3, 3)))
+        index, inclination = credibility(error, nees(error, np.broadcast_to(claimed * C, (50, 4, 3, 3))))
         np.testing.assert_allclose(inclination, decibels, atol=1e-9)  # above 0: worse than it says
         np.testing.assert_allclose(index, abs(decibels), atol=1e-9)
     for few in (0, 2):
-        index, inclination = credibility(error[:few], np.broadcast_to(np.eye(3), (few, 4, 3, 3)))
+        index, inclination = credibility(error[:few], (error[:few] ** 2).sum(axis=-1))
         assert index.shape == (4,) and np.isnan(index).all() and np.isnan(inclination).all()
 
 

@@ -1,13 +1,20 @@
-"""Published tables, run again: the paper's figures beside ours, with a verdict on each."""
+"""Published tables, run again: the paper's figures beside ours, with a verdict on each; and what a paper
+says of its curves, as numbers.
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+A paper's module holds TABLES; `figures(table, scenario, results, rows, out)` for its plots; and, where a
+table keeps evidence, `claims(evidence by table)`.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import norm
 
-from gmr_gym.summary import CONFIDENCE, Figure
+from gmr_gym.summary import CONFIDENCE, Figure, summary
+
+COLUMNS = ("track_loss", "components", "rmse_own", "error_common", "time_per_scan", "gate_area")
 
 
 @dataclass(frozen=True)
@@ -19,8 +26,34 @@ class Table:
     env_id: str
     settings: dict[str, Any]  # of the environment
     trackers: dict[str, dict[str, Any]]  # name -> parameters
-    published: dict[str, dict[str, float]]  # tracker -> metric -> figure
-    runs: int  # behind the published figures
+    published: dict[str, dict[str, float]] = field(default_factory=dict)  # tracker -> metric -> figure
+    runs: int = 1000  # behind the published figures
+    summarise: Callable = summary  # (scenario, results) -> rows of figures
+    columns: tuple[str, ...] = COLUMNS  # the metrics shown on a screen
+    evidence: Callable | None = None  # (scenario, results) -> what the paper's claims need of them
+
+
+class Claim(NamedTuple):
+    """A sentence of a paper as a number: it holds where the number lies above the threshold."""
+
+    sentence: str
+    measure: str
+    threshold: float
+    value: Callable[..., float]
+
+
+def judged(claim: Claim, figure: Figure, **about: str) -> dict[str, Any]:
+    """A claim as plain data: "holds" or "fails" when the interval leaves no doubt of the side of the
+    threshold, else "tie"; "unknown" without an interval."""
+    if not np.isfinite(figure.low):
+        verdict = "unknown"
+    elif figure.low > claim.threshold:
+        verdict = "holds"
+    else:
+        verdict = "fails" if figure.high < claim.threshold else "tie"
+    record: dict[str, Any] = {**about, "claim": claim.sentence, "measure": claim.measure}
+    numbers = {key: _number(value) for key, value in figure._asdict().items()}
+    return record | numbers | {"threshold": claim.threshold, "verdict": verdict}
 
 
 def verdict(figure: Figure, runs: int, printed: float, printed_runs: int, share: bool) -> str:

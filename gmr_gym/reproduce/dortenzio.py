@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Drawing
 from gmr_gym.montecarlo import Runs
 from gmr_gym.reproduce import Table
 from gmr_gym.simulate import Scenario
-from gmr_gym.summary import kept
+from gmr_gym.summary import Figure, kept
 
 ENV_ID = "gmr_gym/TurningTarget-v0"
 
@@ -66,9 +66,17 @@ TABLES = (
 )  # fmt: skip
 
 
-def figure(scenario: Scenario, results: Mapping[str, Runs], out: Path) -> None:
-    """Fig. 1: one run's paths, hypotheses kept and detections per gate, written to `out`. The run
-    is the first in which capping alone loses the target, as in the paper, or else the first."""
+def figures(
+    table: Table,
+    scenario: Scenario,
+    results: Mapping[str, Runs],
+    rows: Mapping[str, Mapping[str, Figure]],
+    out: Path,
+) -> None:
+    """Fig. 1, from Table 1: one run's paths, hypotheses kept and detections per gate. The run is the
+    first in which capping alone loses the target, as in the paper, or else the first."""
+    if table.name != "1":
+        return
     lost = {name: ~kept(scenario, runs) for name, runs in results.items()}
     alike = np.logical_and.reduce([
         lost[name] if name.startswith("capping") else ~lost[name] for name in lost
@@ -89,5 +97,4 @@ def figure(scenario: Scenario, results: Mapping[str, Runs], out: Path) -> None:
     paths.legend(fontsize=8)
     components.set(title="(b) hypotheses kept", xlabel="scan")
     gated.set(title="(c) mean detections per gate", xlabel="scan")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    drawing.savefig(out, dpi=120)
+    drawing.savefig(out / "figure-1.png", dpi=120)
