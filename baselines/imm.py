@@ -6,13 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmr_gym.association import expand, false_expected, gates, in_any_gate
+from gmr_gym.association import expand, false_expected, gates, in_any_gate, possible
 from gmr_gym.mixture import Mixture, collapsed, moments, normalised
 from gmr_gym.model import Model
 from gmr_gym.modes import Bank, banked, fused, merged, mixed, moved
 from gmr_gym.reducers import reducer
 from gmr_gym.reduction import Reduced, heaviest
 from gmr_gym.tracker import Report, check_limits, check_scan
+
+ALL = 10**9  # hypotheses: those that are only matched cost no more than they are many
 
 
 @dataclass(frozen=True)
@@ -23,9 +25,9 @@ class Imm:
     model: Model
     reduce: Callable[[Mixture], Reduced]
     prune_weight: float = 1e-5
-    most: int = 500  # hypotheses that enter `reduce`, the heaviest
-    # false detections within one deviation of the sharpest prediction beyond which a track is given up:
-    # it then coasts, which bounds the work and is said in the report
+    most: int = 500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
+    # false detections within one deviation of its predictions beyond which a track is given up: it then
+    # coasts, which bounds the work and is said in the report
     hopeless: float = 20.0
 
     def __post_init__(self):
@@ -41,10 +43,11 @@ class Imm:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         predicted = moved(mixed(belief, model.switching), model.motions)
-        looked = gates(predicted, model.sensor, model.gate_probability)
-        alive = false_expected(looked, model.clutter_density) <= self.hopeless
+        every = gates(predicted, model.sensor, model.gate_probability)
+        looked = possible(every, predicted.w)
+        alive = false_expected(every, predicted.w, model.clutter_density) <= self.hopeless
         posterior = banked(expand(
-            predicted, looked._replace(size=np.inf), model.sensor, z[in_any_gate(looked, z) & alive],
+            predicted, every._replace(size=np.inf), model.sensor, z[in_any_gate(looked, z) & alive],
             model.detection_probability, model.gate_probability, model.clutter_density,
         ).mixture, len(model.motions))  # fmt: skip
         hypotheses, kept = heaviest(fused(posterior), self.prune_weight, self.most)
@@ -58,7 +61,7 @@ class Imm:
 
 def imm_pda(model: Model) -> Imm:
     """Interacting multiple models, in clutter with a PDA in place of each Kalman filter (Zhang, IMM+PDA)."""
-    return Imm(model, _all_in_one, prune_weight=0.0)
+    return Imm(model, _all_in_one, prune_weight=0.0, most=ALL)
 
 
 def imm_mht(

@@ -8,13 +8,15 @@ from functools import partial
 import numpy as np
 
 from gmr_gym import modes
-from gmr_gym.association import expand, false_expected, gates, in_any_gate
+from gmr_gym.association import expand, false_expected, gates, in_any_gate, possible
 from gmr_gym.mixture import Mixture, moments, normalised
 from gmr_gym.model import Model
 from gmr_gym.modes import Modal, carried, spread
 from gmr_gym.reducers import reducer
 from gmr_gym.reduction import Reduced, capping, heaviest
 from gmr_gym.tracker import Report, check_limits, check_scan
+
+ALL = 10**9  # hypotheses: those that are only matched cost no more than they are many
 
 
 @dataclass(frozen=True)
@@ -25,9 +27,9 @@ class Mmg:
     model: Model
     reduce: Callable[[Mixture, np.ndarray], Reduced]  # of the posterior and the mode of each component
     prune_weight: float = 1e-5
-    most: int = 500  # hypotheses that enter `reduce`, the heaviest
-    # false detections within one deviation of the sharpest prediction beyond which a track is given up:
-    # it then coasts, which bounds the work and is said in the report
+    most: int = 500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
+    # false detections within one deviation of its predictions beyond which a track is given up: it then
+    # coasts, which bounds the work and is said in the report
     hopeless: float = 20.0
 
     def __post_init__(self):
@@ -44,10 +46,11 @@ class Mmg:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         predicted, mode = spread(belief, model.motions, model.switching)
-        looked = gates(predicted, model.sensor, model.gate_probability)
-        alive = false_expected(looked, model.clutter_density) <= self.hopeless
+        every = gates(predicted, model.sensor, model.gate_probability)
+        looked = possible(every, predicted.w)
+        alive = false_expected(every, predicted.w, model.clutter_density) <= self.hopeless
         posterior, parent, _ = expand(
-            predicted, looked._replace(size=np.inf), model.sensor, z[in_any_gate(looked, z) & alive],
+            predicted, every._replace(size=np.inf), model.sensor, z[in_any_gate(looked, z) & alive],
             model.detection_probability, model.gate_probability, model.clutter_density,
         )  # fmt: skip
         posterior, kept = heaviest(posterior, self.prune_weight, self.most)
@@ -67,13 +70,13 @@ def mmg(model: Model, components: int = 15, reduction: str = "runnalls", prune_w
 
 def gpb1(model: Model) -> Mmg:
     """First-order generalised pseudo-Bayesian filter: one Gaussian; in clutter every filter is a PDA."""
-    return Mmg(model, modes.gpb1, prune_weight=0.0)
+    return Mmg(model, modes.gpb1, prune_weight=0.0, most=ALL)
 
 
 def gpb2(model: Model) -> Mmg:
     """Second-order generalised pseudo-Bayesian filter: one Gaussian per model, each moved by every model;
     in clutter every filter is a PDA."""
-    return Mmg(model, modes.gpb2, prune_weight=0.0)
+    return Mmg(model, modes.gpb2, prune_weight=0.0, most=ALL)
 
 
 def b_best(model: Model, components: int = 15) -> Mmg:

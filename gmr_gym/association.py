@@ -52,16 +52,21 @@ def gated_distances(gates: Gates, z: np.ndarray) -> np.ndarray:
     return _gated_distances(*gates, z)
 
 
+def possible(gates: Gates, w: np.ndarray) -> Gates:
+    """The gates of components that weigh anything, w (n,): an impossible mode looks nowhere."""
+    return gates if (w > 0).all() else Gates(gates.z[w > 0], gates.S[w > 0], gates.size)
+
+
 def in_any_gate(gates: Gates, z: np.ndarray) -> np.ndarray:
     """Which of the points z (k, p) lie in at least one gate (k,): the list of detections that every
     component must explain, where components of unlike motions are to be weighed against each other."""
     return np.isfinite(gated_distances(gates, z)).any(axis=0)
 
 
-def false_expected(gates: Gates, clutter_density: float) -> float:
-    """False detections expected within one standard deviation of the sharpest prediction: how unsure
-    of its target a tracker is, whatever the size of its gates."""
-    return clutter_density * float(volumes(gates._replace(size=1.0)).min())
+def false_expected(gates: Gates, w: np.ndarray, clutter_density: float) -> float:
+    """False detections expected within one standard deviation of a prediction, on average over
+    components of weights w (n,): how unsure of its target a tracker is, whatever the size of its gates."""
+    return clutter_density * float(w @ volumes(gates._replace(size=1.0)) / w.sum())
 
 
 def volumes(gates: Gates) -> np.ndarray:

@@ -27,6 +27,7 @@ from gmr_gym.output import (
     write_runs,
 )
 from gmr_gym.play import play
+from gmr_gym.reducers import REDUCERS
 from gmr_gym.reproduce import table_record
 from gmr_gym.simulate import Scenario, draw
 from gmr_gym.summary import differences, summary
@@ -64,6 +65,7 @@ def list_() -> None:
         ("environments", dict.fromkeys(ENVIRONMENTS, "")),
         ("segments of gmr_gym/RecordedFlight-v0", dict.fromkeys(flight_names(), "")),
         ("trackers", trackers()),
+        ("reductions, as in mmg-15:reduction=runnalls", dict.fromkeys(REDUCERS, "")),
         ("papers", PAPERS),
     ):
         screen.print(f"[bold]{title}[/bold]")

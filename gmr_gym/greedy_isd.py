@@ -110,7 +110,7 @@ def take_in(i, j, group, table, nearest, least):
 @njit(cache=True, error_model="numpy")
 def numbered(group):
     """Groups (n,) named by their first member, numbered in the order of these."""
-    number, count = np.empty(len(group), np.int64), 0
+    number, count = np.full(len(group), -1), 0
     for i in range(len(group)):
         number[i] = count if group[i] == i else number[group[i]]
         count += group[i] == i

@@ -91,7 +91,11 @@ def collapsed(p: Mixture) -> Mixture:
 
 def matched(p: Mixture, group: np.ndarray, count: int) -> Mixture:
     """Moment match of each of `count` groups: group (n,) holds the group of every component, -1 for
-    none (Zhang, eqs. 4-5). Components that all weigh nothing are matched as if of equal weight."""
+    none (Zhang, eqs. 4-5). Components that all weigh nothing are matched as if of equal weight.
+
+    Raises ValueError for a group beyond the count."""
+    if group.max(initial=-1) >= count:
+        raise ValueError(f"group names group {group.max()}, but there are only {count}")
     return Mixture(*_matched(p.w, p.m, p.P, group, count))
 
 

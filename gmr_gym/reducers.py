@@ -32,13 +32,16 @@ def reducer(name: str, components: int) -> partial:
     """The reduction of that name to `components`, to be called with a mixture. A name with a colon,
     "module:function", is a function of (mixture, components) of your own.
 
-    Raises ValueError for an unknown name, with the nearest there is.
+    Raises ValueError for an unknown name, with the nearest there is, and for a function not found.
     """
-    module, colon, function = name.partition(":")
+    module, colon, function = str(name).partition(":")
     if colon:
-        return partial(getattr(import_module(module), function), components=components)
+        try:
+            return partial(getattr(import_module(module), function), components=components)
+        except (ImportError, AttributeError, ValueError) as error:
+            raise ValueError(f"reduction {name!r} is no function that can be imported: {error}") from None
     if name not in REDUCERS:
-        near = get_close_matches(name, REDUCERS, n=1)
+        near = get_close_matches(str(name), REDUCERS, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise ValueError(f"unknown reduction {name!r}{hint} (there are {', '.join(REDUCERS)})")
     return partial(REDUCERS[name], components=components)

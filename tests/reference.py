@@ -1,16 +1,16 @@
 """Slow, transparent forms that the package is compared with: textbook formulae in plain numpy;
-and one world, made of the package's own records, that keeps its word to the tracker."""
+and models and a world, made of the package's own records, that keep their word to the tracker."""
 
 from functools import partial
 from itertools import product
 
 import numpy as np
 
-from gmr_gym.kalman import constant_velocity, position_sensor
+from gmr_gym.kalman import constant_velocity, motion, position_sensor
 from gmr_gym.metrics import truth_outside_gates
-from gmr_gym.mixture import gaussian
+from gmr_gym.mixture import gaussian, mixture
 from gmr_gym.model import model
-from gmr_gym.simulate import Scenario, Window
+from gmr_gym.simulate import Scenario, Truth, Window
 
 
 def random_mixture(rng, n, d, spread=3.0, total=1.0):
@@ -121,25 +121,29 @@ def west(w, m, P, components):
 
 
 def every_history(told, scans):
-    """Exact posterior of the last state, one component per history of associations: for each prior
-    component and each choice of a detection or none in every scan, the states of all scans are one
-    joint Gaussian, conditioned at once on all the detections chosen. Gates must leave nothing out.
+    """Exact posterior of the last state, one component per history of motions and associations: for
+    each prior component, each sequence of motions and each choice of a detection or none in every
+    scan, the states of all scans are one joint Gaussian, conditioned at once on all the detections
+    chosen. Gates must leave nothing out; a sure target is missed in empty scans alone.
 
     Returns weights (N,), means (N, d), covariances (N, d, d) and the histories, tuples
-    (prior component, choice in scan 1, ...) with -1 for none.
+    (prior component, motions of scans 1, 2, ..., choices in them) with -1 for no detection.
     """
-    (motion,), (H, R) = told.motions, told.sensor
-    choices = [range(-1, len(z)) for z in scans]
-    histories = list(product(range(len(told.prior.w)), *choices))
+    H, R = told.sensor
+    missed = 1 - told.detection_probability
+    choices = [range(-1 if missed > 0 or len(z) == 0 else 0, len(z)) for z in scans]
+    sequences = product(range(len(told.motions)), repeat=len(scans))
+    histories = list(product(range(len(told.prior.w)), sequences, product(*choices)))
     w, m, P = [], [], []
-    for component, *chosen in histories:
-        mean, covariance = joint_states(told.prior.m[component], told.prior.P[component], motion, len(scans))
-        weight = told.prior.w[component]
+    for component, sequence, chosen in histories:
+        motions = [told.motions[p] for p in sequence]
+        mean, covariance = joint_states_along(told.prior.m[component], told.prior.P[component], motions)
+        weight = told.prior.w[component] * sequence_probability(told, sequence)
         rows, seen = [], []
         for t, (j, z) in enumerate(zip(chosen, scans, strict=True)):
             false = len(z) - (j >= 0)
             weight *= told.clutter_density**false
-            weight *= told.detection_probability if j >= 0 else 1 - told.detection_probability
+            weight *= told.detection_probability if j >= 0 else missed
             if j >= 0:
                 rows.append(np.kron(np.eye(len(scans))[t], H))
                 seen.append(z[j])
@@ -149,7 +153,7 @@ def every_history(told, scans):
             weight *= gaussian_density(z, G @ mean, S)
             K = covariance @ G.T @ np.linalg.inv(S)
             mean, covariance = mean + K @ (z - G @ mean), covariance - K @ S @ K.T
-        d = len(motion.F)
+        d = H.shape[1]
         w.append(weight)
         m.append(mean[-d:])
         P.append(covariance[-d:, -d:])
@@ -157,19 +161,141 @@ def every_history(told, scans):
     return w / w.sum(), np.array(m), np.array(P), histories
 
 
+def sequence_probability(told, sequence):
+    """Probability of the motions of scans 1, 2, ..., summed over the mode before the first scan."""
+    total = 0.0
+    for before, chance in enumerate(told.mode_prior):
+        for now in sequence:
+            chance *= told.switching[now, before]
+            before = now
+        total += chance
+    return total
+
+
+def last_mode(w, histories, modes):
+    """Probability of each mode in the last scan (r,), from the histories of `every_history`."""
+    return np.array([
+        sum(a for a, (_, sequence, _) in zip(w, histories, strict=True) if sequence[-1] == p)
+        for p in range(modes)
+    ])  # fmt: skip
+
+
 def joint_states(m, P, motion, scans):
     """Mean (scans d,) and covariance of the states at scans 1, 2, ..., stacked."""
-    d = len(m)
+    return joint_states_along(m, P, [motion] * scans)
+
+
+def joint_states_along(m, P, motions):
+    """The same where every scan has a motion of its own."""
+    d, scans = len(m), len(motions)
     mean, covariance = np.zeros(scans * d), np.zeros((scans * d, scans * d))
-    for t in range(scans):
-        m, P = kalman_predict(m, P, *motion)
+    for t, move in enumerate(motions):
+        m, P = kalman_predict(m, P, *move)
         now = slice(t * d, (t + 1) * d)
         mean[now], covariance[now, now] = m, P
         for s in range(t):
             then, before = slice(s * d, (s + 1) * d), slice((t - 1) * d, t * d)
-            covariance[now, then] = motion.F @ covariance[before, then]
+            covariance[now, then] = move.F @ covariance[before, then]
             covariance[then, now] = covariance[now, then].T
     return mean, covariance
+
+
+# ---- one scan of the textbook's multiple model filters ----
+# `update` takes a predicted mean and covariance and returns likelihood, mean and covariance. Mode
+# weights come back as joint densities of mode and scan: they sum to the likelihood of the scan.
+
+
+def kalman(m, P, told, z):
+    """Likelihood, mean and covariance of a filter that is given its detection z (p,)."""
+    H, R = told.sensor
+    return gaussian_density(z, H @ m, H @ P @ H.T + R), *kalman_update(m, P, H, R, z)
+
+
+def pda(m, P, told, z):
+    """Likelihood of the detections z (k, p) relative to clutter alone, (1 - P_D P_G) + sum P_D N / density,
+    and the mean and covariance over who is the target's."""
+    w, means, covariances = [1 - told.detection_probability * told.gate_probability], [m], [P]
+    for row in z:
+        density, m_hit, P_hit = kalman(m, P, told, row)
+        w.append(told.detection_probability * density / told.clutter_density)
+        means.append(m_hit)
+        covariances.append(P_hit)
+    return moment_match(np.array(w), np.array(means), np.array(covariances))
+
+
+def imm_step(w, m, P, told, update):
+    """Mixing probabilities, mixing, filtering, mode probabilities: w (r,), m (r, d), P (r, d, d) of
+    the filters before the scan and after it (Bar-Shalom, Li and Kirubarajan 2001, section 11.6)."""
+    modes, after = range(len(w)), []
+    for q in modes:
+        ahead = sum(told.switching[q, p] * w[p] for p in modes)
+        mixing = np.array([told.switching[q, p] * w[p] / ahead for p in modes])
+        _, mean, covariance = moment_match(mixing, m, P)
+        likelihood, mean, covariance = update(*kalman_predict(mean, covariance, *told.motions[q]))
+        after.append((ahead * likelihood, mean, covariance))
+    return tuple(map(np.array, zip(*after, strict=True)))
+
+
+def gpb1_step(w, m, P, told, update):
+    """Mode weights w (r,) and the one Gaussian m (d,), P (d, d), moved by each motion and merged
+    (Bar-Shalom, Li and Kirubarajan 2001, section 11.6)."""
+    modes, after = range(len(w)), []
+    for q in modes:
+        ahead = sum(told.switching[q, p] * w[p] for p in modes)
+        likelihood, mean, covariance = update(*kalman_predict(m, P, *told.motions[q]))
+        after.append((ahead * likelihood, mean, covariance))
+    w, means, covariances = map(np.array, zip(*after, strict=True))
+    return w, *moment_match(w, means, covariances)[1:]
+
+
+def gpb2_step(w, m, P, told, update):
+    """As in `imm_step`, but every filter moved by every motion, r^2 in all, and merged after the scan
+    into one for each mode now (Bar-Shalom, Li and Kirubarajan 2001, section 11.6)."""
+    modes, after = range(len(w)), []
+    for q in modes:
+        branches = []
+        for p in modes:
+            likelihood, mean, covariance = update(*kalman_predict(m[p], P[p], *told.motions[q]))
+            branches.append((told.switching[q, p] * w[p] * likelihood, mean, covariance))
+        after.append(moment_match(*map(np.array, zip(*branches, strict=True))))
+    return tuple(map(np.array, zip(*after, strict=True)))
+
+
+def jumping_model(seed, modes, axes=1, parents=1, detection_probability=1.0, gate_probability=1.0):
+    """A Model whose motions differ in F, Q and offset, that switches more readily one way than back,
+    with modes that are not alike at the start."""
+    rng, d = np.random.default_rng(seed), 2 * axes
+    F = constant_velocity(1.0, 1.0, axes).F
+    motions = tuple(
+        motion(
+            F + 0.1 * rng.standard_normal((d, d)),
+            0.3 * random_mixture(rng, 1, d)[2][0],
+            2 * rng.standard_normal(d),
+        )
+        for _ in range(modes)
+    )
+    return model(
+        motions, position_sensor(1.0, axes), detection_probability, gate_probability, 0.02,
+        mixture(*random_mixture(rng, parents, d)),
+        switching=rng.dirichlet(np.ones(modes), modes).T, mode_prior=rng.dirichlet(np.ones(modes)),
+    )  # fmt: skip
+
+
+def flown(told, scans, rng, clutter=0, reach=8.0):
+    """Detections (k, p) of `scans` scans of a target drawn from the model, shuffled among `clutter`
+    false ones within `reach` of where it is."""
+    H, R = told.sensor
+    x = rng.multivariate_normal(told.prior.m[0], told.prior.P[0])
+    mode, out = rng.choice(len(told.motions), p=told.mode_prior), []
+    for _ in range(scans):
+        mode = rng.choice(len(told.motions), p=told.switching[:, mode])
+        F, Q, offset = told.motions[mode]
+        x = rng.multivariate_normal(F @ x + offset, Q)
+        z = H @ x + rng.uniform(-reach, reach, (clutter, len(H)))
+        if rng.random() < told.detection_probability:
+            z = np.vstack([z, rng.multivariate_normal(H @ x, R)])
+        out.append(rng.permutation(z))
+    return out
 
 
 def world_of_its_word(horizon=10, clutter_rate=160.0, gate_probability=0.9999):
@@ -193,4 +319,4 @@ def _truth_of(told, horizon, rng):
     for _ in range(horizon):
         x = rng.multivariate_normal(told.motions[0].F @ x, told.motions[0].Q)
         states.append(x)
-    return np.array(states)
+    return Truth(np.array(states), np.zeros(horizon, int))

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 import reference
 
-from gmr_gym.association import Gates, expand, gate_size, gated_distances, gates, volumes
+from gmr_gym.association import (
+    Gates,
+    expand,
+    false_expected,
+    gate_size,
+    gated_distances,
+    gates,
+    in_any_gate,
+    possible,
+    volumes,
+)
 from gmr_gym.kalman import sensor
 from gmr_gym.mixture import Mixture, gaussian, mixture
 
@@ -63,6 +73,38 @@ def test_volume_is_that_of_the_interval_the_ellipse_and_the_ellipsoid():
         half_axes = [np.prod(np.arange(1.0, p + 1)), 3.0**p]
         looked = Gates(np.zeros((2, p)), S, 4.0)
         np.testing.assert_allclose(volumes(looked), unit * 2.0**p * np.array(half_axes), rtol=1e-12)
+
+
+@pytest.mark.parametrize("p", [1, 2, 3])
+def test_a_detection_is_listed_when_at_least_one_gate_holds_it(p):
+    predicted, see, z = random_case(p, k=200, p=p)
+    looked = gates(predicted, see, 0.6)
+    got = in_any_gate(looked, z)
+    held = [
+        [reference.mahalanobis_squared(row, c, S) <= looked.size for c, S in zip(*looked[:2], strict=True)]
+        for row in z
+    ]
+    assert got.shape == (200,) and got.tolist() == [any(row) for row in held]
+    assert 0 < got.mean() < 1 and any(any(row) and not all(row) for row in held)
+    assert in_any_gate(looked, np.empty((0, p))).shape == (0,)
+    assert in_any_gate(looked._replace(size=np.inf), z).all()
+
+
+@pytest.mark.parametrize(("p", "ball"), [(1, 2), (2, np.pi), (3, 4 / 3 * np.pi)])
+def test_false_detections_are_expected_within_one_deviation_of_the_predictions_by_weight(p, ball):
+    S = np.array([9 * np.eye(p), 4 * np.eye(p), 25 * np.eye(p)])
+    looked, w = Gates(np.zeros((3, p)), S, 30.0), np.array([3.0, 1.0, 0.0])
+    expected = 0.01 * ball * (3 * 3.0**p + 2.0**p) / 4
+    assert false_expected(looked, w, 0.01) == pytest.approx(expected, rel=1e-12)
+    assert false_expected(looked._replace(size=np.inf), w, 0.01) == false_expected(looked, w, 0.01)
+
+
+def test_components_that_weigh_nothing_look_nowhere():
+    looked = Gates(np.arange(6.0).reshape(3, 2), np.array([np.eye(2) * i for i in (1, 2, 3)]), 30.0)
+    left = possible(looked, np.array([0.5, 0.0, 0.5]))
+    np.testing.assert_array_equal(left.z, looked.z[[0, 2]])
+    np.testing.assert_array_equal(left.S, looked.S[[0, 2]])
+    assert left.size == 30.0 and possible(looked, np.ones(3)) is looked
 
 
 @pytest.mark.parametrize("seed", range(4))

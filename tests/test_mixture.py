@@ -9,6 +9,7 @@ from gmr_gym.mixture import (
     collapsed,
     gaussian,
     log_density,
+    matched,
     mixture,
     moments,
     normalised,
@@ -30,6 +31,38 @@ def test_moments_are_the_textbooks_whatever_the_weights_sum_to(d, total):
     one = collapsed(Mixture(w, m, P))
     assert one.w == pytest.approx(total, rel=1e-12)
     assert (one.m[0] == mean).all() and (one.P[0] == covariance).all()
+
+
+@pytest.mark.parametrize("d", [1, 2, 4])
+@pytest.mark.parametrize("total", [1.0, 1e-200, 40.0])
+def test_every_group_is_matched_in_weight_mean_and_covariance(d, total):
+    w, m, P = reference.random_mixture(np.random.default_rng(d), 12, d, total=total)
+    group = np.array([2, 0, -1, 2, 1, 0, 0, -1, 2, 0, 0, 2])  # -1 belongs to none
+    got = matched(Mixture(w, m, P), group, 3)
+    for g in range(3):
+        members = group == g
+        weight, mean, covariance = reference.moment_match(w[members], m[members], P[members])
+        # sums of a few terms of order 10: rounding alone
+        assert got.w[g] == pytest.approx(weight, rel=1e-12)
+        np.testing.assert_allclose(got.m[g], mean, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(got.P[g], covariance, rtol=1e-12, atol=1e-12)
+        assert (got.P[g] == got.P[g].T).all()
+
+
+def test_group_of_one_is_left_as_it_was():
+    p = Mixture(*reference.random_mixture(np.random.default_rng(5), 3, 2))
+    got = matched(p, np.array([1, 2, 0]), 3)
+    for a, b in zip(got, take(p, np.array([2, 0, 1])), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_group_that_weighs_nothing_is_matched_as_if_of_equal_weight():
+    w, m, P = reference.random_mixture(np.random.default_rng(6), 5, 2)
+    got = matched(Mixture(w * [0, 1, 0, 1, 0], m, P), np.array([0, 1, 0, 1, 0]), 2)
+    _, mean, covariance = reference.moment_match(np.ones(3), m[::2], P[::2])
+    assert got.w.tolist() == [0, w[1] + w[3]]
+    np.testing.assert_allclose(got.m[0], mean, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(got.P[0], covariance, rtol=1e-12, atol=1e-12)
 
 
 def test_covariance_far_from_the_origin_keeps_its_digits():

@@ -10,6 +10,7 @@ from gmr_gym.mixture import Mixture, take
 from gmr_gym.reduction import (
     adaptive,
     capping,
+    heaviest,
     prune,
     prune_density,
     runnalls,
@@ -30,6 +31,7 @@ MERGING = {
 DROPPING = {
     "capping": lambda p: capping(p, 3),
     "prune": lambda p: prune(p, 0.1 * p.w.sum()),
+    "heaviest": lambda p: heaviest(p, 0.05 * p.w.sum(), 4),
     "prune_density": lambda p: prune_density(p, 0.05 * p.w.sum()),
 }
 EVERY = MERGING | DROPPING
@@ -255,6 +257,22 @@ def test_prune_drops_what_is_lighter_but_never_the_heaviest():
     assert prune(p, 0.5)[1].tolist() == [-1, 0, -1, -1]
     assert prune(p, 0.0)[1].tolist() == [0, 1, 2, -1]
     assert prune(p, 0.2)[0].w.tolist() == [0.4, 0.2]
+
+
+def test_heaviest_prunes_first_and_caps_what_is_left():
+    p = random_mixture(0, 6, 1)._replace(w=np.array([0.05, 0.3, 0.15, 0.3, 0.0, 0.2]))
+    for weight, most, wanted in (
+        (0.1, 2, [-1, 0, -1, 1, -1, -1]),
+        (0.1, 3, [-1, 0, -1, 1, -1, 2]),
+        (0.1, 9, [-1, 0, 1, 2, -1, 3]),
+        (0.0, 9, [0, 1, 2, 3, -1, 4]),
+        (0.25, 1, [-1, 0, -1, -1, -1, -1]),
+        (0.5, 3, [-1, 0, -1, -1, -1, -1]),  # never nothing
+    ):
+        kept, origin = heaviest(p, weight, most)
+        assert origin.tolist() == wanted
+        for a, b in zip(kept, take(p, origin >= 0), strict=True):
+            np.testing.assert_array_equal(a, b)
 
 
 def test_prune_density_compares_the_peak_of_each_component():

@@ -9,20 +9,35 @@ import reference
 from scipy.stats import chi2
 
 from baselines.clairvoyant import Clairvoyant
-from baselines.mht import Mht, adaptive, capping, runnalls
+from baselines.mht import Mht, runnalls
 from baselines.nearest_neighbour import NearestNeighbour
 from baselines.pda import Pda
 from gmr_gym import reduction
-from gmr_gym.kalman import constant_velocity, position_sensor
+from gmr_gym.kalman import Motion, constant_velocity, position_sensor
 from gmr_gym.metrics import nees
 from gmr_gym.mixture import gaussian, mixture, moments
 from gmr_gym.model import model
+from gmr_gym.modes import staying
 from gmr_gym.montecarlo import run, run_once
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.tracker import Report, make_tracker, trackers
 
 WORLD = reference.world_of_its_word()
 TOLD = turning_target().model
+F, Q, _ = TOLD.motions[0]
+# the same target, that may also speed up along x, or along y and with little noise; seldom back
+SWITCHING = TOLD._replace(
+    motions=(
+        *TOLD.motions,
+        Motion(F, Q, np.array([2.0, 0.0, 4.0, 0.0])),
+        Motion(F, 0.01 * Q, np.array([0.0, -2.0, 0.0, -4.0])),
+    ),
+    switching=np.array([[0.7, 0.1, 0.0], [0.2, 0.8, 0.1], [0.1, 0.1, 0.9]]),
+    mode_prior=np.array([0.5, 0.3, 0.2]),
+)
+KNOW_ONE_MOTION = {
+    "adaptive", "capping", "ise", "nearest-neighbour", "pda", "runnalls", "salmond", "west",
+}  # fmt: skip
 
 
 def told_origin(tracker):
@@ -110,9 +125,12 @@ def test_nearest_neighbour_takes_the_nearest_by_the_innovations_own_measure():
 def test_without_clutter_and_with_sure_detection_every_tracker_is_the_kalman_filter():
     world = replace(WORLD, clutter_rate=0.0, detection_probability=1.0)
     told = world.model._replace(detection_probability=1.0, gate_probability=1.0, clutter_density=1e-12)
-    bound = run_once(world, Clairvoyant(told), 2).x
-    for build in (NearestNeighbour, Pda, runnalls, capping, adaptive):
-        np.testing.assert_allclose(run_once(world, build(told), 2).x, bound, rtol=1e-9, atol=1e-9)
+    bound = run_once(world, Clairvoyant(told), 2)
+    for name in trackers():
+        got = run_once(world, make_tracker(name, told), 2)
+        # the same arithmetic in another order, over ten scans of coordinates of some 100 m
+        np.testing.assert_allclose(got.x, bound.x, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(got.P, bound.P, rtol=1e-9, atol=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -152,7 +170,8 @@ def test_clairvoyant_refuses_two_detections():
 
 def test_trackers_lists_the_projects_own_with_a_sentence_each():
     found = trackers()
-    assert {"adaptive", "capping", "clairvoyant", "ise", "nearest-neighbour", "pda", "runnalls"} <= set(found)
+    with_modes = {"b-best", "clairvoyant", "gpb1", "gpb2", "imm", "imm-mht", "imm-pda", "mmg"}
+    assert KNOW_ONE_MOTION | with_modes <= set(found)
     assert all(len(sentence) > 20 for sentence in found.values())
 
 
@@ -168,9 +187,10 @@ def test_number_at_the_end_of_a_name_is_the_most_components_it_keeps():
     ("name", "parameters", "message"),
     [
         ("runnals-30", {}, "unknown tracker 'runnals-30'; did you mean 'runnalls'"),
-        ("nearest", {}, "unknown tracker 'nearest'.*installed: adaptive, capping"),
+        ("nearest", {}, "unknown tracker 'nearest'.*installed: adaptive, b-best, capping"),
         ("", {}, "unknown tracker ''"),
         ("runnalls", {"component": 3}, "no parameter 'component'; it takes components, prune_weight"),
+        ("imm-mth-5", {}, "unknown tracker 'imm-mth-5'; did you mean 'imm-mht'"),
         ("pda-5", {}, "tracker 'pda' takes no parameter 'components'; it takes none"),
         ("runnalls-0", {}, "components must be at least 1, got 0"),
         ("adaptive", {"loss_bound": 2.0}, r"loss_bound must lie in \[0, 1\]"),
@@ -188,6 +208,13 @@ def test_mht_needs_room_for_one_hypothesis():
         Mht(TOLD, partial(reduction.capping, components=3), most=0)
 
 
+@pytest.mark.parametrize("name", sorted(KNOW_ONE_MOTION))
+def test_tracker_that_knows_one_motion_refuses_several(name):
+    tracker = make_tracker(name, SWITCHING)
+    with pytest.raises(ValueError, match=r"knows one motion and the model has 3.*imm-pda, imm-mht or mmg"):
+        tracker.step(tracker.init(), np.empty((0, 2)))
+
+
 def checked(report, d=4):
     """The report, sound: finite, of the right shapes, with covariances that are covariances."""
     assert isinstance(report, Report)
@@ -201,9 +228,27 @@ def checked(report, d=4):
     return report
 
 
+def arrays(belief):
+    """Every array of a belief, whatever records it is made of."""
+    if isinstance(belief, np.ndarray):
+        return [belief]
+    return [array for part in belief for array in arrays(part)]
+
+
 @pytest.fixture(params=sorted(trackers()))
-def tracker(request):
+def of_one_motion(request):
     return make_tracker(request.param, TOLD)
+
+
+@pytest.fixture(
+    params=[
+        pytest.param((name, told), id=f"{name} of {len(told.motions)}")
+        for told, names in ((TOLD, set(trackers())), (SWITCHING, set(trackers()) - KNOW_ONE_MOTION))
+        for name in sorted(names)
+    ]
+)
+def tracker(request):
+    return make_tracker(*request.param)
 
 
 @pytest.mark.parametrize(
@@ -225,11 +270,11 @@ def test_step_remembers_nothing_and_changes_neither_belief_nor_scan(tracker):
     rng = np.random.default_rng(0)
     z = 10 * rng.standard_normal((1 if told_origin(tracker) else 8, 2))
     belief, _ = tracker.step(tracker.init(), z)
-    kept = [a.copy() for a in belief], z.copy()
+    kept = [a.copy() for a in arrays(belief)], z.copy()
     once, again = tracker.step(belief, z), tracker.step(belief, z)
-    for a, b in zip(once[0], again[0], strict=True):
+    for a, b in zip(arrays(once[0]), arrays(again[0]), strict=True):
         np.testing.assert_array_equal(a, b)
-    for a, b in zip(belief, kept[0], strict=True):
+    for a, b in zip(arrays(belief), kept[0], strict=True):
         np.testing.assert_array_equal(a, b)
     np.testing.assert_array_equal(z, kept[1])
     checked(once[1])
@@ -253,29 +298,39 @@ def test_ten_thousand_detections_with_nothing_pruned_are_cut_to_the_heaviest_fir
 
 @pytest.mark.parametrize("gate_probability", [0.999, 1.0])
 def test_detections_far_from_the_prior_are_stood(tracker, gate_probability):
-    tracker = replace(tracker, model=TOLD._replace(gate_probability=gate_probability))
+    tracker = replace(tracker, model=tracker.model._replace(gate_probability=gate_probability))
     belief = tracker.init()
     for distance in (1e6, 1e7, -1e7):
         belief, report = tracker.step(belief, np.array([[distance, 0.0]]))
         checked(report)
 
 
-def test_two_hundred_empty_scans_only_spread_the_belief(tracker):
-    belief, m, P = tracker.init(), TOLD.prior.m[0], TOLD.prior.P[0]
+def test_two_hundred_empty_scans_are_stood(tracker):
+    belief = tracker.init()
+    for _ in range(200):
+        belief, report = tracker.step(belief, np.empty((0, 2)))
+    checked(report)
+
+
+def test_two_hundred_empty_scans_only_spread_the_belief(of_one_motion):
+    tracker, m, P = of_one_motion, TOLD.prior.m[0], TOLD.prior.P[0]
+    belief = tracker.init()
     for _ in range(200):
         belief, report = tracker.step(belief, np.empty((0, 2)))
         m, P = reference.kalman_predict(m, P, *TOLD.motions[0])
-    checked(report)
+    # sums of two hundred terms: rounding, with room
     np.testing.assert_allclose(report.x[0], m, rtol=1e-9)
     np.testing.assert_allclose(report.P[0], P, rtol=1e-9)
 
 
 def test_a_mixture_as_prior_is_no_hindrance(tracker):
     prior = mixture([0.3, 0.7], [[0.0] * 4, [50.0, 0, 0, 0]], [np.eye(4)] * 2)
-    tracker = replace(tracker, model=TOLD._replace(prior=prior))
+    told = tracker.model._replace(prior=prior)
+    tracker = replace(tracker, model=told)
     _, report = tracker.step(tracker.init(), np.empty((0, 2)))
-    mean, covariance = moments(prior)
-    m, P = reference.kalman_predict(mean, covariance, *TOLD.motions[0])
+    ahead = [reference.kalman_predict(*moments(prior), *move) for move in told.motions]
+    chances = told.switching @ told.mode_prior
+    _, m, P = reference.moment_match(chances, *map(np.array, zip(*ahead, strict=True)))
     np.testing.assert_allclose(checked(report).x[0], m, atol=1e-9)
     np.testing.assert_allclose(report.P[0], P, rtol=1e-9, atol=1e-9)
 
@@ -285,6 +340,7 @@ def test_a_mixture_as_prior_is_no_hindrance(tracker):
     [
         ({"motions": ()}, "motions must hold at least one Motion"),
         ({"motions": constant_velocity(1.0, 1.0, axes=3)}, r"motions\[0\] has 6 states"),
+        ({"motions": (*TOLD.motions, constant_velocity(1.0, 1.0, axes=3))}, r"motions\[1\] has 6 states"),
         ({"prior": gaussian([0.0], [[1.0]])}, "prior has 1 states"),
         ({"prior": TOLD.prior._replace(w=np.array([0.5]))}, "prior weights sum to 0.5"),
         ({"detection_probability": 0.0}, r"detection_probability must lie in \(0, 1\]"),
@@ -298,3 +354,30 @@ def test_model_that_does_not_fit_together_is_refused_by_name(change, message):
     assert model(**TOLD._asdict()).prior is TOLD.prior
     with pytest.raises(ValueError, match=message):
         model(**TOLD._asdict() | change)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"switching": None}, "switching must be given for 3 motions"),
+        ({"switching": staying(0.9, 2)}, r"switching must have shape \(3, 3\), got \(2, 2\)"),
+        ({"switching": SWITCHING.switching.T}, "its rows do, so pass the transpose"),
+        ({"mode_prior": [0.5, 0.5]}, r"mode_prior must be 3 probabilities that sum to 1, got \[0\.5, 0\.5\]"),
+        ({"mode_prior": [0.5, 0.4, 0.0]}, "mode_prior must be 3 probabilities that sum to 1"),
+        ({"mode_prior": [1.2, -0.2, 0.0]}, "mode_prior must be 3 probabilities that sum to 1"),
+        ({"mode_prior": [np.nan, 0.5, 0.5]}, "mode_prior must be 3 probabilities that sum to 1"),
+    ],
+)
+def test_modes_that_do_not_fit_the_motions_are_refused_by_name(change, message):
+    with pytest.raises(ValueError, match=message):
+        model(**SWITCHING._asdict() | change)
+
+
+def test_one_motion_needs_no_switching_and_modes_are_alike_unless_told():
+    one = model(**TOLD._asdict() | {"switching": None, "mode_prior": None})
+    assert one.switching.tolist() == [[1.0]] and one.mode_prior.tolist() == [1.0]
+    assert one.motion is one.motions[0]
+    several = model(**SWITCHING._asdict() | {"mode_prior": None})
+    assert several.mode_prior == pytest.approx([1 / 3] * 3)
+    with pytest.raises(ValueError, match="knows one motion and the model has 3: choose one with modes"):
+        _ = several.motion

@@ -35,7 +35,7 @@ MARGIN = 2750.0  # m, of the region about the nominal path: 10 km by 19 km
 
 
 def jump_markov(
-    case: str = "1",
+    case: str | int = "1",
     clutter_density: float | None = None,
     detection_probability: float = 1.0,
     process_variance: float = 1.0,
@@ -56,9 +56,9 @@ def jump_markov(
     of 10 km by 19 km and stands fast on its ground.
     """
     if clutter_density is None:
-        if case not in CLUTTER:
+        if str(case) not in CLUTTER:
             raise ValueError(f"case must be one of {', '.join(CLUTTER)}, got {case!r}")
-        clutter_density = CLUTTER[case]
+        clutter_density = CLUTTER[str(case)]
     view = following_box(window)
     rate = clutter_density * view.volume
     if not 0 <= rate <= 1e5:
