@@ -11,13 +11,14 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter, process_time
 
+from modes import mode_rows
 from rows import environment_rows, reduction_rows, scan_rows, worker_rows
 from start import memory_rows, start_rows
 from threadpoolctl import threadpool_limits
 from timing import Plan, Row, Timing
 
 SECTIONS: tuple[Callable[[Plan], Iterator[Row]], ...] = (
-    reduction_rows, scan_rows, environment_rows, worker_rows, start_rows, memory_rows,
+    reduction_rows, scan_rows, mode_rows, environment_rows, worker_rows, start_rows, memory_rows,
 )  # fmt: skip
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 
@@ -71,7 +72,7 @@ def machine(clock: str) -> dict[str, str]:
         "processor": f"{_processor()}, {os.cpu_count()} cores, load {load:.1f}",
         "clock": clock,
         "Python": platform.python_version(),
-        **{name: _version(name) for name in ("gmr-gym", "numpy", "numba", "stonesoup")},
+        **{name: _version(name) for name in ("gmr-gym", "numpy", "numba", "stonesoup", "filterpy")},
     }
 
 

@@ -7,50 +7,22 @@ that the total weight, mean and covariance stay; a component of weight zero is d
 import numpy as np
 from numba import njit
 
-from gmr_gym.distances import pack, products_with
-from gmr_gym.greedy_isd import (
-    cheapest_pair,
-    isd_table,
-    merged_by,
-    nearest_others,
-    numbered,
-    own_products,
-    take_in,
-)
-from gmr_gym.merging import BLOCK, _by_entry, _form_costs, _weighted_log_determinants
+from gmr_gym.dissimilarity import MEASURES, check_choice, dissimilarity
+from gmr_gym.greedy_isd import cheapest_pair, merged_by, nearest_others, numbered, take_in
 from gmr_gym.mixture import Mixture
-from gmr_gym.reduction import Reduced, _whitened
+from gmr_gym.reduction import Reduced, whitened
 
-MEASURES = ("isd", "correlation", "runnalls")
 LINKAGES = ("average", "complete", "single")
 ROUNDS = 100  # of k-means and of k-medoids; both settle within ten or so
 ROUNDING = 1e-12  # relative: a swap of medoids must gain more, or rounding might swap for ever
-
-
-def dissimilarity(p: Mixture, measure: str) -> np.ndarray:
-    """How unlike any two components are: symmetric (n, n), zero on the diagonal, never negative.
-
-    isd: the integral squared difference that merging the two makes to the mixture (Zhang, eq. 3),
-        good to about 1e-16 of the integral of the square of the two.
-        Departs: the line below eq. 3 prints + Jfg, which is not the square it expands.
-    correlation: 1 - <Ni, Nj> / sqrt(<Ni, Ni> <Nj, Nj>), in [0, 1]; weights play no part.
-    runnalls: the cost B of merging the two (D'Ortenzio, eq. 13), infinite where they lie so many
-        standard deviations apart, some 1e8, that it is lost in rounding.
-    """
-    _check("measure", measure, MEASURES)
-    if measure == "isd":
-        return isd_table(p.w, pack(p.m, p.P))
-    if measure == "correlation":
-        return _uncorrelatedness(pack(p.m, p.P))
-    return _merge_costs(p.w, p.m, p.P)
 
 
 def hierarchical(p: Mixture, components: int, linkage: str = "average", measure: str = "isd") -> Reduced:
     """Joins the two nearest clusters, each component one at first, until `components` remain. Clusters
     are as near as their members on average, at most (complete) or at least (single), each member
     counting the same. The first two come first among equals."""
-    _check("linkage", linkage, LINKAGES)
-    _check("measure", measure, MEASURES)
+    check_choice("linkage", linkage, LINKAGES)
+    check_choice("measure", measure, MEASURES)
 
     def groups(q, components):
         return _agglomerate(dissimilarity(q, measure), components, LINKAGES.index(linkage))
@@ -66,7 +38,7 @@ def k_means(p: Mixture, components: int) -> Reduced:
     from the starts so far. A component moves only to a centre strictly nearer, and none leaves a
     cluster empty.
     """
-    return merged_by(lambda q, components: _lloyd(q.w, _whitened(q), components), p, components)
+    return merged_by(lambda q, components: _lloyd(q.w, whitened(q), components), p, components)
 
 
 def k_medoids(p: Mixture, components: int, measure: str = "isd") -> Reduced:
@@ -78,45 +50,13 @@ def k_medoids(p: Mixture, components: int, measure: str = "isd") -> Reduced:
     light component should not draw a medoid as a heavy one does. The other two grow with the
     weights of a pair, and multiplied again would count them twice.
     """
-    _check("measure", measure, MEASURES)
+    check_choice("measure", measure, MEASURES)
 
     def groups(q, components):
         weight = q.w if measure == "correlation" else np.ones(len(q.w))
         return _around_medoids(dissimilarity(q, measure), weight, components)
 
     return merged_by(groups, p, components)
-
-
-def _check(name: str, choice: str, choices: tuple[str, ...]) -> None:
-    if choice not in choices:
-        raise ValueError(f"{name} must be one of {', '.join(choices)}, got {choice!r}")
-
-
-@njit(cache=True, error_model="numpy")
-def _uncorrelatedness(M):
-    n = M.shape[1]
-    table, own = np.zeros((n, n)), own_products(M)
-    for i in range(1, n):
-        row = products_with(M[:, i], M, i)
-        for j in range(i):
-            r = row[j] / np.sqrt(own[i]) / np.sqrt(own[j])
-            table[i, j] = table[j, i] = max(1.0 - r, 0.0)  # rounding leaves two equals near -1e-16
-    return table
-
-
-@njit(cache=True, error_model="numpy")
-def _merge_costs(w, m, P):
-    n = len(w)
-    w, means, entries = _by_entry(w, m, P)
-    room = np.empty((len(entries), BLOCK)), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
-    w_log_det = _weighted_log_determinants(w, entries, room)
-    table = np.zeros((n, n))
-    for i in range(1, n):
-        _form_costs(i, i, w, means, entries, w_log_det, room, table[i])
-        for j in range(i):
-            # two of no weight have no moment match, and cost nothing
-            table[i, j] = table[j, i] = table[i, j] if w[i] + w[j] > 0.0 else 0.0
-    return table
 
 
 @njit(cache=True, error_model="numpy")

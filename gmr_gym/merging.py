@@ -23,17 +23,17 @@ def merge_greedily(w, m, P, components, budget):
     `budget`, which every merge lowers: w, m, P and origin (n,) of what is left. The last component
     moves into the place that a merge leaves."""
     n = len(w)
-    w, means, entries = _by_entry(w, m, P)
+    w, means, entries = by_entry(w, m, P)
     room = np.empty((len(entries), BLOCK)), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
-    w_log_det = _weighted_log_determinants(w, entries, room)
+    w_log_det = weighted_log_determinants(w, entries, room)
     table, born, births = np.empty((n, n)), np.arange(n), n
     # the row's cheapest partner, or -1 when it is gone and the row holds nothing below `least`
     nearest, least = np.full(n, -1), np.zeros(n)
     for i in range(n):
-        _form_costs(i, i, w, means, entries, w_log_det, room, table[i])
+        form_costs(i, i, w, means, entries, w_log_det, room, table[i])
     name, into = np.arange(n), np.arange(n)
     while n > 1:
-        i = _first_least(least, n)
+        i = first_least(least, n)
         if nearest[i] < 0:
             nearest[i], least[i] = _cheapest(table[i], born, born[i], n)
             continue
@@ -44,7 +44,7 @@ def merge_greedily(w, m, P, components, budget):
             break
         i, j = min(i, nearest[i]), max(i, nearest[i])
         into[name[j]] = name[i]
-        w_log_det[i] = _merge_pair(i, j, w, means, entries, room)
+        w_log_det[i] = merge_pair(i, j, w, means, entries, room)
         n -= 1
         for r in range(n + 1):
             if nearest[r] == i or nearest[r] == j:
@@ -60,7 +60,7 @@ def merge_greedily(w, m, P, components, budget):
                 entries[q, j] = entries[q, n]
             for r in range(n):
                 table[j, r], table[r, j] = table[n, r], table[r, n]
-        _form_costs(i, n, w, means, entries, w_log_det, room, table[i])
+        form_costs(i, n, w, means, entries, w_log_det, room, table[i])
         born[i] = births
         births += 1
         nearest[i], least[i] = -1, 0.0
@@ -69,7 +69,7 @@ def merge_greedily(w, m, P, components, budget):
 
 # no comparison here meets a nan; told so, the compiler vectorises the search for a minimum
 @njit(cache=True, error_model="numpy", fastmath={"nnan", "nsz"})
-def _first_least(row, n):
+def first_least(row, n):
     least = np.inf
     for j in range(n):
         least = row[j] if row[j] < least else least
@@ -94,7 +94,7 @@ def _cheapest(row, born, birth, n):
 
 
 @njit(cache=True, error_model="numpy")
-def _form_costs(i, n, w, means, entries, w_log_det, room, row):
+def form_costs(i, n, w, means, entries, w_log_det, room, row):
     """Costs of merging component i with 0..n-1, written to row."""
     A, determinant, log_det, share = room
     for start in range(0, n, BLOCK):
@@ -102,7 +102,7 @@ def _form_costs(i, n, w, means, entries, w_log_det, room, row):
         if len(means) == 4:
             _planar_determinants(i, start, stop, w, means, entries, determinant)
         else:
-            _pair_covariances(i, start, stop, w, means, entries, share, A)
+            pair_covariances(i, start, stop, w, means, entries, share, A)
             _determinants(A, stop - start, determinant)
         _logarithms(determinant, stop - start, log_det)
         for j in range(start, stop):
@@ -113,7 +113,7 @@ def _form_costs(i, n, w, means, entries, w_log_det, room, row):
 
 
 @njit(cache=True, error_model="numpy")
-def _pair_covariances(i, start, stop, w, means, entries, share, A):
+def pair_covariances(i, start, stop, w, means, entries, share, A):
     """Covariances by entry of component i merged with each of start..stop-1, written to the first
     columns of A; share is left holding w_i / (w_i + w_j)."""
     n = stop - start
@@ -133,7 +133,7 @@ def _pair_covariances(i, start, stop, w, means, entries, share, A):
 
 @njit(cache=True, error_model="numpy")
 def _planar_determinants(i, start, stop, w, means, entries, out):
-    """`_determinants` of `_pair_covariances` for four states, the case of a planar position and
+    """`_determinants` of `pair_covariances` for four states, the case of a planar position and
     velocity, written out: nothing leaves the registers, which halves the time of a reduction."""
     wi, m0i, m1i, m2i, m3i = w[i], means[0, i], means[1, i], means[2, i], means[3, i]
     m0, m1, m2, m3 = means[0, start:], means[1, start:], means[2, start:], means[3, start:]
@@ -163,10 +163,10 @@ def _planar_determinants(i, start, stop, w, means, entries, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _merge_pair(i, j, w, means, entries, room):
+def merge_pair(i, j, w, means, entries, room):
     """Writes the moment match of i and j to place i; returns its weight times log determinant."""
     A, determinant, log_det, share = room
-    _pair_covariances(i, j, j + 1, w, means, entries, share, A)
+    pair_covariances(i, j, j + 1, w, means, entries, share, A)
     for q in range(len(entries)):
         entries[q, i] = A[q, 0]
     for r in range(len(means)):
@@ -178,7 +178,7 @@ def _merge_pair(i, j, w, means, entries, room):
 
 
 @njit(cache=True, error_model="numpy")
-def _weighted_log_determinants(w, entries, room):
+def weighted_log_determinants(w, entries, room):
     A, determinant, log_det, _ = room
     n = len(w)
     out = np.empty(n)
@@ -242,7 +242,7 @@ def _logarithms(x, n, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _by_entry(w, m, P):
+def by_entry(w, m, P):
     """The mixture with the component axis last, so that a loop over components is vectorised: w
     (n,), means (d, n), lower triangles of the covariances row by row (d (d + 1) / 2, n)."""
     n, d = m.shape
@@ -259,7 +259,7 @@ def _by_entry(w, m, P):
 
 @njit(cache=True, error_model="numpy")
 def _by_component(n, w, means, entries, name, into):
-    """Undoes `_by_entry` for the first n components; origin from the chain of merges `into`."""
+    """Undoes `by_entry` for the first n components; origin from the chain of merges `into`."""
     d = len(means)
     m, P = np.empty((n, d)), np.empty((n, d, d))
     place, origin = np.empty(len(into), np.int64), np.empty(len(into), np.int64)

@@ -5,7 +5,8 @@ from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
 
-from gmr_gym.clustering import LINKAGES, MEASURES, hierarchical, k_means, k_medoids
+from gmr_gym.clustering import LINKAGES, hierarchical, k_means, k_medoids
+from gmr_gym.dissimilarity import MEASURES
 from gmr_gym.greedy_isd import greedy_isd
 from gmr_gym.ise import integral_squared_error
 from gmr_gym.reduction import adaptive, capping, runnalls, salmond, west

@@ -70,15 +70,13 @@ def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
     """Joining: merges the pair with the least d^2 = wi wj / (wi + wj) (mi - mj)' P^-1 (mi - mj), P
     the covariance of the whole mixture, while more than `components` remain or d^2 is below
     `distance` (Salmond 1990, section 4.1)."""
-    whitened = _whitened(p)
-    return _merged(p, _joining(p.w / p.w.sum(), whitened, at_least_one(components), distance))
+    return _merged(p, _joining(p.w / p.w.sum(), whitened(p), at_least_one(components), distance))
 
 
 def west(p: Mixture, components: int) -> Reduced:
     """Merges the lightest component with its nearest neighbour, distances measured by the
     covariance of the whole mixture, until `components` remain (West 1993, section 3)."""
-    whitened = _whitened(p)
-    return _merged(p, _lightest_first(p.w, whitened, at_least_one(components)))
+    return _merged(p, _lightest_first(p.w, whitened(p), at_least_one(components)))
 
 
 def total_merge_cost(p: Mixture) -> float:
@@ -90,6 +88,12 @@ def total_merge_cost(p: Mixture) -> float:
     P = moments(p)[1]
     log_determinants = np.linalg.slogdet(p.P)[1]
     return max(0.0, 0.5 * float(p.w @ (np.linalg.slogdet(P)[1] - log_determinants)))
+
+
+def whitened(p: Mixture) -> np.ndarray:
+    """Means (n, d) in coordinates where the whole mixture has unit covariance."""
+    mean, P = moments(p)
+    return np.linalg.solve(np.linalg.cholesky(P), (p.m - mean).T).T.copy()
 
 
 def at_least_one(components: int) -> int:
@@ -113,12 +117,6 @@ def _heavier(p: Mixture, measure: np.ndarray, threshold: float) -> Reduced:
 def _kept(p: Mixture, kept: np.ndarray) -> Reduced:
     w, m, P, origin = _selected(*p, kept)
     return Mixture(w, m, P), origin
-
-
-def _whitened(p: Mixture) -> np.ndarray:
-    """Means (n, d) in coordinates where the whole mixture has unit covariance."""
-    mean, P = moments(p)
-    return np.linalg.solve(np.linalg.cholesky(P), (p.m - mean).T).T.copy()
 
 
 def _greedily_merged(p: Mixture, components: int, budget: float) -> Reduced:

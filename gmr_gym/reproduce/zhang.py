@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from gmr_gym.clustering import LINKAGES, MEASURES
+from gmr_gym.clustering import LINKAGES
 from gmr_gym.curves import CURVES, averages, curves, errors_of
+from gmr_gym.dissimilarity import MEASURES
 from gmr_gym.montecarlo import Runs
 from gmr_gym.output import write_rows
 from gmr_gym.reproduce import Table
