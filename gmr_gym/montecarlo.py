@@ -1,5 +1,6 @@
 """Monte Carlo runs of trackers in a scenario: the loop, on any number of workers, resumable."""
 
+import marshal
 import os
 import sys
 import zlib
@@ -129,12 +130,14 @@ def _joined(join: Callable, rows: list) -> Runs:
 def _code(tracker: Tracker) -> str:
     """Digest of the source that a run depends on, so that an edited tracker is run again."""
     parts = [getattr(tracker, field, None) for field in getattr(tracker, "__dataclass_fields__", ())]
-    functions = [function for part in parts for function in _functions(part)]
-    modules = {sys.modules[thing.__module__].__file__ for thing in (type(tracker), *functions)}
+    things = [type(tracker), *(function for part in parts for function in _functions(part))]
+    modules = {getattr(sys.modules.get(thing.__module__), "__file__", None) for thing in things}
+    # what was typed at a prompt has no file, but its own code
+    typed = [marshal.dumps(code) for thing in things if (code := getattr(thing, "__code__", None))]
     files = sorted(Path(__file__).parent.glob("**/*.py")) + [
         Path(file) for file in sorted(filter(None, modules))
     ]
-    return joblib.hash([file.read_bytes() for file in files])
+    return joblib.hash([*typed, *(file.read_bytes() for file in files)])
 
 
 def _functions(part) -> Iterator[Callable]:

@@ -147,7 +147,7 @@ def _on_the_ground(key, t, density, corner, low, high) -> np.ndarray:
     draws, fresh = np.random.Generator(bits), bits.state
     parts = []
     for at in product(*squares):
-        # the counter's first word counts draws; the others are free to name scan and square
+        # the counter's first word counts draws; the other three name the scan and the square of the plane
         fresh["state"]["counter"][:] = (0, t, *at)
         bits.state = fresh
         count = draws.poisson(density * CELL ** len(at))

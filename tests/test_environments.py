@@ -1,6 +1,7 @@
 """Every registered environment keeps Gymnasium's contract, and the tracking environment its own."""
 
 import json
+import pickle
 import subprocess
 import sys
 import warnings
@@ -19,9 +20,11 @@ from gmr_gym.mixture import mixture, moments
 from gmr_gym.montecarlo import run_once
 from gmr_gym.policy import Policy
 from gmr_gym.scenarios.dortenzio import turning_target
+from gmr_gym.simulate import Truth
+from gmr_gym.tracker import make_tracker
 
 IDS = sorted(env_id for env_id in gym.registry if env_id.startswith("gmr_gym/"))
-TURNING, FLIGHT = "gmr_gym/TurningTarget-v0", "gmr_gym/RecordedFlight-v0"
+TURNING, FLIGHT, JUMP = (f"gmr_gym/{name}-v0" for name in ("TurningTarget", "RecordedFlight", "JumpMarkov"))
 FAR = np.array([1e6, 0.0, 0.0, 0.0])
 
 
@@ -71,10 +74,11 @@ def test_every_id_replays_from_its_seed(env_id):
     for one, two in ((first, again), (first, first)):  # a second copy, and the same one over again
         space = one.action_space
         space.seed(3)
-        actions = [space.sample() / 1e6 for _ in range(12)]
+        errors = [space.sample() / 1e6 for _ in range(12)]  # within 10 m and m/s
         plays = []
         for env in (one, two):
             observation, _ = env.reset(seed=11)
+            actions = [observation["prior_mean"] + error for error in errors]
             plays.append([(observation, 0.0)])
             for action in actions:
                 observation, reward, terminated, truncated, _ = env.step(action)
@@ -94,6 +98,19 @@ def test_every_id_has_a_spec_that_json_carries_over(env_id):
     gym.make(gym.envs.registration.EnvSpec.from_json(spec)).reset(seed=0)
 
 
+@pytest.mark.parametrize("env_id", IDS)
+def test_a_pickled_copy_goes_on_as_the_episode_it_was_taken_from(env_id):
+    env = make(env_id)
+    observation, _ = env.reset(seed=7)
+    action = observation["prior_mean"]
+    env.step(action)
+    copy = pickle.loads(pickle.dumps(env))
+    a, b = env.step(action), copy.step(action)
+    assert_same(a[0], b[0])
+    assert a[1] == b[1]
+    assert_same(env.reset()[0], copy.reset()[0])  # and so do the seeds to come
+
+
 def test_plain_numbers_as_arguments_go_through_json():
     trajectory = [[0, 0], [10, 5], [20, 20], [30, 20], [40, 30]]
     env = gym.make(TURNING, clutter_rate=30, horizon=5, trajectory=trajectory)
@@ -108,8 +125,9 @@ def test_module_and_id_make_an_environment_where_nothing_was_imported():
     assert done.returncode == 0 and "TrackingEnv" in done.stdout, done.stderr
 
 
-def test_without_a_seed_the_episodes_of_one_seed_follow_one_another():
-    a, b = make(), make()
+@pytest.mark.parametrize("env_id", IDS)
+def test_without_a_seed_the_episodes_of_one_seed_follow_one_another(env_id):
+    a, b = make(env_id), make(env_id)
     for env in (a, b):
         env.reset(seed=4)
     second = a.reset()[0]
@@ -118,11 +136,17 @@ def test_without_a_seed_the_episodes_of_one_seed_follow_one_another():
 
 
 @pytest.mark.parametrize(
-    ("env_id", "world"), [(TURNING, {}), (TURNING, {"window": (400, 400)}), (FLIGHT, {})]
+    ("env_id", "name", "world"),
+    [
+        (TURNING, "runnalls-10", {"horizon": 25}),
+        (TURNING, "runnalls-10", {"horizon": 25, "window": (400, 400)}),
+        (FLIGHT, "runnalls-10", {"horizon": 25}),
+        (JUMP, "mmg-5", {}),
+    ],
 )
-def test_a_policy_in_the_environment_and_its_tracker_in_the_harness_do_the_same(env_id, world):
-    env = make(env_id, horizon=25, **world)
-    tracker = runnalls(env.scenario.model, 10)
+def test_a_policy_in_the_environment_and_its_tracker_in_the_harness_do_the_same(env_id, name, world):
+    env = make(env_id, **world)
+    tracker = make_tracker(name, env.scenario.model)
     estimates = []
     policy = Policy(tracker)
 
@@ -166,23 +190,25 @@ def test_observation_is_in_its_space_and_its_mask_counts_the_detections():
     assert 0 < np.mean([(info["origin"] == 0).any() for info in infos[:-1]]) < 1
 
 
-def test_observation_stays_in_its_space_whatever_action_the_space_allows():
-    env = make(FLIGHT)
+@pytest.mark.parametrize("env_id", IDS)
+def test_observation_stays_in_its_space_whatever_action_the_space_allows(env_id):
+    env = make(env_id)
     env.reset(seed=0)
     for action in (env.action_space.high, env.action_space.low):
         assert env.observation_space.contains(env.step(action)[0])
 
 
-@pytest.mark.parametrize("env_id", [TURNING, FLIGHT])
+@pytest.mark.parametrize("env_id", IDS)
 def test_nothing_but_the_targets_own_detection_tells_of_the_truth(env_id):
-    base = make(env_id, detection_probability=1e-12, horizon=20)
-    moved = make(env_id, detection_probability=1e-12, horizon=20)
-    x = base.scenario.truth(None)
-    base.scenario = replace(base.scenario, cutoff=1e9)  # an early end would tell of the truth, rightly
-    moved.scenario = replace(base.scenario, truth=lambda rng: x[::-1] + 37.0)
+    base, moved = (make(env_id, detection_probability=1e-12) for _ in range(2))
+    # as many scans as the truth has; an early end would tell of it too, rightly, and is put off
+    base.scenario = replace(base.scenario, cutoff=1e9)
+    x, mode = base.scenario.truth(np.random.default_rng(6))
+    moved.scenario = replace(base.scenario, truth=lambda rng: Truth(x[::-1] + 37.0, mode[::-1]))
     plays = [play(env, lambda observation: observation["prior_mean"], seed=6) for env in (base, moved)]
     for a, b in zip(*(observations for observations, _, _, _ in plays), strict=True):
         assert_same(a, b)
+    assert len(plays[0][0]) == len(x) + 1 and all(o["mask"].any() for o in plays[0][0][:-1])
     truths = [[info["truth"] for info in infos[:-1]] for _, infos, _, _ in plays]
     assert (np.array(truths[0]) != np.array(truths[1])).any(axis=1).all()
     # and detected, it changes the scan alone
@@ -192,6 +218,20 @@ def test_nothing_but_the_targets_own_detection_tells_of_the_truth(env_id):
     assert not np.array_equal(a["scan"], b["scan"])
     for key in set(a) - {"scan", "mask"}:
         np.testing.assert_array_equal(a[key], b[key])
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_the_mode_in_info_is_a_motion_of_the_model_or_minus_one(env_id):
+    env = make(env_id)
+    truth = env.scenario.truth(np.random.default_rng(0))
+    assert truth.mode.shape == truth.x.shape[:1]
+    _, infos, _, _ = play(env, lambda observation: observation["prior_mean"], seed=0)
+    modes = [info["mode"] for info in infos[:-1]]
+    assert {type(mode) for mode in modes} == {int}
+    # a scripted target follows none of the motions that a tracker is told
+    motions = 0 if env_id in (TURNING, FLIGHT) else len(env.scenario.model.motions)
+    assert set(modes) <= set(range(-1, motions))
+    assert "mode" not in infos[-1]
 
 
 def test_prior_in_the_observation_is_the_priors_mean_and_covariance():
@@ -218,7 +258,7 @@ def test_covariance_of_a_prior_with_two_peaks_has_their_distance_in_it(monkeypat
 
 def test_ten_scans_beyond_the_cutoff_end_the_episode_and_charge_what_is_left():
     env = make(horizon=40)
-    truth = env.scenario.truth(None)
+    truth = env.scenario.truth(None).x
     step = iter(range(40))
 
     def act(observation):
@@ -244,7 +284,7 @@ def test_a_new_episode_counts_from_nothing():
 
 def test_an_error_of_the_cutoff_itself_is_not_beyond_it():
     env = make(horizon=30)
-    truth = iter(env.scenario.truth(None))
+    truth = iter(env.scenario.truth(None).x)
     _, _, rewards, ended = play(env, lambda _: next(truth) + np.array([100, 0, 0, 0]), seed=0)
     assert ended == (False, True) and rewards == pytest.approx([-100] * 30, rel=1e-9)
 
@@ -259,17 +299,20 @@ def test_last_observation_is_empty_in_either_ending():
         assert "truth" not in infos[-1] and infos[-1]["error"] > 0
 
 
-def test_changing_what_was_handed_out_changes_nothing_inside():
-    env, untouched = make(horizon=5), make(horizon=5)
+@pytest.mark.parametrize("env_id", IDS)
+def test_changing_what_was_handed_out_changes_nothing_inside(env_id):
+    env, untouched = make(env_id), make(env_id)
     observation, info = env.reset(seed=0)
-    for array in (*observation.values(), *info.values()):
+    prior = observation["prior_mean"].copy()
+    for array in (*observation.values(), info["truth"], info["origin"]):
         array[...] = 0
     untouched.reset(seed=0)
     for _ in range(4):
-        a, b = (e.step(np.zeros(4)) for e in (env, untouched))
+        a, b = (e.step(prior) for e in (env, untouched))
         assert_same(a[0], b[0])
+        assert_same(a[4], b[4])
         assert a[1] == b[1]
-        for array in (*a[0].values(), a[4]["truth"]):
+        for array in (*a[0].values(), a[4]["truth"], a[4]["origin"]):
             array[...] = 0
 
 
@@ -339,6 +382,9 @@ def test_without_clutter_the_scan_is_the_targets_detection_or_nothing():
         (TURNING, {"window": (100, -1)}, ValueError, "two positive lengths"),
         (TURNING, {"window": (9, 9), "box": ((0, 0), (1, 1))}, ValueError, "either box .* or window"),
         (FLIGHT, {"segment": "nowhere"}, ValueError, "nowhere"),
+        (JUMP, {"horizon": 5}, ValueError, "unknown argument 'horizon'; .*takes case, clutter_density, "),
+        (JUMP, {"case": "3"}, ValueError, "case must be one of 1, 2, stress, clear, got '3'"),
+        (JUMP, {"process_variance": "one"}, ValueError, "cannot make a scenario of .*process_variance"),
         (TURNING, {"render_mode": "ascii"}, ValueError, "render_mode must be one of"),
     ],
 )
@@ -348,14 +394,16 @@ def test_bad_argument_is_refused_by_name(env_id, world, error, message):
         make(env_id, **world)
 
 
-@pytest.mark.parametrize("env_id", [TURNING, FLIGHT])
+@pytest.mark.parametrize("env_id", IDS)
 def test_two_copies_in_a_vector_environment_are_two_single_ones(env_id):
     vector = gym.make_vec(env_id, num_envs=2)
     observations, _ = vector.reset(seed=5)
-    observations, rewards, *_ = vector.step(np.zeros((2, 4)))
+    actions = observations["prior_mean"]
+    observations, rewards, *_ = vector.step(actions)
     for i in range(2):
         single = gym.make(env_id)
         single.reset(seed=5 + i)
-        observation, reward, *_ = single.step(np.zeros(4))
+        observation, reward, *_ = single.step(actions[i])
+        assert observation["mask"].any()
         np.testing.assert_array_equal(observations["scan"][i], observation["scan"])
         assert rewards[i] == reward

@@ -1,18 +1,23 @@
 """The harness: every tracker meets the same episodes, on any number of workers, in any number of sittings."""
 
+import importlib
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from baselines.clairvoyant import Clairvoyant
 from baselines.mht import runnalls
+from baselines.mmg import Mmg
 from baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.association import gates, volumes
-from gmr_gym.montecarlo import BLOCK, Runs, run, run_once
+from gmr_gym.montecarlo import BLOCK, Runs, _code, run, run_once
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.recorded import recorded_flight
+from gmr_gym.scenarios.zhang import jump_markov
 from gmr_gym.simulate import draw, scan
+from gmr_gym.tracker import make_tracker
 
 WORLD = turning_target(horizon=8, clutter_rate=20)
 NEAREST = {"nearest": NearestNeighbour(WORLD.model)}
@@ -46,6 +51,16 @@ def test_two_workers_give_what_one_gives_bit_for_bit():
     for name in built:
         assert len(one[name].x) == 2 * BLOCK + 3
         assert_same(one[name], two[name])
+
+
+def test_two_workers_give_what_one_gives_where_the_target_switches_and_clutter_stands_on_the_ground():
+    world = jump_markov()
+    built = {name: make_tracker(name, world.model) for name in ("mmg-3", "imm-pda")}
+    one, two = (run(world, built, 2, seed=4, jobs=jobs) for jobs in (1, 2))
+    for name in built:
+        assert_same(one[name], two[name])
+    np.testing.assert_array_equal(one["mmg-3"].truth, one["imm-pda"].truth)
+    assert not np.array_equal(one["mmg-3"].truth[0], one["mmg-3"].truth[1])
 
 
 def test_a_run_is_the_loop_over_its_scans():
@@ -99,6 +114,21 @@ def test_loss_rule_is_told_the_targets_own_detection():
         np.testing.assert_array_equal(z, episode.z[t] if episode.detected[t] else [np.nan, np.nan])
 
 
+@pytest.mark.parametrize("missed", [False, True])
+def test_a_track_given_up_is_off_target_whatever_the_loss_rule_says(missed):
+    times = iter(range(8))
+
+    class GivingUp(NearestNeighbour):
+        def step(self, belief, z):
+            belief, report = super().step(belief, z)
+            return belief, report._replace(alive=next(times) not in (2, 3, 7))
+
+    world = replace(WORLD, off_target=lambda gates, x, z: missed)
+    runs = run_once(world, GivingUp(WORLD.model), 3)
+    assert np.flatnonzero(runs.off_target).tolist() == (list(range(8)) if missed else [2, 3, 7])
+    assert runs.off_target.dtype == bool
+
+
 class Stopped(Exception):
     pass
 
@@ -150,6 +180,45 @@ def test_the_same_world_and_tracker_built_again_find_their_blocks(tmp_path):
     again = turning_target(horizon=8, clutter_rate=20)
     found = run(again, {"b": runnalls(again.model, 5)}, 2, folder=tmp_path)["b"]
     assert_same(first, found, Runs._fields)
+
+
+OWN = """
+from gmr_gym.reduction import capping
+
+
+def own(p, components):
+    return capping(p, components)
+"""
+
+
+def whatever_mode(posterior, mode, reduce):
+    return reduce(posterior)
+
+
+def whatever_mode_by_place(reduce, posterior, mode):
+    return reduce(posterior)
+
+
+@pytest.mark.parametrize("nested", ["keyword", "place", "name"])
+def test_an_edited_reducer_deep_inside_partial_functions_is_run_again(tmp_path, monkeypatch, nested):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    module, file = f"reducer_by_{nested}", tmp_path / f"reducer_by_{nested}.py"
+    file.write_text(OWN)
+    reduce = partial(importlib.import_module(module).own, components=3)
+    world = jump_markov()
+    tracker = {
+        "keyword": Mmg(world.model, partial(whatever_mode, reduce=reduce)),
+        "place": Mmg(world.model, partial(whatever_mode_by_place, reduce)),
+        "name": make_tracker("mmg-3", world.model, reduction=f"{module}:own"),
+    }[nested]
+    other = make_tracker("mmg-3", world.model)
+    code, others = _code(tracker), _code(other)
+    for edit in ("", "", "# edited"):
+        file.write_text(OWN + edit)
+        run(world, {"own": tracker}, 1, folder=tmp_path / "runs")
+        assert (_code(tracker) == code) == (edit == "")
+        assert _code(other) == others  # it has nothing to do with that file
+    assert len(list((tmp_path / "runs").iterdir())) == 2
 
 
 @pytest.mark.parametrize("keep", [0, 100, -1000], ids=["emptied", "cut to its head", "cut by its tail"])

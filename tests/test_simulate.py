@@ -1,17 +1,19 @@
 """The world: chance is drawn once, from streams of its own, with the rates it states."""
 
 import dataclasses
+from itertools import product
 
 import numpy as np
 import pytest
 from scipy.stats import chisquare
 
 from gmr_gym.scenarios.dortenzio import printed_path, turning_target
-from gmr_gym.scenarios.planar import path
+from gmr_gym.scenarios.planar import fixed_box, path
 from gmr_gym.scenarios.recorded import recorded_flight
-from gmr_gym.simulate import draw, scan
+from gmr_gym.simulate import CELL, draw, scan
 
 NOWHERE = np.zeros(2)
+LOW, HIGH = np.array([[-3100.0, 950.0], [6900.0, 19_950.0]])  # corners of a region of 10 km by 19 km
 
 
 def long_episode(seed=0, scans=20_000, **kwargs):
@@ -124,6 +126,139 @@ def test_detection_outside_a_window_is_not_seen_and_outside_the_papers_own_box_i
     episode = draw(paper, 0)
     assert all((scan(paper, episode, t, NOWHERE).origin == 0).any() for t in range(100))
     assert ((episode.z < paper.window.low) | (episode.z > paper.window.high)).any()
+
+
+def grounded(window=(1000.0, 1000.0), density=1e-4, high=HIGH, seed=0, scans=20, at=None):
+    """A target that stands still at `at`, or is never seen, and clutter on the ground of a region."""
+    chance = 1e-12 if at is None else 1.0
+    path = np.tile(NOWHERE if at is None else at, (scans, 1)).astype(float)
+    scenario = turning_target(
+        clutter_density=density, window=window, trajectory=path, detection_probability=chance
+    )
+    scenario = dataclasses.replace(scenario, region=fixed_box(LOW, high))
+    return scenario, draw(scenario, seed)
+
+
+def points(world, t, centre, low=(-np.inf, -np.inf), high=(np.inf, np.inf)):
+    """The clutter of scan t between low and high, in the order of its coordinates."""
+    z = scan(*world, t, np.asarray(centre, float)).z
+    z = z[((low <= z) & (z <= high)).all(axis=1)]
+    return z[np.lexsort(z.T)]
+
+
+def test_clutter_on_the_ground_is_the_same_for_all_who_look_there():
+    rng = np.random.default_rng(1)
+    for t in range(20):
+        a, b = rng.uniform(LOW + 2000, LOW + 5000, (2, 2))
+        sides = np.array([1000.0, 1000.0]), rng.uniform(100, 3000, 2)
+        b = b if t % 2 else a + rng.uniform(-500, 500, 2)  # half of the pairs are sure to overlap
+        low = np.maximum(a - sides[0] / 2, b - sides[1] / 2)
+        high = np.minimum(a + sides[0] / 2, b + sides[1] / 2)
+        seen = [points(grounded(window=s), t, c, low, high) for s, c in zip(sides, (a, b), strict=True)]
+        np.testing.assert_array_equal(*seen)
+        assert t % 2 or len(seen[0]) > 0
+
+
+def test_a_larger_region_about_the_same_corner_has_the_same_clutter():
+    small, large, centre = grounded(high=LOW + 1500), grounded(), LOW + np.array([800, 400])
+    for t in range(5):
+        a, b = (points(world, t, centre) for world in (small, large))
+        np.testing.assert_array_equal(a, b)
+        assert len(a) > 50
+
+
+def test_clutter_on_the_ground_differs_between_scans_seeds_and_squares():
+    worlds = (grounded(window=HIGH - LOW, density=8e-6, seed=seed) for seed in (0, 1))
+    z = np.concatenate([points(world, t, (LOW + HIGH) / 2) for world in worlds for t in range(4)])
+    assert len(z) > 10_000
+    # a square that took the stream of another would have its points in the same places
+    places = np.round((z - LOW) % CELL, 6)  # 1e-6 m is far above rounding; two alike by chance: 3e-10
+    assert len(np.unique(places, axis=0)) == len(z)
+
+
+def test_clutter_on_the_ground_is_a_poisson_process():
+    world = grounded(window=HIGH - LOW, density=8e-6, scans=30)  # 2 points a square
+    z = [points(world, t, (LOW + HIGH) / 2) for t in range(30)]
+    edges = [np.arange(low, high + CELL, CELL) for low, high in zip(LOW, HIGH, strict=True)]
+    counts = np.array([np.histogram2d(*scanned.T, bins=edges)[0] for scanned in z])
+    n = counts.size
+    assert n == 30 * 20 * 38 and counts.sum() == sum(map(len, z))
+    # five standard errors: a Poisson count of mean 2 has variance 2, its variance (2 + 2 * 4) / n
+    assert abs(counts.mean() - 2) < 5 * np.sqrt(2 / n)
+    assert abs(counts.var() - 2) < 5 * np.sqrt(10 / n)
+    off = counts - 2
+    # and knows nothing of the same square a scan ago, nor of the squares beside it
+    for pair in (off[1:] * off[:-1], off[:, 1:] * off[:, :-1], off[:, :, 1:] * off[:, :, :-1]):
+        assert abs(pair.mean()) < 5 * 2 / np.sqrt(pair.size)
+    places = np.concatenate(z) - LOW
+    for at, sides in ((places, HIGH - LOW), (places % CELL, (CELL, CELL))):
+        for bins in (6, (10, 1), (1, 10)):
+            cells = np.histogram2d(*at.T, bins=bins, range=[(0, side) for side in sides])[0]
+            assert chisquare(cells.ravel()).pvalue > 1e-4  # seeded: it fails for good or not at all
+
+
+def test_a_window_off_the_grid_sees_as_much_clutter_as_its_area_holds():
+    world = grounded(window=(700.0, 300.0), scans=2000)
+    rng = np.random.default_rng(2)
+    centres = rng.uniform(LOW + 400, HIGH - 400, (2000, 2))
+    z = [points(world, t, centre) for t, centre in enumerate(centres)]
+    counts = np.array([len(scanned) for scanned in z])
+    assert abs(counts.mean() - 21) < 5 * np.sqrt(21 / 2000)  # standard errors, as above
+    assert abs(counts.var() - 21) < 5 * np.sqrt((21 + 2 * 21**2) / 2000)
+    at = np.concatenate([scanned - centre for scanned, centre in zip(z, centres, strict=True)])
+    assert (np.abs(at) <= [350, 150]).all()
+    cells = np.histogram2d(*at.T, bins=6, range=[(-350, 350), (-150, 150)])[0]
+    assert chisquare(cells.ravel()).pvalue > 1e-4
+
+
+def test_there_is_clutter_up_to_the_edge_of_the_region_and_none_beyond():
+    corners = LOW, HIGH, np.array([LOW[0], HIGH[1]])
+    for t, (corner, inward) in enumerate(product(corners, (0, 200, -200))):
+        z = points(grounded(density=1e-3), t, corner + inward)
+        low, high = np.maximum(LOW, corner + inward - 500), np.minimum(HIGH, corner + inward + 500)
+        assert ((low <= z) & (z <= high)).all()
+        expected = 1e-3 * np.prod(high - low)
+        assert abs(len(z) - expected) < 5 * np.sqrt(expected)
+        # it is what a window sees that lies inside
+        inside = np.clip(corner, LOW + 1500, HIGH - 1500)
+        np.testing.assert_array_equal(z, points(grounded((3000.0, 3000.0), 1e-3), t, inside, low, high))
+
+
+@pytest.mark.parametrize(
+    "centre", [(-3700, 5000), (7500, 5000), (2000, 400), (2000, 20_500), (-3700, 400), (4e7, -4e7)]
+)
+def test_a_window_outside_the_region_sees_nothing(centre):
+    z, origin = scan(*grounded(at=np.clip(centre, -1e5, 1e5)), 0, np.array(centre, float))
+    assert z.shape == (0, 2) and origin.shape == (0,)
+
+
+def test_the_target_is_seen_inside_window_and_region_only():
+    # 60 m to the nearest edge is nearly eight deviations of the detection
+    for offset, sees in ((300, True), ([440, 60], True), ([560, 60], False), ([300, -60], False)):
+        world = grounded(at=LOW + offset)
+        for t in range(20):
+            z, origin = scan(*world, t, LOW)
+            assert (origin == 0).sum() == sees
+            if sees:
+                np.testing.assert_array_equal(z[origin == 0], world[1].z[t : t + 1])
+
+
+def test_only_the_squares_under_the_window_are_drawn(monkeypatch):
+    squares = []
+
+    def counting(*ranges):
+        squares[:] = product(*ranges)
+        return squares
+
+    monkeypatch.setattr("gmr_gym.simulate.product", counting)
+    for kilometres in (10, 1000):
+        world = grounded(high=LOW + 1000 * kilometres)
+        for t, centre in enumerate(LOW + 2000 + np.random.default_rng(3).uniform(0, 500, (20, 2))):
+            points(world, t, centre)
+            assert 4 <= len(squares) <= 9  # a side of 1000 m meets two squares of 500 m, or three
+    squares.clear()
+    points(world, 0, LOW - 5000)
+    assert not squares
 
 
 def test_following_window_is_centred_on_the_estimate_carried_forward_one_period():
