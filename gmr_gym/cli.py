@@ -156,7 +156,7 @@ def reproduce(
 @app.command()
 def watch(
     env_id: EnvId,
-    tracker: Annotated[str, typer.Option("--tracker")] = "runnalls-30",
+    tracker: Annotated[str, typer.Option("--tracker", help="runnalls-30 or mmg-15 unless given")] = "",
     settings: Settings = [],  # noqa: B006
     seed: Seed = 0,
     out: Annotated[Path, typer.Option("--out", help=".gif or .mp4")] = Path("episode.gif"),
@@ -165,6 +165,7 @@ def watch(
     from gmr_gym.watch import film
 
     scenario = _scenario(env_id, dict(map(_key_value, settings)))
+    tracker = tracker or ("mmg-15" if len(scenario.model.motions) > 1 else "runnalls-30")
     with progress("drawing") as report:
         film(scenario, _tracker(tracker, scenario), seed, out, title=tracker, progress=report)
     console().print(f"written to {out}", highlight=False)
@@ -173,7 +174,9 @@ def watch(
 @app.command()
 def record(
     env_id: EnvId,
-    tracker: Annotated[str, typer.Option("--tracker", help="whom a following window follows")] = "pda",
+    tracker: Annotated[
+        str, typer.Option("--tracker", help="whom a following window follows; pda or imm-pda unless given")
+    ] = "",
     settings: Settings = [],  # noqa: B006
     seed: Seed = 0,
     out: Annotated[Path, typer.Option("--out", help="CSV of detections")] = Path("detections.csv"),
@@ -181,6 +184,7 @@ def record(
 ) -> None:
     """One episode's detections in a file, as `track` reads them."""
     scenario = _scenario(env_id, dict(map(_key_value, settings)))
+    tracker = tracker or ("imm-pda" if len(scenario.model.motions) > 1 else "pda")
     episode = draw(scenario, seed)
     z = [played.scan.z for played in play(scenario, _tracker(tracker, scenario), episode)]
     times = scenario.period * np.arange(1, len(z) + 1)

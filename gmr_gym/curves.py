@@ -3,9 +3,10 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import NamedTuple
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
-from scipy.stats import bootstrap, norm
+from scipy.stats import DegenerateDataWarning, bootstrap, norm
 
 from gmr_gym.metrics import credibility, nees
 from gmr_gym.montecarlo import Runs
@@ -46,7 +47,10 @@ def errors_of(scenario: Scenario, runs: Runs) -> Errors:
 
 
 def curves(errors: Errors, weight: np.ndarray) -> Curves:
-    """The curves over the runs, each counted as often as weight (runs,) says: a mask, or a resampling."""
+    """The curves over the runs, each counted as often as weight (runs,) says: a mask, or a resampling;
+    all nan where none counts."""
+    if not weight.any():
+        return Curves(*np.full((len(CURVES), errors.position.shape[1]), np.nan))
     share = weight / weight.sum()
     index, inclination = credibility(errors.error, errors.claimed, weight)
     return Curves(np.sqrt(share @ errors.position), np.sqrt(share @ errors.velocity), index, inclination)
@@ -59,10 +63,12 @@ def resampled(statistic: Callable[[np.ndarray], np.ndarray], mask: np.ndarray) -
     chosen = np.flatnonzero(mask)
     if len(chosen) < 2:
         return [Figure(np.nan)] * len(statistic(np.ones(len(mask))))
-    error = bootstrap(
-        (chosen,), lambda drawn: statistic(np.bincount(drawn.astype(int), minlength=len(mask))),
-        vectorized=False, n_resamples=RESAMPLES, method="percentile", rng=np.random.default_rng(0),
-    ).standard_error  # fmt: skip
+    with catch_warnings():
+        simplefilter("ignore", DegenerateDataWarning)  # of an interval that is not used
+        error = bootstrap(
+            (chosen,), lambda drawn: statistic(np.bincount(drawn.astype(int), minlength=len(mask))),
+            vectorized=False, n_resamples=RESAMPLES, method="percentile", rng=np.random.default_rng(0),
+        ).standard_error  # fmt: skip
     value = statistic(mask.astype(float))
     reach = norm.ppf((1 + CONFIDENCE) / 2) * error
     return [Figure(*map(float, row)) for row in zip(value, value - reach, value + reach, strict=True)]

@@ -41,9 +41,10 @@ def credibility(
     at a scan whose C is singular, as with fewer runs than states.
     """
     runs, scans, d = error.shape
-    share = np.full(runs, 1 / max(runs, 1)) if weight is None else weight / weight.sum()
-    if runs == 0:
+    weight = np.ones(runs) if weight is None else weight
+    if not weight.any():
         return np.full(scans, np.nan), np.full(scans, np.nan)
+    share = weight / weight.sum()
     e = error.transpose(1, 2, 0)
     C = (share * e) @ e.transpose(0, 2, 1)
     known = np.linalg.matrix_rank(C, hermitian=True) == d

@@ -72,6 +72,30 @@ def test_credibility_is_zero_for_the_truth_and_a_factor_in_decibels_for_a_boast(
         assert index.shape == (4,) and np.isnan(index).all() and np.isnan(inclination).all()
 
 
+def test_weighted_credibility_is_that_of_the_runs_repeated_so_often():
+    rng = np.random.default_rng(4)
+    error, claimed = rng.standard_normal((15, 4, 3)), rng.exponential(3, (15, 4))
+    times = rng.integers(0, 4, 15)
+    assert {0, 1, 3} <= set(times)
+    repeated = credibility(np.repeat(error, times, axis=0), np.repeat(claimed, times, axis=0))
+    # sums in another order, and a whitener of a few states: rounding, with room
+    np.testing.assert_allclose(credibility(error, claimed, times), repeated, rtol=1e-9)
+    np.testing.assert_allclose(credibility(error, claimed, 0.1 * times), repeated, rtol=1e-9)
+    assert not np.allclose(credibility(error, claimed), repeated, rtol=0.01)
+
+
+def test_runs_of_weight_zero_play_no_part_in_credibility():
+    rng = np.random.default_rng(5)
+    error, claimed = rng.standard_normal((20, 4, 3)), rng.exponential(3, (20, 4))
+    mask = np.arange(20) % 3 > 0
+    wanted = credibility(error[mask], claimed[mask])
+    error[~mask], claimed[~mask] = 1e6, 1e12
+    np.testing.assert_allclose(credibility(error, claimed, mask), wanted, rtol=1e-9)  # rounding
+    assert np.isfinite(wanted).all()
+    # too few runs of any weight, however many there are
+    assert np.isnan(credibility(error, claimed, np.arange(20) < 2)).all()
+
+
 @pytest.mark.parametrize(("count", "total"), [(0, 10), (3, 10), (10, 10), (17, 1000)])
 def test_wilson_interval_solves_its_own_equation(count, total):
     share, low, high = proportion(count, total)

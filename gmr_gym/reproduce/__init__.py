@@ -60,8 +60,9 @@ def verdict(figure: Figure, runs: int, printed: float, printed_runs: int, share:
     """ "agrees" when ours and the printed figure differ by no more than chance allows 99 times in a
     hundred, else "above" or "below". The printed figure is given the relative sampling error ours would
     have with as many runs; `share` marks a proportion, whose error is known from the figure itself."""
-    if share:
-        deviation = np.sqrt(figure.value * (1 - figure.value) / runs + printed * (1 - printed) / printed_runs)
+    if share:  # pooled: with no event in few runs our own figure knows no error
+        pooled = (runs * figure.value + printed_runs * printed) / (runs + printed_runs)
+        deviation = np.sqrt(pooled * (1 - pooled) * (1 / runs + 1 / printed_runs))
     else:
         own = (figure.high - figure.low) / 2 / norm.ppf((1 + CONFIDENCE) / 2)
         deviation = own * np.hypot(1, printed / figure.value * np.sqrt(runs / printed_runs))

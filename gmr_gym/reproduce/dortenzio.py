@@ -26,7 +26,7 @@ def _table(name, clutter_rate, gamma, gamma_density, printed) -> Table:
         trackers={tracker: {} if tracker.startswith("capping") else pruning for tracker in printed},
         published={
             tracker: {
-                "track_loss": loss / 100,
+                "track_loss": round(loss / 100, 6),
                 "rmse_own": rmse,
                 "error_common": rmse,
                 "components": components,

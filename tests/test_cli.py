@@ -1,0 +1,300 @@
+"""The command line as a user meets it: what it prints, the files it leaves, and how it refuses."""
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gmr_gym import detections
+from gmr_gym.cli import PAPERS, main
+from gmr_gym.curves import CURVES
+from gmr_gym.data import flight_names
+from gmr_gym.envs import ENVIRONMENTS
+from gmr_gym.montecarlo import run
+from gmr_gym.output import RUN_COLUMNS, write_runs
+from gmr_gym.reducers import REDUCERS
+from gmr_gym.scenarios.dortenzio import turning_target
+from gmr_gym.scenarios.zhang import SCANS, jump_markov
+from gmr_gym.simulate import draw, scan
+from gmr_gym.summary import summary
+from gmr_gym.tracker import make_tracker, trackers
+
+JUMP, TURNING = "gmr_gym/JumpMarkov-v0", "gmr_gym/TurningTarget-v0"
+
+
+@pytest.fixture
+def call(monkeypatch, capsys, tmp_path):
+    """The command line in a folder of its own: (exit code, what it printed, its errors)."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("gmr_gym.curves.RESAMPLES", 20)  # of the intervals nothing is asked here
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["gmr-gym", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code, *capsys.readouterr()
+
+    return call
+
+
+def rows_of(file):
+    return list(csv.DictReader(Path(file).read_text().splitlines()))
+
+
+def test_list_shows_every_environment_segment_tracker_reduction_and_paper(call):
+    code, printed, _ = call("list")
+    shown, title = {}, ""
+    for line in printed.splitlines():
+        name, _, text = line.strip().partition(" ")
+        if line.startswith(" "):
+            shown[title][name] = text.strip()
+        else:
+            title = line
+            shown[title] = {}
+    environments, segments, reductions = (
+        dict.fromkeys(names, "") for names in (ENVIRONMENTS, flight_names(), REDUCERS)
+    )
+    assert code == 0 and list(shown.values()) == [environments, segments, trackers(), reductions, PAPERS]
+    assert {"environments", "trackers", "papers"} <= set(shown)
+    assert all(trackers().values())
+
+
+def test_reproduce_leaves_a_papers_tables_curves_figures_and_claims(call):
+    code, printed, _ = call(
+        "reproduce", "zhang", "--table", 1, "--table", 2, "--runs", 4, "--jobs", 1, "--out", "r"
+    )
+    assert code == 0
+    left = {file.name for file in Path("r").iterdir()}
+    by_table = {f"{name}-{table}.{end}" for table in "12" for name, end in (
+        ("runs", "csv"), ("scans", "csv"), ("figure", "png"),
+    )}  # fmt: skip
+    assert left == {"zhang.json", "zhang.csv", "blocks", *by_table}
+    record = json.loads(Path("r/zhang.json").read_text())
+    assert (record["paper"], record["runs"], record["seed"]) == ("zhang", 4, 0)
+    assert [table["name"] for table in record["tables"]] == ["1", "2"]
+    assert [table["settings"] for table in record["tables"]] == [{"case": "1"}, {"case": "2"}]
+    assert {claim["table"] for claim in record["claims"]} == {"1", "2", "2 against 1"}
+    assert {claim["verdict"] for claim in record["claims"]} <= {"holds", "fails", "tie", "unknown"}
+    for words in (
+        "zhang, table 1: case 1",
+        "what the paper says",
+        "MMG has the best position RMSE",
+        "imm-mht-15",
+    ):
+        assert words in printed
+    runs, scans = rows_of("r/runs-1.csv"), rows_of("r/scans-1.csv")
+    names = ["mmg-10", "imm-mht-10", "imm-pda", "clairvoyant"]
+    assert tuple(runs[0]) == RUN_COLUMNS
+    assert [(row["tracker"], row["run"]) for row in runs] == [
+        (name, str(i)) for name in names for i in range(4)
+    ]
+    assert [row["tracker"] for row in scans] == [name for name in names for _ in range(2 * SCANS)]
+    assert tuple(scans[0])[3:] == CURVES
+    figures = {(row["table"], row["tracker"], row["metric"]): row["value"] for row in rows_of("r/zhang.csv")}
+    for table in record["tables"]:
+        for row in table["rows"]:
+            for metric, cell in row["metrics"].items():
+                told = figures.pop((table["name"], row["tracker"], metric))
+                assert told == ("" if cell["value"] is None else repr(cell["value"]))
+    assert not figures
+    with Image.open("r/figure-1.png") as image:
+        assert min(image.size) > 500
+
+
+def test_the_same_command_again_takes_its_runs_from_the_folder_and_leaves_the_same_bytes(call):
+    words = "reproduce", "zhang", "--table", 1, "--runs", 4, "--jobs", 1, "--json", "copy.json"
+    assert call(*words)[0] == 0
+    folder = Path("results/zhang")
+    files = [folder / name for name in ("runs-1.csv", "scans-1.csv", "zhang.json", "zhang.csv")]
+    first = [file.read_bytes() for file in files]
+    assert Path("copy.json").read_bytes() == first[2]
+    blocks = {file: file.stat().st_mtime_ns for file in (folder / "blocks").iterdir()}
+    assert len(blocks) == 4
+    for file in files:
+        file.unlink()
+    code, _, errors = call(*words)
+    assert code == 0 and "table 1: 0 of 16" not in errors and "table 1: 16 of 16" in errors
+    # the times of the runs are in two of them: nothing was run again
+    assert [file.read_bytes() for file in files] == first
+    assert {file: file.stat().st_mtime_ns for file in (folder / "blocks").iterdir()} == blocks
+
+
+def test_reproduce_sets_printed_figures_beside_its_own(call):
+    code, printed, _ = call("reproduce", "dortenzio", "--table", 1, "--runs", 4, "--jobs", 1, "--out", "r")
+    assert code == 0
+    assert {file.name for file in Path("r").iterdir()} == {
+        "dortenzio.json", "dortenzio.csv", "runs-1.csv", "figure-1.png", "blocks"
+    }  # fmt: skip
+    record = json.loads(Path("r/dortenzio.json").read_text())
+    assert "claims" not in record and len(record["tables"]) == 1
+    rows = {row["tracker"]: row["metrics"] for row in record["tables"][0]["rows"]}
+    assert rows["capping-30"]["track_loss"]["paper"] == pytest.approx(0.458, rel=1e-12)
+    assert rows["capping-30"]["track_loss"]["verdict"] in ("agrees", "above", "below")
+    assert "verdict" not in rows["adaptive-30"]["time_per_scan"]
+    assert "paper 45.8 " in printed and "paper 39.8 " in printed  # per cent and milliseconds
+    assert len(rows_of("r/runs-1.csv")) == 4 * 4
+
+
+def test_evaluate_runs_the_world_and_the_trackers_it_was_told(call):
+    spec = "mmg-10:reduction=average-isd"
+    code, printed, _ = call(
+        "evaluate", JUMP, "--tracker", spec, "--tracker", "imm-pda", "--set", "case=2",
+        "--set", "process_variance=0.01", "--runs", 4, "--seed", 3, "--jobs", 1, "--json", "copy.json",
+    )  # fmt: skip
+    assert code == 0 and f"imm-pda - {spec}" in printed
+    scenario = jump_markov("2", process_variance=0.01)
+    told = {
+        spec: make_tracker("mmg", scenario.model, components=10, reduction="average-isd"),
+        "imm-pda": make_tracker("imm-pda", scenario.model),
+    }
+    results = run(scenario, told, 4, seed=3)
+    write_runs(Path("wanted.csv"), scenario, results)
+    assert Path("results/evaluate/runs.csv").read_bytes() == Path("wanted.csv").read_bytes()
+    record = json.loads(Path("copy.json").read_text())
+    assert record == json.loads(Path("results/evaluate/evaluate.json").read_text())
+    assert (record["env"], record["seed"], record["runs"]) == (JUMP, 3, 4)
+    table, paired = record["tables"]
+    assert table["settings"] == {"case": 2, "process_variance": 0.01}
+    assert [row["tracker"] for row in table["rows"]] == list(told)
+    assert [row["tracker"] for row in paired["rows"]] == [f"imm-pda - {spec}"]
+    wanted = summary(scenario, results)
+    for row in table["rows"]:
+        assert row["metrics"]["rmse_own"]["value"] == wanted[row["tracker"]]["rmse_own"].value
+
+
+def test_one_tracker_alone_has_no_paired_differences(call):
+    code, printed, _ = call(
+        "evaluate", TURNING, "--tracker", "pda", "--set", "horizon=4", "--runs", 2, "--jobs", 1, "--out", "e"
+    )
+    assert code == 0 and "paired differences" not in printed
+    assert len(json.loads(Path("e/evaluate.json").read_text())["tables"]) == 1
+
+
+@pytest.mark.parametrize("settings", [(), ("--set", "case=clear")], ids=["gates", "gates without end"])
+def test_watch_films_every_scan(call, monkeypatch, settings):
+    def the_first_scans(scenario, seed):
+        episode = draw(scenario, seed)
+        return episode._replace(x=episode.x[:4])
+
+    monkeypatch.setattr("gmr_gym.watch.draw", the_first_scans)  # a picture takes a fifth of a second
+    code, _, errors = call("watch", JUMP, "--tracker", "mmg-10", *settings, "--out", "films/f.gif")
+    assert code == 0 and "drawing: 4 of 4" in errors
+    with Image.open("films/f.gif") as film:
+        assert film.n_frames == 4 and min(film.size) > 500
+        assert len(film.convert("RGB").getcolors()) > 10
+
+
+def test_record_writes_the_detections_and_the_truth_of_the_episode(call):
+    code, _, _ = call(
+        "record", TURNING, "--set", "horizon=6", "--seed", 5, "--out", "z.csv", "--truth", "x.csv"
+    )
+    assert code == 0
+    scenario = turning_target(horizon=6)
+    episode = draw(scenario, 5)
+    seen, truth = detections.read_scans(Path("z.csv")), detections.read_scans(Path("x.csv"))
+    assert seen.coordinates == truth.coordinates == ("x_m", "y_m")
+    times = scenario.period * np.arange(1, 7)
+    np.testing.assert_array_equal([seen.times, truth.times], [times, times])
+    for t in range(6):
+        np.testing.assert_array_equal(seen.z[t], scan(scenario, episode, t, np.zeros(2)).z)
+    np.testing.assert_array_equal(np.concatenate(truth.z), episode.x[:, :2])
+
+
+def test_what_a_following_window_records_is_what_its_tracker_saw(call):
+    words = "record", JUMP, "--set", "window=(300, 300)", "--tracker"
+    assert call(*words, "mmg-5", "--out", "mine.csv")[0] == 0
+    assert call(*words, "imm-pda", "--out", "other.csv")[0] == 0
+    mine, other = (detections.read_scans(Path(file)) for file in ("mine.csv", "other.csv"))
+    assert len(mine.z) == len(other.z) == SCANS
+    # on the same ground, so of two windows that overlap some detections are the same
+    np.testing.assert_array_equal(mine.z[0], other.z[0])
+    assert any(not np.array_equal(a, b) for a, b in zip(mine.z, other.z, strict=True))
+
+
+def recorded(call):
+    """A clean recording of 12 scans, its truth, and the options that fit it."""
+    settings = [f"--set={text}" for text in ("horizon=12", "clutter_rate=0", "detection_probability=1")]
+    assert call("record", TURNING, *settings, "--out", "z.csv", "--truth", "x.csv")[0] == 0
+    truth = np.concatenate(detections.read_scans(Path("x.csv")).z)
+    return truth, ("track", "z.csv", "--sensor-deviation", 10, "--clutter-density", 1e-6)
+
+
+def test_track_follows_what_record_wrote(call):
+    truth, words = recorded(call)
+    code, printed, _ = call(
+        *words, "--tracker", "runnalls:components=2,prune_weight=0", "--out", "t/track.csv"
+    )
+    assert code == 0 and "12 scans tracked" in printed
+    rows = rows_of("t/track.csv")
+    assert list(rows[0])[:5] == ["time", "x_m", "y_m", "x_m_velocity", "y_m_velocity"]
+    assert "cov_x_m_y_m" in rows[0] and list(rows[0])[-1] == "components"
+    assert [float(row["time"]) for row in rows] == detections.read_scans(Path("z.csv")).times.tolist()
+    estimates = np.array([[row["x_m"], row["y_m"]] for row in rows], float)
+    assert np.linalg.norm(estimates - truth, axis=1).max() < 50  # five deviations of the sensor
+    assert len({row["x_m_velocity"] for row in rows}) == 12
+    assert {row["components"] for row in rows[1:]} == {"2"}  # a detection and a miss, as it was told
+
+
+def test_track_starts_from_the_prior_it_is_given(call):
+    truth, words = recorded(call)
+    state = ",".join(map(str, [*truth[0] - truth[1] + truth[0], *(truth[1] - truth[0])]))
+    tight, far = "1e-3,1e-3,1e-3,1e-3", "5000,5000,0,0"
+    for prior, name in ((state, "near.csv"), (far, "far.csv")):
+        assert call(*words, "--prior", prior, "--prior-deviations", tight, "--out", name)[0] == 0
+    near, off = (rows_of(name)[0] for name in ("near.csv", "far.csv"))
+    assert np.hypot(float(near["x_m"]) - truth[0, 0], float(near["y_m"]) - truth[0, 1]) < 20
+    assert float(off["x_m"]) == pytest.approx(5000, abs=1) and float(off["y_m"]) == pytest.approx(5000, abs=1)
+
+
+EVALUATE = "evaluate", JUMP, "--runs", "1", "--jobs", "1", "--tracker"
+TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("reproduce", "nobody"), "unknown paper 'nobody'; choose one of dortenzio, zhang"),
+        (("reproduce", "zhang", "--table", "9"), "zhang has no table '9'; choose from 1, 2, 1-quiet,"),
+        (("reproduce", "dortenzio", "--table", "1-quiet"), "no table '1-quiet'; choose from 1, 2, 3, 4"),
+        ((*EVALUATE, "pda"), "choose one with modes, such as imm-pda, imm-mht or mmg"),
+        ((*EVALUATE, "mgg-5"), "unknown tracker 'mgg-5'; did you mean 'mmg'?"),
+        ((*EVALUATE, "mmg-5:reduction=runalls"), "unknown reduction 'runalls'; did you mean 'runnalls'?"),
+        ((*EVALUATE, "mmg-5:components=9,prune=0"), "takes no parameter 'prune'; it takes components"),
+        ((*EVALUATE, "mmg-5", "--set", "case"), "expected key=value, got 'case'"),
+        ((*EVALUATE, "mmg-5", "--set", "case=3"), "case must be one of 1, 2, stress, clear, got 3"),
+        ((*EVALUATE, "mmg-5", "--set", "cas=2"), "unknown argument 'cas'; this environment takes case,"),
+        (("evaluate", "gmr_gym/JumpMarkow-v0", "--tracker", "mmg"), f"did you mean '{JUMP}'?"),
+        (("evaluate", "JumpMarkov", "--tracker", "mmg"), f"did you mean '{JUMP}'?"),
+        (("evaluate", "CartPole-v1", "--tracker", "pda"), "CartPole-v1 is not a tracking environment"),
+        (("watch", JUMP, "--tracker", "mmg", "--out", "f.png"), "out must end in .gif or .mp4, got 'f.png'"),
+        (("track", "missing.csv", *TRACK[2:]), "No such file or directory: 'missing.csv'"),
+        ((*TRACK, "--model", "turning"), "unknown model 'turning'; choose constant-velocity"),
+        ((*TRACK, "--prior", "0,0,0,0"), "give prior and prior_deviations together, or neither"),
+        (
+            (*TRACK, "--prior", "0,0,a,0", "--prior-deviations", "1,1,1,1"),
+            "prior must be numbers with commas between, got '0,0,a,0'",
+        ),
+    ],
+)
+def test_what_a_user_got_wrong_is_one_line_and_exit_code_2(call, words, message):
+    Path("z.csv").write_text("time,x,y\n1.0,0,0\n2.0,5,5\n")
+    code, printed, errors = call(*words)
+    assert code == 2 and printed == ""
+    *progress, line = errors.splitlines()
+    assert line.startswith("error: ") and message in line
+    assert all(" of " in line for line in progress)  # how far the runs had come
+    assert not Path("results").exists()
+
+
+def test_an_interrupted_command_says_where_it_goes_on(call, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gmr_gym.cli.run", interrupted)
+    code, printed, errors = call(*EVALUATE, "mmg-5", "--out", "e")
+    assert code == 130 and printed == ""
+    assert errors.startswith("stopped: finished blocks of runs are kept in e/blocks;")
