@@ -2,19 +2,17 @@
 (Zhang and Liu, section 6.3)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from gmr_gym.association import expand, false_expected, gates, in_any_gate, possible
+from gmr_gym.association import expand_together, hopeless_beyond
 from gmr_gym.mixture import Mixture, collapsed, moments, normalised
 from gmr_gym.model import Model
 from gmr_gym.modes import Bank, banked, fused, merged, mixed, moved
 from gmr_gym.reducers import reducer
-from gmr_gym.reduction import Reduced, heaviest
-from gmr_gym.tracker import Report, check_limits, check_scan
-
-ALL = 10**9  # hypotheses: those that are only matched cost no more than they are many
+from gmr_gym.reduction import Reduced, check_reduced, heaviest
+from gmr_gym.tracker import ALL, Report, check_limits, check_scan
 
 
 @dataclass(frozen=True)
@@ -26,13 +24,15 @@ class Imm:
     reduce: Callable[[Mixture], Reduced]
     prune_weight: float = 1e-5
     most: int = 500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
-    # false detections within one deviation of its predictions beyond which a track is given up: it then
-    # coasts, which bounds the work and is said in the report
+    # times the false detections expected within a deviation at first, and one, at which it gives up
     hopeless: float = 20.0
+    _given_up: float = field(init=False, repr=False)
 
     def __post_init__(self):
         check_limits(self.prune_weight, self.most, self.hopeless)
-        self.reduce(collapsed(self.model.prior))  # a wrong parameter is an error here, not in a scan
+        object.__setattr__(self, "_given_up", hopeless_beyond(self.model, self.hopeless))
+        # a wrong parameter is an error here, not in a scan
+        check_reduced(self.reduce(collapsed(self.model.prior)), 1)
 
     def init(self) -> Bank:
         r, prior = len(self.model.motions), self.model.prior
@@ -43,13 +43,8 @@ class Imm:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         predicted = moved(mixed(belief, model.switching), model.motions)
-        every = gates(predicted, model.sensor, model.gate_probability)
-        looked = possible(every, predicted.w)
-        alive = false_expected(every, predicted.w, model.clutter_density) <= self.hopeless
-        posterior = banked(expand(
-            predicted, every._replace(size=np.inf), model.sensor, z[in_any_gate(looked, z) & alive],
-            model.detection_probability, model.gate_probability, model.clutter_density,
-        ).mixture, len(model.motions))  # fmt: skip
+        expansion, looked, alive = expand_together(predicted, model, z, self._given_up)
+        posterior = banked(expansion.mixture, len(model.motions))
         hypotheses, kept = heaviest(fused(posterior), self.prune_weight, self.most)
         reduced, into = self.reduce(hypotheses)
         belief = merged(posterior, np.where(kept < 0, -1, into[kept]), len(reduced.w))
@@ -59,17 +54,26 @@ class Imm:
         return belief, Report(mean[None], covariance[None], looked, mixture, alive)
 
 
-def imm_pda(model: Model) -> Imm:
-    """Interacting multiple models, in clutter with a PDA in place of each Kalman filter (Zhang, IMM+PDA)."""
-    return Imm(model, _all_in_one, prune_weight=0.0, most=ALL)
+def imm(model: Model, hopeless: float = 20.0) -> Imm:
+    """Interacting multiple models (Blom and Bar-Shalom 1988); in clutter it is IMM+PDA."""
+    return imm_pda(model, hopeless)
+
+
+def imm_pda(model: Model, hopeless: float = 20.0) -> Imm:
+    """Interacting multiple models with a PDA in place of each Kalman filter (Zhang, IMM+PDA)."""
+    return Imm(model, _all_in_one, prune_weight=0.0, most=ALL, hopeless=hopeless)
 
 
 def imm_mht(
-    model: Model, components: int = 15, reduction: str = "runnalls", prune_weight: float = 1e-5
+    model: Model,
+    components: int = 15,
+    reduction: str = "runnalls",
+    prune_weight: float = 1e-5,
+    hopeless: float = 20.0,
 ) -> Imm:
     """MHT with an IMM in each hypothesis, reduced to `components` by any `reduction` of what the IMMs
     fuse to (Zhang, IMM+MHT)."""
-    return Imm(model, reducer(reduction, components), prune_weight)
+    return Imm(model, reducer(reduction, components), prune_weight, hopeless=hopeless)
 
 
 def _all_in_one(p: Mixture) -> Reduced:

@@ -8,14 +8,16 @@ from numba import njit
 from scipy.special import gamma
 from scipy.stats import chi2
 
-from gmr_gym.kalman import Sensor, innovation, posterior_into
+from gmr_gym.kalman import Sensor, innovation, posterior_into, predict
 from gmr_gym.mixture import (
     Mixture,
     cholesky_into,
+    joined,
     log_gaussian_scale,
     mahalanobis_squared,
     root_determinants,
 )
+from gmr_gym.model import Model
 
 
 class Gates(NamedTuple):
@@ -52,15 +54,36 @@ def gated_distances(gates: Gates, z: np.ndarray) -> np.ndarray:
     return _gated_distances(*gates, z)
 
 
-def possible(gates: Gates, w: np.ndarray) -> Gates:
-    """The gates of components that weigh anything, w (n,): an impossible mode looks nowhere."""
-    return gates if (w > 0).all() else Gates(gates.z[w > 0], gates.S[w > 0], gates.size)
+def expand_together(
+    predicted: Mixture, model: Model, z: np.ndarray, hopeless: float
+) -> tuple[Expansion, Gates, bool]:
+    """`expand` of components of unlike motions, which are to be weighed against each other and so have one
+    list of detections to explain: all those z (k, p) that lie in the gate of any component. The gates
+    looked through, and whether there is hope: beyond `hopeless` false detections expected within one
+    deviation of the predictions nothing is looked at, which bounds the work on a track that is lost."""
+    own = gates(predicted, model.sensor, model.gate_probability)
+    possible = predicted.w > 0  # an impossible mode looks nowhere
+    looked = own if possible.all() else Gates(own.z[possible], own.S[possible], own.size)
+    alive = false_expected(own, predicted.w, model.clutter_density) <= hopeless
+    listed = z[in_any_gate(looked, z) & alive]
+    posterior = expand(
+        predicted, own._replace(size=np.inf), model.sensor, listed,
+        model.detection_probability, model.gate_probability, model.clutter_density,
+    )  # fmt: skip
+    return posterior, looked, alive
 
 
 def in_any_gate(gates: Gates, z: np.ndarray) -> np.ndarray:
-    """Which of the points z (k, p) lie in at least one gate (k,): the list of detections that every
-    component must explain, where components of unlike motions are to be weighed against each other."""
+    """Which of the points z (k, p) lie in at least one gate (k,)."""
     return np.isfinite(gated_distances(gates, z)).any(axis=0)
+
+
+def hopeless_beyond(model: Model, times: float) -> float:
+    """False detections expected within one deviation of its predictions at which a tracker gives up:
+    `times` as many as at the first scan, and as one."""
+    moved = joined([predict(model.prior, motion) for motion in model.motions])
+    w = np.outer(model.switching @ model.mode_prior, model.prior.w).ravel()
+    return times * max(1.0, false_expected(gates(moved, model.sensor, 1.0), w, model.clutter_density))
 
 
 def false_expected(gates: Gates, w: np.ndarray, clutter_density: float) -> float:

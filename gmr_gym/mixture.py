@@ -1,5 +1,6 @@
 """Gaussian mixtures as plain arrays, component axis first."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -75,6 +76,11 @@ def normalised(p: Mixture) -> Mixture:
 def take(p: Mixture, index: np.ndarray) -> Mixture:
     """The components at `index`, integers or a boolean mask (n,)."""
     return Mixture(p.w[index], p.m[index], p.P[index])
+
+
+def joined(parts: Sequence[Mixture]) -> Mixture:
+    """All the components of the parts, one after another."""
+    return Mixture(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def moments(p: Mixture) -> tuple[np.ndarray, np.ndarray]:

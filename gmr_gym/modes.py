@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.kalman import Motion, predict
-from gmr_gym.mixture import Mixture, matched
+from gmr_gym.mixture import Mixture, joined, matched
 from gmr_gym.reduction import Reduced
 
 
@@ -66,7 +66,7 @@ def spread(belief: Modal, motions: tuple[Motion, ...], switching: np.ndarray) ->
     """Every component under every motion, and the mode (r n,) of each of the r n components: component
     j moves by motion p with probability (switching a_j)(p) (Zhang, eq. 8 and Table 1, step 2)."""
     w = switching @ (belief.modes * belief.mixture.w[:, None]).T
-    predicted = _joined([
+    predicted = joined([
         predict(belief.mixture._replace(w=share), motion) for share, motion in zip(w, motions, strict=True)
     ])  # fmt: skip
     return predicted, np.repeat(np.arange(len(motions)), len(belief.mixture.w))
@@ -123,7 +123,7 @@ def banked(p: Mixture, modes: int) -> Bank:
 def moved(bank: Bank, motions: tuple[Motion, ...]) -> Mixture:
     """Every filter carried forward by the motion of its mode; flat, mode by mode."""
     parts = [predict(Mixture(*filters), motion) for *filters, motion in zip(*bank, motions, strict=True)]
-    return _joined(parts)
+    return joined(parts)
 
 
 def mixed(bank: Bank, switching: np.ndarray) -> Bank:
@@ -140,11 +140,6 @@ def fused(bank: Bank) -> Mixture:
     (n hypotheses)."""
     r, n = bank.w.shape
     return matched(flat(bank), np.tile(np.arange(n), r), n)
-
-
-def mode_probabilities(bank: Bank) -> np.ndarray:
-    """Probability of each mode in each hypothesis (r, n); columns sum to 1."""
-    return bank.w / bank.w.sum(axis=0)
 
 
 def merged(bank: Bank, origin: np.ndarray, count: int) -> Bank:
@@ -185,10 +180,6 @@ def mmae_weights(probabilities: np.ndarray, log_likelihood: np.ndarray, floor: f
     if np.isneginf(log_w).all(axis=0).any():
         raise ValueError("log_likelihood calls every mode impossible")
     return floored(np.exp(log_w - log_w.max(axis=0)), floor)
-
-
-def _joined(parts: list[Mixture]) -> Mixture:
-    return Mixture(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def _tiled(bank, joint):

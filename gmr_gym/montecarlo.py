@@ -22,6 +22,8 @@ from gmr_gym.tracker import Tracker
 from gmr_gym.version import __version__
 
 BLOCK = 20  # runs in one task, and in one file on disk
+# of the package's source, what only looks at runs and has no part in them
+LOOKERS = ("cli.py", "curves.py", "output.py", "summary.py", "watch.py", "reproduce", "envs")
 
 
 class Runs(NamedTuple):
@@ -134,9 +136,9 @@ def _code(tracker: Tracker) -> str:
     modules = {getattr(sys.modules.get(thing.__module__), "__file__", None) for thing in things}
     # what was typed at a prompt has no file, but its own code
     typed = [marshal.dumps(code) for thing in things if (code := getattr(thing, "__code__", None))]
-    files = sorted(Path(__file__).parent.glob("**/*.py")) + [
-        Path(file) for file in sorted(filter(None, modules))
-    ]
+    root = Path(__file__).parent
+    own = [file for file in root.glob("**/*.py") if file.relative_to(root).parts[0] not in LOOKERS]
+    files = sorted(own) + [Path(file) for file in sorted(filter(None, modules))]
     return joblib.hash([*typed, *(file.read_bytes() for file in files)])
 
 

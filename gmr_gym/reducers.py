@@ -39,7 +39,7 @@ def reducer(name: str, components: int) -> partial:
     if colon:
         try:
             return partial(getattr(import_module(module), function), components=components)
-        except (ImportError, AttributeError, ValueError) as error:
+        except (ImportError, AttributeError, ValueError, TypeError) as error:
             raise ValueError(f"reduction {name!r} is no function that can be imported: {error}") from None
     if name not in REDUCERS:
         near = get_close_matches(str(name), REDUCERS, n=1)

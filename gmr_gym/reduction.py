@@ -90,6 +90,17 @@ def total_merge_cost(p: Mixture) -> float:
     return max(0.0, 0.5 * float(p.w @ (np.linalg.slogdet(P)[1] - log_determinants)))
 
 
+def check_reduced(reduced, n: int) -> None:
+    """Raise ValueError unless a reduction of n components has returned a Mixture and an origin (n,)."""
+    try:
+        mixture, origin = reduced
+        sound = isinstance(mixture, Mixture) and np.shape(origin) == (n,)
+    except (TypeError, ValueError):
+        sound = False
+    if not sound:
+        raise ValueError(f"a reduction must return a Mixture and the origin ({n},) of what it was given")
+
+
 def whitened(p: Mixture) -> np.ndarray:
     """Means (n, d) in coordinates where the whole mixture has unit covariance."""
     mean, P = moments(p)

@@ -59,7 +59,11 @@ class Scenario:
     off_target: Loss  # (gates, true state, target's detection) -> is the target out of sight?
     patience: int  # scans in a row off target that make a track lost
     cutoff: float  # m, an error beyond counts as this much
-    region: Window | None = None  # where there is clutter and sight, m; None for all of the window
+    region: Window | None = None  # in the plane: where there is clutter and sight; None for all of the window
+
+    def __post_init__(self):
+        if self.region is not None and not (len(self.region.low) == len(self.window.low) == 2):
+            raise ValueError("a region needs a sensor of the plane: window and region with two sides each")
 
     def centre(self, estimate: np.ndarray) -> np.ndarray:
         """Where the window of the next scan is centred after the estimate (d,) of this one: on it,
@@ -120,25 +124,28 @@ def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Sc
     if follows:
         z += centre
         low, high = low + centre, high + centre
+    slot = int(episode.slot[t] * (len(z) + 1))
     if scenario.region is not None:
         low, high = np.maximum(low, scenario.region.low), np.minimum(high, scenario.region.high)
         density = scenario.clutter_rate / scenario.window.volume
-        z = _on_the_ground(episode.ground, t, density, scenario.region.low, low, high)
+        z, rank = _on_the_ground(episode.ground, t, density, scenario.region.low, low, high)
+        slot = int(np.searchsorted(rank, episode.slot[t]))
     if ends_sight:
         seen = seen and bool(((low <= target) & (target <= high)).all())
     if not seen:
         return Scan(z, np.full(len(z), -1))
-    slot = int(episode.slot[t] * (len(z) + 1))
     origin = np.full(len(z) + 1, -1)
     origin[slot] = 0
     return Scan(np.concatenate((z[:slot], target[None], z[slot:])), origin)
 
 
-def _on_the_ground(key, t, density, corner, low, high) -> np.ndarray:
-    """Clutter of scan t between low and high: a Poisson process, drawn square by square from a stream
-    that each square of the grid about `corner` has to itself."""
-    if not (low < high).all():
-        return np.empty((0, len(low)))
+def _on_the_ground(key, t, density, corner, low, high) -> tuple[np.ndarray, np.ndarray]:
+    """Clutter (k, 2) of scan t between low and high, and its rank (k,) in [0, 1), by which it is sorted: a
+    Poisson process, drawn square by square from a stream that each square of the grid about `corner`
+    has to itself. Without ranks of its own the order of squares would give the target away."""
+    z, rank = np.empty((0, 2)), np.empty(0)
+    if density == 0 or not (low < high).all():
+        return z, rank
     squares = [
         range(int(first), int(last) + 1)
         for first, last in zip((low - corner) // CELL, (high - corner) // CELL, strict=True)
@@ -150,7 +157,11 @@ def _on_the_ground(key, t, density, corner, low, high) -> np.ndarray:
         # the counter's first word counts draws; the other three name the scan and the square of the plane
         fresh["state"]["counter"][:] = (0, t, *at)
         bits.state = fresh
-        count = draws.poisson(density * CELL ** len(at))
-        parts.append(corner + CELL * (np.array(at) + draws.random((count, len(at)))))
-    z = np.concatenate(parts)
-    return z[((low <= z) & (z <= high)).all(axis=1)]
+        points = draws.random((draws.poisson(density * CELL**2), 3))
+        points[:, :2] = corner + CELL * (np.array(at) + points[:, :2])
+        parts.append(points)
+    points = np.concatenate(parts)
+    z, rank = points[:, :2], points[:, 2]
+    inside = np.flatnonzero(((low <= z) & (z <= high)).all(axis=1))
+    order = inside[np.argsort(rank[inside])]
+    return z[order], rank[order]

@@ -12,6 +12,7 @@ from gmr_gym.mixture import Mixture
 from gmr_gym.model import Model
 
 GROUP = "gmr_gym.trackers"
+ALL = 10**9  # hypotheses, for what costs no more than they are many
 
 
 class Report(NamedTuple):

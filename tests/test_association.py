@@ -12,7 +12,6 @@ from gmr_gym.association import (
     gated_distances,
     gates,
     in_any_gate,
-    possible,
     volumes,
 )
 from gmr_gym.kalman import sensor
@@ -97,14 +96,6 @@ def test_false_detections_are_expected_within_one_deviation_of_the_predictions_b
     expected = 0.01 * ball * (3 * 3.0**p + 2.0**p) / 4
     assert false_expected(looked, w, 0.01) == pytest.approx(expected, rel=1e-12)
     assert false_expected(looked._replace(size=np.inf), w, 0.01) == false_expected(looked, w, 0.01)
-
-
-def test_components_that_weigh_nothing_look_nowhere():
-    looked = Gates(np.arange(6.0).reshape(3, 2), np.array([np.eye(2) * i for i in (1, 2, 3)]), 30.0)
-    left = possible(looked, np.array([0.5, 0.0, 0.5]))
-    np.testing.assert_array_equal(left.z, looked.z[[0, 2]])
-    np.testing.assert_array_equal(left.S, looked.S[[0, 2]])
-    assert left.size == 30.0 and possible(looked, np.ones(3)) is looked
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -1,6 +1,7 @@
 """Trackers of a target that switches between motions: against exact posteriors, the textbook's filters,
 FilterPy's IMM, and one another where they must agree."""
 
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 
@@ -16,6 +17,7 @@ from baselines.mht import Mht
 from baselines.mmg import Mmg, b_best, gpb1, gpb2, mmg
 from baselines.pda import Pda
 from gmr_gym import modes, reduction
+from gmr_gym.association import false_expected
 from gmr_gym.kalman import Motion
 from gmr_gym.mixture import gaussian, moments
 from gmr_gym.modes import Bank, banked, mmae_weights
@@ -489,6 +491,8 @@ def test_a_reduction_may_be_any_function_that_can_be_imported(name, acquisition)
         ),
         ("", {"reduction": ":f"}, "reduction ':f' is no function that can be imported"),
         ("", {"reduction": 3}, "unknown reduction 3"),
+        ("", {"reduction": "gmr_gym.reduction:whitened"}, "cannot be made with"),
+        ("", {"reduction": "gmr_gym.mixture:__doc__"}, "the first argument must be callable"),
         ("", {"prune_weight": -1.0}, "prune_weight must be non-negative and finite"),
         ("", {"prune": 0.1}, "no parameter 'prune'; it takes components, reduction, prune_weight"),
     ],
@@ -519,7 +523,8 @@ def test_a_hopeless_track_is_given_up_and_coasts_like_the_prediction(build):
     P = 1e6 * np.eye(4)  # pi x 1e6 m^2 of clutter within a deviation
     told = told._replace(prior=gaussian(told.prior.m[0], P))
     z = told.prior.m[0, :2] + 1e3 * np.random.default_rng(9).standard_normal((50, 2))
-    ((belief, report),) = flight(build(told), [z])
+    # every tracker expects as many at its first scan: half of that is to be too many
+    ((belief, report),) = flight(replace(build(told), hopeless=0.5), [z])
     assert not report.alive
     chances = told.switching @ told.mode_prior
     ahead = [reference.kalman_predict(told.prior.m[0], P, *move) for move in told.motions]
@@ -527,8 +532,24 @@ def test_a_hopeless_track_is_given_up_and_coasts_like_the_prediction(build):
     np.testing.assert_allclose(report.x[0], mean, rtol=1e-12)
     np.testing.assert_allclose(report.P[0], covariance, rtol=1e-10, atol=1e-10 * 1e6)
     np.testing.assert_allclose(mode_weights(belief), chances, rtol=1e-12)
-    ((_, hopeful),) = flight(build(told._replace(clutter_density=1e-9)), [z])
-    assert hopeful.alive and np.abs(hopeful.x - mean).max() > 1
+    ((_, hopeful),) = flight(build(told), [z])
+    assert hopeful.alive and np.abs(hopeful.x - mean).max() > 1e-3  # it has looked
+
+
+@each
+def test_a_track_is_given_up_once_it_is_twenty_times_as_unsure_as_at_first(build):
+    told = reference.jumping_model(9, 3, axes=2, detection_probability=0.9, gate_probability=0.999)
+    told = told._replace(prior=gaussian(told.prior.m[0], 100 * np.eye(4)), clutter_density=0.01)
+    tracker = build(told)
+    reports = [report for _, report in flight(tracker, [np.empty((0, 2))] * 60)]
+    unsure = np.array([
+        false_expected(report.gates, np.ones(len(report.gates.z)), 0.01) for report in reports
+    ])  # fmt: skip
+    alive = np.array([report.alive for report in reports])
+    assert alive[0] and not alive[-1] and (np.diff(alive.astype(int)) <= 0).all()
+    first = max(unsure[0], 1.0)
+    # the gates' plain mean stands in for that by weight: good to a factor of two
+    assert unsure[alive].max() < 40 * first and unsure[~alive].min() > 10 * first
 
 
 @pytest.mark.parametrize(("engine", "count"), [(Mmg, 2), (Imm, 1)])

@@ -21,7 +21,6 @@ from gmr_gym.modes import (
     merged,
     mixed,
     mmae_weights,
-    mode_probabilities,
     moved,
     spread,
     staying,
@@ -238,13 +237,6 @@ def test_fused_is_one_matched_gaussian_for_each_hypothesis():
     bank = random_bank(4)
     for j, got in enumerate(zip(*fused(bank), strict=True)):
         close(got, reference.moment_match(*hypothesis_of(bank, j)))
-
-
-def test_mode_probabilities_are_given_the_hypothesis():
-    bank = random_bank(5)
-    got = mode_probabilities(bank)
-    for j in range(4):
-        close(got[:, j], bank.w[:, j] / sum(bank.w[:, j]))
 
 
 @settings(derandomize=True, deadline=None, max_examples=50)

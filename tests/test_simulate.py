@@ -5,11 +5,12 @@ from itertools import product
 
 import numpy as np
 import pytest
-from scipy.stats import chisquare
+from scipy.stats import chisquare, kstest
 
 from gmr_gym.scenarios.dortenzio import printed_path, turning_target
 from gmr_gym.scenarios.planar import fixed_box, path
 from gmr_gym.scenarios.recorded import recorded_flight
+from gmr_gym.scenarios.zhang import jump_markov
 from gmr_gym.simulate import CELL, draw, scan
 
 NOWHERE = np.zeros(2)
@@ -222,6 +223,24 @@ def test_there_is_clutter_up_to_the_edge_of_the_region_and_none_beyond():
         # it is what a window sees that lies inside
         inside = np.clip(corner, LOW + 1500, HIGH - 1500)
         np.testing.assert_array_equal(z, points(grounded((3000.0, 3000.0), 1e-3), t, inside, low, high))
+
+
+def test_the_order_of_a_scan_says_nothing_of_the_target():
+    # were the points in the order of the squares they are drawn by, the target's would stand out
+    scenario = jump_markov()
+    ranks, sorted_but_one = [], 0
+    for seed in range(10):
+        episode = draw(scenario, seed)
+        for t in range(len(episode.x)):
+            seen = scan(scenario, episode, t, episode.x[t, :2] + 150.0)
+            at = int(np.flatnonzero(seen.origin == 0)[0])
+            ranks.append(at / (len(seen.z) - 1))
+            square = (np.delete(seen.z, at, axis=0) - scenario.region.low) // CELL
+            order = square[:, 0] * 1000 + square[:, 1]
+            sorted_but_one += (np.diff(order) >= 0).all()
+    assert sorted_but_one == 0
+    # 450 places, uniform: Kolmogorov and Smirnov's test at one in a thousand
+    assert kstest(ranks, "uniform").pvalue > 1e-3
 
 
 @pytest.mark.parametrize(

@@ -119,9 +119,12 @@ def bounding_box(points: np.ndarray) -> Window:
 
 def following_box(sides) -> Window:
     """A window (width, height), m, centred on the submitted estimate carried forward."""
-    sides = np.array(sides, float)
-    if sides.shape != (2,) or not ((sides > 0) & np.isfinite(sides)).all():
-        raise ValueError(f"window must be two positive lengths (width, height), got {sides}")
+    try:
+        sides = np.array(sides, float)
+    except (TypeError, ValueError):
+        sides = np.array(sides, object)
+    if sides.dtype == object or sides.shape != (2,) or not ((sides > 0) & (sides <= 1e6)).all():
+        raise ValueError(f"window must be two positive lengths (width, height) up to 1e6 m, got {sides}")
     return Window(-sides / 2, sides / 2, follows=True)
 
 

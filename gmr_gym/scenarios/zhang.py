@@ -12,7 +12,7 @@ from gmr_gym.mixture import gaussian
 from gmr_gym.model import Model, check_probability, model
 from gmr_gym.modes import staying
 from gmr_gym.scenarios.planar import fixed_box, following_box
-from gmr_gym.simulate import Scenario, Truth
+from gmr_gym.simulate import Scenario, Truth, Window
 
 PERIOD = 1.0  # s
 # [px, py, vx, vy], m and m/s. Departs: the states are in the order of the other scenarios, the paper's
@@ -32,6 +32,7 @@ STAY = 14 / 15
 CLUTTER = {"1": 1e-4, "2": 3e-4, "stress": 1e-3, "clear": 0.0}  # m^-2
 GATE = 25.0  # squared Mahalanobis distance; the paper gives none
 MARGIN = 2750.0  # m, of the region about the nominal path: 10 km by 19 km for the paper's models
+WIDEST = 20_000.0  # m, of a view on clutter: twice the region
 DENSEST = 0.1  # m^-2, a hundred times the stress case: clutter is drawn by squares of 500 m
 
 
@@ -56,15 +57,8 @@ def jump_markov(
     window: (width, height), m, of the view about the submitted estimate on clutter that fills a region
     of 10 km by 19 km and stands fast on its ground.
     """
-    if str(case) not in CLUTTER:
-        raise ValueError(f"case must be one of {', '.join(CLUTTER)}, got {case!r}")
-    density = CLUTTER[str(case)] if clutter_density is None else clutter_density
-    if not 0 <= density <= DENSEST:
-        raise ValueError(f"clutter_density must lie between 0 and {DENSEST} per m^2, got {density}")
     view = following_box(window)
-    rate = density * view.volume
-    if rate > 1e5:
-        raise ValueError(f"clutter must be at most 1e5 points a scan in the window, got {rate:g}")
+    density = _checked_density(case, clutter_density, view)
     if not 0 <= stay <= 1:
         raise ValueError(f"stay must lie in [0, 1], got {stay}")
     check_probability("detection_probability", detection_probability)
@@ -75,7 +69,7 @@ def jump_markov(
         detection_probability,
         # a target at acquisition that falls outside every gate would be lost for good: the gates leave
         # out 4 in a million, and a miss keeps that weight at P_D = 1. Without clutter nothing is gated
-        gate_probability=float(-np.expm1(-GATE / 2)) if rate > 0 else 1.0,
+        gate_probability=float(-np.expm1(-GATE / 2)) if density > 0 else 1.0,
         clutter_density=max(density, np.finfo(float).tiny),
         prior=gaussian(START, np.diag(PRIOR)),
         switching=staying(stay, len(motions)),
@@ -85,7 +79,7 @@ def jump_markov(
         truth=partial(_jumping, told),
         sensor=told.sensor,
         detection_probability=detection_probability,
-        clutter_rate=float(rate),
+        clutter_rate=density * view.volume,
         window=view,
         horizon=SCANS,
         period=PERIOD,
@@ -96,6 +90,21 @@ def jump_markov(
         cutoff=100.0,
         region=_region(np.abs(accelerations).max(), process_variance),
     )
+
+
+def _checked_density(case, clutter_density, view: Window) -> float:
+    if str(case) not in CLUTTER:
+        raise ValueError(f"case must be one of {', '.join(CLUTTER)}, got {case!r}")
+    density = CLUTTER[str(case)] if clutter_density is None else clutter_density
+    if not 0 <= density <= DENSEST:
+        raise ValueError(f"clutter_density must lie between 0 and {DENSEST} per m^2, got {density}")
+    if density * view.volume > 1e5:
+        raise ValueError(
+            f"clutter must be at most 1e5 points a scan in the window, got {density * view.volume:g}"
+        )
+    if density > 0 and (view.high > WIDEST / 2).any():
+        raise ValueError(f"window must be at most {WIDEST:g} m wide and high where there is clutter")
+    return density
 
 
 def _motions(accelerations, process_variance, discretisation) -> tuple[Motion, ...]:
@@ -109,8 +118,8 @@ def _motions(accelerations, process_variance, discretisation) -> tuple[Motion, .
         raise ValueError(f"accelerations must have shape (r, 2) with r >= 1, got {accelerations.shape}")
     if not (np.abs(accelerations) <= 100).all():
         raise ValueError("accelerations must be finite and within 100 m/s^2")
-    if not 0 < process_variance < np.inf:
-        raise ValueError(f"process_variance must be positive and finite, got {process_variance}")
+    if not 0 < process_variance <= 1e4:
+        raise ValueError(f"process_variance must be positive and at most 1e4, got {process_variance}")
     T, eye = PERIOD, np.eye(2)
     columns = {
         "printed": ((0.0, T), (T, 1.0)),
