@@ -28,7 +28,7 @@ from gmr_gym.output import (
 )
 from gmr_gym.play import play
 from gmr_gym.reducers import REDUCERS
-from gmr_gym.reproduce import table_record
+from gmr_gym.reproduce import Table, table_record
 from gmr_gym.simulate import Scenario, draw
 from gmr_gym.summary import differences, summary
 from gmr_gym.tracker import Tracker, make_tracker, trackers
@@ -126,23 +126,12 @@ def reproduce(
     out = out or Path("results") / paper
     screen, records, evidence = console(), [], {}
     for name in table or known:
-        entry = known[name]
-        scenario = _scenario(entry.env_id, entry.settings)
-        candidates = {}
-        for spec, parameters in entry.trackers.items():
-            tracker, further = _spec(spec)
-            candidates[spec] = make_tracker(tracker, scenario.model, **parameters, **further)
-        results = _run(f"table {name}", scenario, candidates, runs, seed, jobs, out)
-        rows = entry.summarise(scenario, results)
-        record = table_record(name, entry.settings, rows, entry, runs)
+        record, kept = _reproduced(module, known[name], runs, seed, jobs, out)
+        title = f"{paper}, table {name}: {known[name].title}; {runs} runs"
+        screen.print(comparison(title, record, known[name].columns))
         records.append(record)
-        title = f"{paper}, table {name}: {entry.title}; {runs} runs"
-        screen.print(comparison(title, record, entry.columns))
-        write_runs(out / f"runs-{name}.csv", scenario, results)
-        module.figures(entry, scenario, results, rows, out)
-        if entry.evidence:
-            evidence[name] = entry.evidence(scenario, results)
-        del results  # a table of a thousand runs is a hundred megabytes
+        if kept is not None:
+            evidence[name] = kept
     record = {"paper": paper, "seed": seed, "runs": runs, "tables": records}
     if evidence:
         record["claims"] = module.claims(evidence)
@@ -151,6 +140,22 @@ def reproduce(
         write_json(file, record)
     write_csv(out / f"{paper}.csv", record)
     screen.print(f"tables, figures and runs are in {out}", highlight=False)
+
+
+def _reproduced(module, entry: Table, runs, seed, jobs, out) -> tuple[dict[str, Any], Any]:
+    """Runs a table and leaves its files; the record of it, and the evidence its paper's claims need. The
+    results are gone by then: a table of a thousand runs is a hundred megabytes."""
+    scenario = _scenario(entry.env_id, entry.settings)
+    candidates = {}
+    for spec, parameters in entry.trackers.items():
+        tracker, further = _spec(spec)
+        candidates[spec] = make_tracker(tracker, scenario.model, **parameters, **further)
+    results = _run(f"table {entry.name}", scenario, candidates, runs, seed, jobs, out)
+    rows = entry.summarise(scenario, results)
+    write_runs(out / f"runs-{entry.name}.csv", scenario, results)
+    module.figures(entry, scenario, results, rows, out)
+    evidence = entry.evidence(scenario, results) if entry.evidence else None
+    return table_record(entry.name, entry.settings, rows, entry, runs), evidence
 
 
 @app.command()
@@ -238,7 +243,10 @@ def track_(
     track = detections.track(scans, build, period, prior_time)
     names = [*scans.coordinates, *(f"{name}_velocity" for name in scans.coordinates)]
     detections.write_track(out, track, names)
-    console().print(f"{len(track.times)} scans tracked; written to {out}", highlight=False)
+    screen = console()
+    for i in np.flatnonzero(~track.alive)[:1]:
+        screen.print(f"given up at scan {i + 1}, time {track.times[i]:g}: from there on it only coasts")
+    screen.print(f"{len(track.times)} scans tracked; written to {out}", highlight=False)
 
 
 def main() -> None:

@@ -7,8 +7,8 @@ that the total weight, mean and covariance stay; a component of weight zero is d
 import numpy as np
 from numba import njit
 
+from gmr_gym.agglomeration import cheapest_pair, merged_by, nearest_others, numbered, take_in
 from gmr_gym.dissimilarity import MEASURES, check_choice, dissimilarity
-from gmr_gym.greedy_isd import cheapest_pair, merged_by, nearest_others, numbered, take_in
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction import Reduced, whitened
 

@@ -37,6 +37,7 @@ class Track(NamedTuple):
     x: np.ndarray  # (T, d), estimates
     P: np.ndarray  # (T, d, d), the covariances claimed for them
     components: np.ndarray  # (T,), hypotheses kept
+    alive: np.ndarray  # (T,), False once the tracker has given the target up and only coasts
 
 
 def read_scans(path: Path | str) -> Scans:
@@ -72,15 +73,15 @@ def write_scans(path: Path | str, times, z: Sequence, coordinates: Sequence[str]
 
 def write_track(path: Path | str, track: Track, names: Sequence[str]) -> None:
     """Writes the track as CSV: time, the d states under `names`, the upper triangle of their
-    covariance (var_a, cov_a_b, ...) and components."""
+    covariance (var_a, cov_a_b, ...), components, and alive, 1 or 0."""
     d = track.x.shape[1]
     if len(names) != d:
         raise ValueError(f"names must name the {d} states of the track, got {len(names)}")
     upper = [(i, j) for i in range(d) for j in range(i, d)]
     entries = [f"var_{names[i]}" if i == j else f"cov_{names[i]}_{names[j]}" for i, j in upper]
     each = zip(*(column.tolist() for column in track), strict=True)
-    rows = ([time, *x, *(P[i][j] for i, j in upper), n] for time, x, P, n in each)
-    _write(path, ["time", *names, *entries, "components"], rows)
+    rows = ([time, *x, *(P[i][j] for i, j in upper), n, int(alive)] for time, x, P, n, alive in each)
+    _write(path, ["time", *names, *entries, "components", "alive"], rows)
 
 
 def track(
@@ -103,10 +104,10 @@ def track(
     if (p := len(tracker.model.sensor.H)) != len(scans.coordinates):
         raise ValueError(f"scans have {len(scans.coordinates)} coordinates, but the tracker's sensor {p}")
     belief, prior = tracker.init(), tracker.model.prior
-    rows = [] if intervals[0] else [(*moments(prior), len(prior.w))]
+    rows = [] if intervals[0] else [(*moments(prior), len(prior.w), True)]
     for t in range(len(rows), len(intervals)):
         belief, report = built[intervals[t]].step(belief, scans.z[t])
-        rows.append((report.x[0], report.P[0], len(report.mixture.w)))
+        rows.append((report.x[0], report.P[0], len(report.mixture.w), report.alive))
     return Track(scans.times, *map(np.array, zip(*rows, strict=True)))
 
 

@@ -1,17 +1,15 @@
 """Greedy merging by the integral squared difference (Zhang, eq. 3): a merge changes one row of a table
-of what merging any pair would cost. The table, its nearest pairs and the groups that merge, kept by the
-lowest index of their members, serve clustering too."""
-
-from collections.abc import Callable
+of what merging any pair would cost."""
 
 import numpy as np
 from numba import njit
 
+from gmr_gym.agglomeration import cheapest_pair, merged_by, nearest_others, numbered, take_in
 from gmr_gym.dissimilarity import isd_row, isd_table, own_products
 from gmr_gym.distances import dimension, pack, products_of_columns
-from gmr_gym.merging import first_least, merge_pair
-from gmr_gym.mixture import Mixture, matched, moments
-from gmr_gym.reduction import Reduced, at_least_one, prune
+from gmr_gym.merging import merge_pair
+from gmr_gym.mixture import Mixture, moments
+from gmr_gym.reduction import Reduced
 
 
 def greedy_isd(p: Mixture, components: int) -> Reduced:
@@ -24,66 +22,6 @@ def greedy_isd(p: Mixture, components: int) -> Reduced:
         return _merge_nearest(q.w.copy(), pack(q.m - moments(q)[0], q.P), components)
 
     return merged_by(groups, p, components)
-
-
-def merged_by(groups: Callable[[Mixture, int], np.ndarray], p: Mixture, components: int) -> Reduced:
-    """Moment match of groups of the components that weigh anything; groups(q, components) (n,) are
-    the groups 0..components-1 of those, called with q when it has more components than that."""
-    components = at_least_one(components)
-    q, place = prune(p, 0.0)
-    if len(q.w) <= components:
-        return q, place
-    # squares of tiny weights would underflow; weights above 1 stay, lest tiny ones beside them vanish
-    group = groups(q._replace(w=q.w / min(q.w.max(), 1.0)), components)
-    return matched(q, group, components), np.where(place < 0, -1, group[place])
-
-
-@njit(cache=True, error_model="numpy")
-def nearest_others(table):
-    """The first nearest other (n,) of each row of a table of costs, and its cost (n,); the diagonal
-    becomes infinite."""
-    n = len(table)
-    nearest, least = np.empty(n, np.int64), np.empty(n)
-    for i in range(n):
-        table[i, i] = np.inf
-        nearest[i] = first_least(table[i], n)
-        least[i] = table[i, nearest[i]]
-    return nearest, least
-
-
-@njit(cache=True, error_model="numpy")
-def cheapest_pair(nearest, least):
-    """Rows i < j of least cost, the first among equals."""
-    i = first_least(least, len(least))
-    if least[i] == np.inf:
-        raise ValueError("components lie too far apart to tell what merging them costs")
-    return i, nearest[i]
-
-
-@njit(cache=True, error_model="numpy")
-def take_in(i, j, group, table, nearest, least):
-    """Closes row j, whose members go to i; row i of the table holds its new costs already."""
-    n = len(table)
-    for k in range(n):
-        group[k] = i if group[k] == j else group[k]
-        table[j, k] = table[k, j] = np.inf
-    nearest[j], least[j] = -1, np.inf
-    for k in range(n):
-        if k == i or nearest[k] == i or nearest[k] == j:
-            nearest[k] = first_least(table[k], n)
-            least[k] = table[k, nearest[k]]
-        elif table[k, i] < least[k] or (table[k, i] == least[k] and i < nearest[k]):
-            nearest[k], least[k] = i, table[k, i]
-
-
-@njit(cache=True, error_model="numpy")
-def numbered(group):
-    """Groups (n,) named by their first member, numbered in the order of these."""
-    number, count = np.full(len(group), -1), 0
-    for i in range(len(group)):
-        number[i] = count if group[i] == i else number[group[i]]
-        count += group[i] == i
-    return number
 
 
 @njit(cache=True, error_model="numpy")

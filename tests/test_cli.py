@@ -231,7 +231,7 @@ def test_track_follows_what_record_wrote(call):
     assert code == 0 and "12 scans tracked" in printed
     rows = rows_of("t/track.csv")
     assert list(rows[0])[:5] == ["time", "x_m", "y_m", "x_m_velocity", "y_m_velocity"]
-    assert "cov_x_m_y_m" in rows[0] and list(rows[0])[-1] == "components"
+    assert "cov_x_m_y_m" in rows[0] and list(rows[0])[-2:] == ["components", "alive"]
     assert [float(row["time"]) for row in rows] == detections.read_scans(Path("z.csv")).times.tolist()
     estimates = np.array([[row["x_m"], row["y_m"]] for row in rows], float)
     assert np.linalg.norm(estimates - truth, axis=1).max() < 50  # five deviations of the sensor

@@ -170,11 +170,11 @@ def test_scans_that_do_not_fit_are_not_written(tmp_path, times, z, coordinates, 
 
 def test_track_file_holds_estimates_and_the_upper_triangle(tmp_path):
     P = np.array([[4.0, 1.0], [1.0, 9.0]])
-    result = Track(np.array([0.5]), np.array([[0.1, 2.0]]), P[None], np.array([7]))
+    result = Track(np.array([0.5]), np.array([[0.1, 2.0]]), P[None], np.array([7]), np.array([True]))
     write_track(tmp_path / "track.csv", result, ("px", "vx"))
     header, row = (tmp_path / "track.csv").read_text().splitlines()
-    assert header == "time,px,vx,var_px,cov_px_vx,var_vx,components"
-    assert row == "0.5,0.1,2.0,4.0,1.0,9.0,7"
+    assert header == "time,px,vx,var_px,cov_px_vx,var_vx,components,alive"
+    assert row == "0.5,0.1,2.0,4.0,1.0,9.0,7,1"
     with pytest.raises(ValueError, match="names must name the 2 states of the track, got 3"):
         write_track(tmp_path / "track.csv", result, ("px", "vx", "ax"))
     with pytest.raises(ValueError, match="names, column 3: 'px'"):
@@ -193,6 +193,19 @@ def test_a_noise_free_straight_target_is_tracked_exactly(name):
     # machine precision of a dozen matrix products on numbers of some hundred
     np.testing.assert_allclose(result.x, x, rtol=0, atol=1e-10)
     assert result.P.shape == (6, 4, 4) and (result.times == times).all()
+
+
+def test_a_track_says_when_it_was_given_up(tmp_path):
+    times = np.arange(40.0)
+    nothing = Scans(times, [np.empty((0, 2))] * 40, ("x", "y"))
+    build = builder("mmg", prior_given([0, 0, 0, 0], [10, 10, 5, 5]), density=1e-3)
+    result = track(nothing, build, prior_time=-1.0)
+    assert result.alive[0] and not result.alive[-1]
+    assert (np.diff(result.alive.astype(int)) <= 0).all()  # for good
+    write_track(tmp_path / "track.csv", result, ("x", "y", "vx", "vy"))
+    column = [line.rpartition(",")[2] for line in (tmp_path / "track.csv").read_text().splitlines()]
+    assert column == ["alive", *("1" if alive else "0" for alive in result.alive)]
+    assert track(nothing, builder("pda", prior_given([0, 0, 0, 0], [10, 10, 5, 5]))).alive.all()
 
 
 @pytest.mark.parametrize("axes", [1, 2, 3])

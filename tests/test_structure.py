@@ -8,8 +8,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 NUMERICS = [
     "mixture", "kalman", "association", "merging", "reduction", "ise", "distances", "model",
-    "modes", "clustering", "dissimilarity", "greedy_isd", "reducers", "curves", "simulate", "play", "metrics",
-    "montecarlo", "summary", "tracker", "scenarios",
+    "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
+    "curves", "simulate", "play", "metrics", "montecarlo", "summary", "tracker", "scenarios",
 ]  # fmt: skip
 LIBRARY, BASELINES = sorted((ROOT / "gmr_gym").rglob("*.py")), sorted((ROOT / "baselines").glob("*.py"))
 

@@ -43,14 +43,16 @@ class Claim(NamedTuple):
 
 
 def judged(claim: Claim, figure: Figure, **about: str) -> dict[str, Any]:
-    """A claim as plain data: "holds" or "fails" when the interval leaves no doubt of the side of the
-    threshold, else "tie"; "unknown" without an interval."""
-    if not np.isfinite(figure.low):
+    """A claim as plain data: "holds" or "fails" when chance puts the number on the other side of the
+    threshold less than once in a hundred times, else "tie"; "unknown" without an interval."""
+    # from the interval's confidence to 99 %, as `verdict` asks
+    reach = (figure.high - figure.low) / 2 * norm.ppf(0.995) / norm.ppf((1 + CONFIDENCE) / 2)
+    if not np.isfinite(reach):
         verdict = "unknown"
-    elif figure.low > claim.threshold:
-        verdict = "holds"
+    elif abs(figure.value - claim.threshold) <= reach:
+        verdict = "tie"
     else:
-        verdict = "fails" if figure.high < claim.threshold else "tie"
+        verdict = "holds" if figure.value > claim.threshold else "fails"
     record: dict[str, Any] = {**about, "claim": claim.sentence, "measure": claim.measure}
     numbers = {key: _number(value) for key, value in figure._asdict().items()}
     return record | numbers | {"threshold": claim.threshold, "verdict": verdict}

@@ -23,7 +23,7 @@ __all__ = ["TABLES", "claims", "figures"]
 QUIET = 0.01  # of the printed Q = I, at which an acceleration is but two deviations of the process noise
 COLUMNS = (
     "track_loss", "rmse_all", "rmse_common", "velocity_rmse_common", "nci_all", "nci_common",
-    "inclination_common", "components", "time_per_scan",
+    "inclination_common", "components", "gate_area", "time_per_scan",
 )  # fmt: skip
 SETS = ("all", "common")
 LABELS = ("position RMSE, m", "velocity RMSE, m/s", "NCI, dB", "inclination, dB")

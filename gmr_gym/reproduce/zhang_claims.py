@@ -1,6 +1,7 @@
 """What Zhang and Liu say of their curves in section 6.4, each sentence as a number with an interval."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,9 @@ from gmr_gym.simulate import Scenario
 from gmr_gym.summary import kept
 
 BEFORE, AFTER = 5, 5  # scans before a switch, and from it on, that a peak is looked for in
+PEAK = 0.1  # of what is on either side, what a peak must rise above it
 MOST, CONSTANTLY = 0.5, 0.9  # shares of the scans
+MUCH = 1.0  # dB
 
 
 class Evidence(NamedTuple):
@@ -89,18 +92,32 @@ def _lowest(field: str, trio: Trio) -> float:
 
 
 def _peak(field: str, one: Curves, switch: int) -> float:
-    """The curve after a switch (its mean over `AFTER` scans) relative to before it."""
+    """By what share the curve (its mean over `AFTER` scans from a switch on) exceeds both sides: its mean
+    over the scans before, and over the last ones before the next switch or the end."""
     curve = getattr(one, field)
     first = switch - 1  # scans are counted from 1
-    return curve[first : first + AFTER].mean() / curve[first - BEFORE : first].mean()
+    last = min((later - 1 for later in SWITCHES if later > switch), default=len(curve))
+    sides = curve[first - BEFORE : first].mean(), curve[last - BEFORE : last].mean()
+    return curve[first : first + AFTER].mean() / max(sides) - 1
 
 
 def _peaks(field: str, trio: Trio) -> float:
-    return min(_peak(field, trio.mmg, switch) for switch in SWITCHES) - 1
+    return min(_peak(field, trio.mmg, switch) for switch in SWITCHES)
+
+
+def _flat(field: str, trio: Trio) -> float:
+    return PEAK - max(_peak(field, one, SWITCHES[0]) for one in trio.rivals)
 
 
 def _calmer(field: str, trio: Trio) -> float:
     return _peak(field, trio.mmg, SWITCHES[0]) - max(_peak(field, one, SWITCHES[0]) for one in trio.rivals)
+
+
+def _beaten_after_switches(field: str, trio: Trio) -> float:
+    """Share of the scans from a switch on at which MMG's curve is not the lowest."""
+    after = np.concatenate([np.arange(first - 1, first - 1 + AFTER) for first in SWITCHES])
+    own, *others = (getattr(one, field)[after] for one in trio)
+    return float((own > np.minimum(*others)).mean())
 
 
 def _pessimistic(trio: Trio) -> float:
@@ -120,44 +137,76 @@ def _worse_pda(field: str, trio: Trio) -> float:
     return pda - max(mmg, mht)
 
 
-PEAKS = "MMG's {} RMSE over five scans from a switch, relative to the five before, less 1; the lesser switch"
-CALM = "MMG's rise of {} RMSE at the first switch less the rivals' greater rise"
+def _rise(field: str, first: Curves, second: Curves) -> float:
+    """Average magnitude in case 2 less that in case 1."""
+    return np.abs(getattr(second, field)).mean() - np.abs(getattr(first, field)).mean()
+
+
+def _sensitive_pda(field: str, first: Trio, second: Trio) -> float:
+    mmg, mht, pda = (_rise(field, a, b) for a, b in zip(first, second, strict=True))
+    return pda - max(mmg, mht)
+
+
+def _least_rise(field: str, first: Trio, second: Trio) -> float:
+    return min(_rise(field, a, b) for a, b in zip(first, second, strict=True))
+
+
+SHARE = "share of scans"
+PEAKS = "rise of MMG's {} RMSE over both sides of a switch, the lesser switch"
+CALM = f"{PEAK:g} less the rivals' greater rise of {{}} RMSE at the first switch"
+ROBUST = "MMG's rise of {} RMSE at the first switch less the rivals' greater rise"
+WORSE = "average less the worse of the others', dB"
+POSITION, VELOCITY = ("rmse", "position"), ("velocity_rmse", "velocity")
+AT_FIRST_SWITCH = tuple(
+    claim
+    for field, name in (POSITION, VELOCITY)
+    for claim in (
+        Claim(
+            f"the IMM based methods have no peak at the first switch ({name})",
+            CALM.format(name), 0.0, partial(_flat, field),
+        ),
+        Claim(
+            f"the IMM based methods are more robust to the first switch ({name})",
+            ROBUST.format(name), 0.0, partial(_calmer, field),
+        ),
+    )
+)  # fmt: skip
+LOWEST = tuple(
+    Claim(f"MMG has the lowest {name} RMSE for most of the time", SHARE, MOST, partial(_lowest, field))
+    for field, name in (POSITION, VELOCITY)
+)
 CASE_1 = (
     Claim(
         "MMG has the best position RMSE",
-        "better rival's average less MMG's, m", 0.0, lambda trio: _lead("rmse", trio),
+        "better rival's average less MMG's, m", 0.0, partial(_lead, "rmse"),
     ),
     Claim(
         "MMG has the best velocity RMSE",
-        "better rival's average less MMG's, m/s", 0.0, lambda trio: _lead("velocity_rmse", trio),
+        "better rival's average less MMG's, m/s", 0.0, partial(_lead, "velocity_rmse"),
     ),
-    Claim(
-        "two peaks of MMG are the two switches (position)",
-        PEAKS.format("position"), 0.0, lambda trio: _peaks("rmse", trio),
+    *LOWEST,
+    *(
+        Claim(
+            f"except right after a switch, where MMG has not the lowest {name} RMSE",
+            "share of five scans from each switch", MOST, partial(_beaten_after_switches, field),
+        )
+        for field, name in (POSITION, VELOCITY)
     ),
-    Claim(
-        "two peaks of MMG are the two switches (velocity)",
-        PEAKS.format("velocity"), 0.0, lambda trio: _peaks("velocity_rmse", trio),
+    *(
+        Claim(
+            f"two peaks of MMG are the two switches ({name})",
+            PEAKS.format(name), PEAK, partial(_peaks, field),
+        )
+        for field, name in (POSITION, VELOCITY)
     ),
-    Claim(
-        "the IMM based methods have no peak at the first switch (position)",
-        CALM.format("position"), 0.0, lambda trio: _calmer("rmse", trio),
-    ),
-    Claim(
-        "the IMM based methods have no peak at the first switch (velocity)",
-        CALM.format("velocity"), 0.0, lambda trio: _calmer("velocity_rmse", trio),
-    ),
-    Claim(
-        "MMG has the lowest NCI for most of the time",
-        "share of scans", MOST, lambda trio: _lowest("nci", trio),
-    ),
+    *AT_FIRST_SWITCH,
+    Claim("MMG has the lowest NCI for most of the time", SHARE, MOST, partial(_lowest, "nci")),
     Claim(
         "MMG is constantly pessimistic except at the transients",
         "share of scans away from start and switches", CONSTANTLY, _pessimistic,
     ),
     Claim(
-        "IMM+PDA is constantly optimistic",
-        "share of scans", CONSTANTLY, lambda trio: _optimistic(trio.imm_pda),
+        "IMM+PDA is constantly optimistic", SHARE, CONSTANTLY, lambda trio: _optimistic(trio.imm_pda),
     ),
     Claim(
         "IMM+MHT shows no consistent pattern of inclination",
@@ -166,37 +215,39 @@ CASE_1 = (
     ),
 )  # fmt: skip
 CASE_2 = (
-    Claim(
-        "MMG has the lowest position RMSE for most of the time",
-        "share of scans", MOST, lambda trio: _lowest("rmse", trio),
-    ),
-    Claim(
-        "MMG has the lowest velocity RMSE for most of the time",
-        "share of scans", MOST, lambda trio: _lowest("velocity_rmse", trio),
-    ),
-    *CASE_1[4:6],
+    *LOWEST,
+    *AT_FIRST_SWITCH,
     Claim(
         "the NCI of IMM+PDA is much worse than that of the other two",
-        "average less the worse of the others', dB", 0.0, lambda trio: _worse_pda("nci", trio),
+        WORSE, MUCH, partial(_worse_pda, "nci"),
     ),
     Claim(
         "the inclination of IMM+PDA is much worse than that of the other two",
-        "average magnitude less the worse of the others', dB", 0.0,
-        lambda trio: _worse_pda("inclination", trio),
+        f"magnitude's {WORSE}", MUCH, partial(_worse_pda, "inclination"),
     ),
 )  # fmt: skip
 BOTH = (
-    Claim(
-        "all filters have larger position errors than in case 1",
-        "average in case 2 less case 1, m; the least of the three", 0.0,
-        lambda first, second: min(b.rmse.mean() - a.rmse.mean() for a, b in zip(first, second, strict=True)),
+    *(
+        Claim(
+            f"all filters have larger {name} errors than in case 1",
+            "average in case 2 less case 1, the least of the three", 0.0, partial(_least_rise, field),
+        )
+        for field, name in (POSITION, VELOCITY)
     ),
-    Claim(
-        "PDA is more sensitive to the clutter density",
-        "rise of IMM+PDA's average NCI less the greater of the others', dB", 0.0,
-        lambda first, second: (
-            second.imm_pda.nci.mean() - first.imm_pda.nci.mean()
-            - max(b.nci.mean() - a.nci.mean() for a, b in zip(first[:2], second[:2], strict=True))
-        ),
+    *(
+        Claim(
+            f"the {name} of IMM+PDA is much worse than in case 1",
+            "average magnitude in case 2 less case 1, dB", MUCH,
+            lambda first, second, field=field: _rise(field, first.imm_pda, second.imm_pda),
+        )
+        for field, name in (("nci", "NCI"), ("inclination", "inclination"))
+    ),
+    *(
+        Claim(
+            f"PDA is more sensitive to the clutter density ({name})",
+            "IMM+PDA's rise from case 1 less the greater of the others', dB", 0.0,
+            partial(_sensitive_pda, field),
+        )
+        for field, name in (("nci", "NCI"), ("inclination", "inclination"))
     ),
 )  # fmt: skip

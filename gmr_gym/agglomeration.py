@@ -1,0 +1,71 @@
+"""Joining the nearest two again and again: a table of what joining any pair costs, its nearest pairs, and
+groups kept by the lowest index of their members."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numba import njit
+
+from gmr_gym.merging import first_least
+from gmr_gym.mixture import Mixture, matched
+from gmr_gym.reduction import Reduced, at_least_one, prune
+
+
+def merged_by(groups: Callable[[Mixture, int], np.ndarray], p: Mixture, components: int) -> Reduced:
+    """Moment match of groups of the components that weigh anything; groups(q, components) (n,) are
+    the groups 0..components-1 of those, called with q when it has more components than that."""
+    components = at_least_one(components)
+    q, place = prune(p, 0.0)
+    if len(q.w) <= components:
+        return q, place
+    # squares of tiny weights would underflow; weights above 1 stay, lest tiny ones beside them vanish
+    group = groups(q._replace(w=q.w / min(q.w.max(), 1.0)), components)
+    return matched(q, group, components), np.where(place < 0, -1, group[place])
+
+
+@njit(cache=True, error_model="numpy")
+def nearest_others(table):
+    """The first nearest other (n,) of each row of a table of costs, and its cost (n,); the diagonal
+    becomes infinite."""
+    n = len(table)
+    nearest, least = np.empty(n, np.int64), np.empty(n)
+    for i in range(n):
+        table[i, i] = np.inf
+        nearest[i] = first_least(table[i], n)
+        least[i] = table[i, nearest[i]]
+    return nearest, least
+
+
+@njit(cache=True, error_model="numpy")
+def cheapest_pair(nearest, least):
+    """Rows i < j of least cost, the first among equals."""
+    i = first_least(least, len(least))
+    if least[i] == np.inf:
+        raise ValueError("components lie too far apart to tell what merging them costs")
+    return i, nearest[i]
+
+
+@njit(cache=True, error_model="numpy")
+def take_in(i, j, group, table, nearest, least):
+    """Closes row j, whose members go to i; row i of the table holds its new costs already."""
+    n = len(table)
+    for k in range(n):
+        group[k] = i if group[k] == j else group[k]
+        table[j, k] = table[k, j] = np.inf
+    nearest[j], least[j] = -1, np.inf
+    for k in range(n):
+        if k == i or nearest[k] == i or nearest[k] == j:
+            nearest[k] = first_least(table[k], n)
+            least[k] = table[k, nearest[k]]
+        elif table[k, i] < least[k] or (table[k, i] == least[k] and i < nearest[k]):
+            nearest[k], least[k] = i, table[k, i]
+
+
+@njit(cache=True, error_model="numpy")
+def numbered(group):
+    """Groups (n,) named by their first member, numbered in the order of these."""
+    number, count = np.full(len(group), -1), 0
+    for i in range(len(group)):
+        number[i] = count if group[i] == i else number[group[i]]
+        count += group[i] == i
+    return number
