@@ -133,12 +133,16 @@ def _code(tracker: Tracker) -> str:
     """Digest of the source that a run depends on, so that an edited tracker is run again."""
     parts = [getattr(tracker, field, None) for field in getattr(tracker, "__dataclass_fields__", ())]
     things = [type(tracker), *(function for part in parts for function in _functions(part))]
-    modules = {getattr(sys.modules.get(thing.__module__), "__file__", None) for thing in things}
+    where = [getattr(sys.modules.get(thing.__module__), "__file__", None) for thing in things]
     # what was typed at a prompt has no file, but its own code
-    typed = [marshal.dumps(code) for thing in things if (code := getattr(thing, "__code__", None))]
+    typed = [
+        marshal.dumps(thing.__code__.replace(co_filename=""))
+        for thing, file in zip(things, where, strict=True)
+        if file is None and hasattr(thing, "__code__")
+    ]
     root = Path(__file__).parent
     own = [file for file in root.glob("**/*.py") if file.relative_to(root).parts[0] not in LOOKERS]
-    files = sorted(own) + [Path(file) for file in sorted(filter(None, modules))]
+    files = sorted(own) + [Path(file) for file in sorted(filter(None, set(where)))]
     return joblib.hash([*typed, *(file.read_bytes() for file in files)])
 
 
