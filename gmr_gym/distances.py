@@ -111,6 +111,7 @@ def products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def products_with(x, b, n):
     """Products (n,) of the one Gaussian packed in x (T,) with the first n columns of b."""
     T = len(b)
+    mean = T - dimension(T)  # the row where the means begin
     out = np.empty(n)
     for start in range(0, n, BLOCK):
         k = min(BLOCK, n - start)
@@ -118,7 +119,7 @@ def products_with(x, b, n):
         for t in range(T):
             row, total = b[t, start : start + k], bordered[t]
             # covariances add up, means are taken apart
-            y = x[t] if t < T - dimension(T) else -x[t]
+            y = x[t] if t < mean else -x[t]
             for i in range(k):
                 total[i] = row[i] + y
         _density_at_border(out[start : start + k], bordered)
@@ -150,27 +151,123 @@ def dimension(T):
 def _density_at_border(out, bordered):
     """N(e; 0, S) of each column [[S, e], [e', .]] of bordered (T + 1, n), which it uses up.
 
-    Cholesky in place turns the border e' into y = L^-1 e, with e' S^-1 e = y'y. Underflows to
-    0, never to nan; nan where S is not positive definite.
+    Underflows to 0, never to nan; nan where S is not positive definite.
+    """
+    d = dimension(len(bordered) - 1)
+    if d == 6:
+        _eliminate_six(out, bordered)
+    else:
+        _eliminate(out, bordered, d)
+    peak = (2.0 * np.pi) ** (-0.5 * d)
+    for i in range(len(out)):
+        out[i] *= peak
+    _times_exponentials(out, bordered[0], bordered[1])
+
+
+@njit(cache=True, error_model="numpy")
+def _eliminate(out, bordered, d):
+    """Set out to |S|^(-1/2) and the first row to -e' S^-1 e / 2.
+
+    L D L' of the bordered matrix in place, without square roots, leaves -e' S^-1 e in the corner.
     """
     n = len(out)
-    d = dimension(len(bordered) - 1)
-    corner = bordered[len(bordered) - 1]
+    corner, ratio = bordered[len(bordered) - 1], np.empty(n)
     for i in range(n):
         corner[i] = 0.0
-        out[i] = (2.0 * np.pi) ** (-0.5 * d)
+        out[i] = 1.0
     for c in range(d):
         pivot = bordered[c * (c + 3) // 2]
         for i in range(n):
-            pivot[i] = 1.0 / np.sqrt(pivot[i])
-            out[i] *= pivot[i]
+            out[i] *= pivot[i] if pivot[i] > 0.0 else np.nan
+            pivot[i] = 1.0 / pivot[i]
         for r in range(c + 1, d + 1):
             lead = bordered[r * (r + 1) // 2 + c]
             for i in range(n):
-                lead[i] *= pivot[i]
+                ratio[i] = lead[i] * pivot[i]
             for k in range(c + 1, r + 1):
                 other, target = bordered[k * (k + 1) // 2 + c], bordered[r * (r + 1) // 2 + k]
                 for i in range(n):
-                    target[i] -= lead[i] * other[i]
+                    target[i] -= ratio[i] * other[i]
+    exponent = bordered[0]
     for i in range(n):
-        out[i] *= np.exp(0.5 * corner[i])
+        exponent[i] = 0.5 * corner[i]
+        out[i] = 1.0 / np.sqrt(out[i])
+
+
+@njit(cache=True, error_model="numpy")
+def _eliminate_six(out, bordered):
+    """`_eliminate` for six states, the case of a planar position, velocity and acceleration, written
+    out: nothing leaves the registers, which takes half the time."""
+    b = bordered
+    for i in range(len(out)):
+        s00 = b[0, i]
+        s10, s11 = b[1, i], b[2, i]
+        s20, s21, s22 = b[3, i], b[4, i], b[5, i]
+        s30, s31, s32, s33 = b[6, i], b[7, i], b[8, i], b[9, i]
+        s40, s41, s42, s43, s44 = b[10, i], b[11, i], b[12, i], b[13, i], b[14, i]
+        s50, s51, s52, s53, s54, s55 = b[15, i], b[16, i], b[17, i], b[18, i], b[19, i], b[20, i]
+        e0, e1, e2, e3, e4, e5 = b[21, i], b[22, i], b[23, i], b[24, i], b[25, i], b[26, i]
+        v0 = 1.0 / s00
+        r1, r2, r3, r4, r5 = s10 * v0, s20 * v0, s30 * v0, s40 * v0, s50 * v0
+        s11 -= r1 * s10
+        s21, s22 = s21 - r2 * s10, s22 - r2 * s20
+        s31, s32, s33 = s31 - r3 * s10, s32 - r3 * s20, s33 - r3 * s30
+        s41, s42, s43, s44 = s41 - r4 * s10, s42 - r4 * s20, s43 - r4 * s30, s44 - r4 * s40
+        s51, s52, s53 = s51 - r5 * s10, s52 - r5 * s20, s53 - r5 * s30
+        s54, s55 = s54 - r5 * s40, s55 - r5 * s50
+        e1, e2, e3, e4, e5 = e1 - r1 * e0, e2 - r2 * e0, e3 - r3 * e0, e4 - r4 * e0, e5 - r5 * e0
+        v1 = 1.0 / s11
+        r2, r3, r4, r5 = s21 * v1, s31 * v1, s41 * v1, s51 * v1
+        s22 -= r2 * s21
+        s32, s33 = s32 - r3 * s21, s33 - r3 * s31
+        s42, s43, s44 = s42 - r4 * s21, s43 - r4 * s31, s44 - r4 * s41
+        s52, s53, s54, s55 = s52 - r5 * s21, s53 - r5 * s31, s54 - r5 * s41, s55 - r5 * s51
+        e2, e3, e4, e5 = e2 - r2 * e1, e3 - r3 * e1, e4 - r4 * e1, e5 - r5 * e1
+        v2 = 1.0 / s22
+        r3, r4, r5 = s32 * v2, s42 * v2, s52 * v2
+        s33 -= r3 * s32
+        s43, s44 = s43 - r4 * s32, s44 - r4 * s42
+        s53, s54, s55 = s53 - r5 * s32, s54 - r5 * s42, s55 - r5 * s52
+        e3, e4, e5 = e3 - r3 * e2, e4 - r4 * e2, e5 - r5 * e2
+        v3 = 1.0 / s33
+        r4, r5 = s43 * v3, s53 * v3
+        s44 -= r4 * s43
+        s54, s55 = s54 - r5 * s43, s55 - r5 * s53
+        e4, e5 = e4 - r4 * e3, e5 - r5 * e3
+        v4 = 1.0 / s44
+        r5 = s54 * v4
+        s55 -= r5 * s54
+        e5 -= r5 * e4
+        v5 = 1.0 / s55
+        d2 = e0 * e0 * v0 + e1 * e1 * v1 + e2 * e2 * v2 + e3 * e3 * v3 + e4 * e4 * v4 + e5 * e5 * v5
+        least = min(min(min(s00, s11), min(s22, s33)), min(s44, s55))
+        determinant = (s00 * s11 * s22) * (s33 * s44 * s55)
+        b[0, i] = -0.5 * d2
+        out[i] = 1.0 / np.sqrt(determinant) if least > 0.0 else np.nan
+
+
+@njit(cache=True, error_model="numpy")
+def _times_exponentials(out, x, room):
+    """out[i] *= exp(x[i]) for x <= 0, to the last bits; room (n,) is overwritten.
+
+    A call of the library's exponential would keep the loops from being vectorised.
+    """
+    n = len(out)
+    bits = room.view(np.int64)
+    shift = 6755399441055744.0  # 1.5 * 2^52: added to y, it leaves the nearest integer in the low bits
+    for i in range(n):
+        x[i] = -708.0 if x[i] < -708.0 else x[i]
+        room[i] = x[i] * 1.4426950408889634 + shift
+        k = room[i] - shift
+        # exp(x) = 2^k exp(r), |r| < 0.35; log 2 in two parts keeps the digits of r
+        r = (x[i] - k * 6.93147180369123816490e-01) - k * 1.90821492927058770002e-10
+        # written out, since a loop over the coefficients would not be vectorised over i
+        series = 1 / 39916800 + r * (1 / 479001600 + r * (1 / 6227020800))
+        series = 1 / 40320 + r * (1 / 362880 + r * (1 / 3628800 + r * series))
+        series = 1 / 120 + r * (1 / 720 + r * (1 / 5040 + r * series))
+        series = 0.5 + r * (1 / 6 + r * (1 / 24 + r * series))
+        out[i] *= 1.0 + r * (1.0 + r * series)
+    for i in range(n):
+        bits[i] = (bits[i] + 1023) << 52  # 2^k
+    for i in range(n):
+        out[i] = 0.0 if x[i] == -708.0 else out[i] * room[i]

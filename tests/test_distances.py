@@ -207,3 +207,12 @@ def test_weights_count_in_the_normalised_difference():
     double = p._replace(w=2 * p.w)
     # (1 - 2)^2 / (1 + 4)
     assert normalised_integral_squared_difference(p, double) == pytest.approx(0.2, rel=1e-12)
+
+
+@pytest.mark.parametrize("d", [2, 6])
+def test_products_out_of_reach_vanish_and_those_of_no_density_are_nan(d):
+    m, P = np.zeros((3, d)), np.stack([np.eye(d), np.eye(d), -np.diag([3.0] * 2 + [0.0] * (d - 2))])
+    m[1] = 1e3
+    to_first = products(pack(m[:1], P[:1]), pack(m, P))[0]
+    assert to_first[0] == pytest.approx((4 * np.pi) ** (-d / 2), rel=1e-14)
+    assert to_first[1] == 0.0 and np.isnan(to_first[2])  # two negative pivots, whose product is positive

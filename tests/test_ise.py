@@ -39,7 +39,13 @@ def crowded(rng, n, d):
     return Mixture(p.w, 0.4 * p.m, np.broadcast_to(p.P[0], p.P.shape).copy())
 
 
-KINDS = [scattered, clustered, level, uneven, crowded]
+def siblings(rng, n, d):
+    """Fours that share a covariance, as the children of one hypothesis do."""
+    p = scattered(rng, n, d)
+    return p._replace(P=p.P[np.arange(n) // 4])
+
+
+KINDS = [scattered, clustered, level, uneven, crowded, siblings]
 
 
 def gram(p, q):
@@ -101,9 +107,10 @@ def test_every_choice_is_that_of_evaluating_all_candidates(kind, d, renormalise)
         assert cost == pytest.approx(difference(p, expected), rel=1e-9, abs=rounding(p))
 
 
+@pytest.mark.parametrize("d", [4, 6])
 @pytest.mark.parametrize("kind", KINDS)
-def test_choices_stay_those_of_all_candidates_over_many_steps(kind):
-    p = kind(np.random.default_rng(7), 16, 4)
+def test_choices_stay_those_of_all_candidates_over_many_steps(kind, d):
+    p = kind(np.random.default_rng(7), 16, d)
     assert integral_squared_error(p, 2)[1].tolist() == brute_force(p, 2, True)[1].tolist()
 
 
@@ -164,6 +171,14 @@ def test_weights_too_small_to_matter_cost_nothing(weight, renormalise):
     assert np.isfinite(q.w).all() and np.isfinite(q.m).all() and np.isfinite(q.P).all()
     assert sorted(origin[1::2]) == list(range(5))
     assert integral_squared_difference(p, q) <= rounding(p)
+
+
+@pytest.mark.parametrize("renormalise", [True, False])
+def test_weights_that_vanish_beside_the_others_are_deleted_first(renormalise):
+    p = scattered(np.random.default_rng(5), 40, 6)
+    p = p._replace(w=np.where(np.arange(40) % 2, p.w, 1e-300))
+    origin = integral_squared_error(p, 20, renormalise)[1]
+    assert origin[1::2].tolist() == list(range(20)) and (origin[::2] == -1).all()
 
 
 def test_one_weight_among_zeros_is_what_remains():
