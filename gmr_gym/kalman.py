@@ -66,10 +66,20 @@ def constant_velocity(period: float, acceleration: float, axes: int = 2) -> Moti
     return motion(F, acceleration**2 * G @ G.T)
 
 
-def position_sensor(deviation: float, axes: int = 2) -> Sensor:
-    """Positions of the state [positions, velocities], noise `deviation` (m) on each axis
-    (D'Ortenzio, eq. 19)."""
-    H = np.hstack([np.eye(axes), np.zeros((axes, axes))])
+def constant_acceleration(period: float, deviation: float, axes: int = 2) -> Motion:
+    """Nearly constant acceleration, state [positions, velocities, accelerations]: Q = s^2 G G' with
+    G = [T^2/2; T; 1] per axis, T the period (s) and s the deviation (m/s^2) by which the acceleration
+    changes from scan to scan (Maybeck, eqs. 18-19)."""
+    eye, none = np.eye(axes), np.zeros((axes, axes))
+    F = np.block([[eye, period * eye, period**2 / 2 * eye], [none, eye, period * eye], [none, none, eye]])
+    G = np.vstack([period**2 / 2 * eye, period * eye, eye])
+    return motion(F, deviation**2 * G @ G.T)
+
+
+def position_sensor(deviation: float, axes: int = 2, rates: int = 1) -> Sensor:
+    """Positions of the state [positions, velocities, ...] with `rates` rates of change beside them, noise
+    `deviation` (m) on each axis (D'Ortenzio, eq. 19)."""
+    H = np.eye(axes, axes * (1 + rates))
     return sensor(H, deviation**2 * np.eye(axes))
 
 

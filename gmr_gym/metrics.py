@@ -11,6 +11,13 @@ def truth_outside_gates(H: np.ndarray, gates: Gates, x: np.ndarray, z: np.ndarra
     return not np.isfinite(gated_distances(gates, (H @ x)[None])).any()
 
 
+def detection_outside_gates(gates: Gates, x: np.ndarray, z: np.ndarray) -> bool:
+    """Whether the target's own detection z (p,) lies in no gate; so too where there was none, z then being
+    nan (Maybeck, section V: "without the target-originated measurement falling within an association
+    gate for any of the mixture hypotheses")."""
+    return not np.isfinite(z).all() or not np.isfinite(gated_distances(gates, z[None])).any()
+
+
 def lost_at(off_target: np.ndarray, patience: int) -> np.ndarray:
     """Scan (runs,) at which `patience` scans in a row were off target (runs, T), -1 for never."""
     in_a_row = np.zeros(off_target.shape, int)

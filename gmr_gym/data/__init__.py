@@ -1,4 +1,5 @@
-"""Recorded aircraft tracks at 1 Hz; `flights/LICENCE.md` says whose and how they were cut."""
+"""Recorded aircraft tracks at 1 Hz, `flights/LICENCE.md` says whose and how they were cut; and a flight of
+an F-16 at 2 Hz, reconstructed in a flight simulator by `fly_f16.py`."""
 
 from difflib import get_close_matches
 from importlib.resources import files
@@ -24,3 +25,11 @@ def flight(segment: str) -> np.ndarray:
     text = (files(__name__) / "flights" / f"{segment}.csv").read_text(encoding="utf-8")
     rows = text.partition(COLUMNS)[2].splitlines()
     return np.loadtxt(rows, delimiter=",", usecols=(1, 2))
+
+
+def f16_flight() -> np.ndarray:
+    """[north, up] from the first epoch, their velocities and accelerations (350, 6), m and s, of an F-16
+    that flies level, turns and jinks; two rows a second."""
+    text = (files(__name__) / "f16.csv").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if not line.startswith("#")][1:]
+    return np.loadtxt(rows, delimiter=",", usecols=range(1, 7))

@@ -5,6 +5,7 @@ import gymnasium as gym
 ENVIRONMENTS = {
     "gmr_gym/TurningTarget-v0": "gmr_gym.scenarios.dortenzio:turning_target",
     "gmr_gym/RecordedFlight-v0": "gmr_gym.scenarios.recorded:recorded_flight",
+    "gmr_gym/AgileFlight-v0": "gmr_gym.scenarios.maybeck:agile_flight",
     "gmr_gym/JumpMarkov-v0": "gmr_gym.scenarios.zhang:jump_markov",
 }
 

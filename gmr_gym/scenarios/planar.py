@@ -58,7 +58,7 @@ def along(
     )
     return Scenario(
         model=told,
-        truth=partial(_scripted, x),
+        truth=partial(scripted, x),
         sensor=position_sensor(sensor_deviation),
         detection_probability=detection_probability,
         clutter_rate=float(rate),
@@ -128,5 +128,6 @@ def following_box(sides) -> Window:
     return Window(-sides / 2, sides / 2, follows=True)
 
 
-def _scripted(x: np.ndarray, rng: np.random.Generator) -> Truth:
+def scripted(x: np.ndarray, rng: np.random.Generator) -> Truth:
+    """The truth of a target whose states x (T, d) chance has no part in."""
     return Truth(x, np.full(len(x), -1))

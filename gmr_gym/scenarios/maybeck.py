@@ -1,0 +1,89 @@
+"""Maybeck and co-authors, "Multiple model tracker based on Gaussian mixture reduction for maneuvering
+targets in clutter", section V: an F-16 that flies level, turns and jinks, seen in the north-up plane."""
+
+from functools import partial
+
+import numpy as np
+
+from gmr_gym.data import f16_flight
+from gmr_gym.kalman import constant_acceleration, position_sensor
+from gmr_gym.metrics import detection_outside_gates
+from gmr_gym.mixture import gaussian
+from gmr_gym.model import check_probability, model
+from gmr_gym.scenarios.planar import following_box, scripted, shortened
+from gmr_gym.simulate import Scenario
+
+PERIOD = 0.5  # s
+SENSOR_DEVIATION = 10.0  # m, R = 100 m^2
+JERKS = (0.5, 4.0)  # benign and aggressive
+SWITCHING = ((0.9, 0.1), (0.1, 0.9))  # eq. 20; its own transpose
+# Departs: not given. As unsure of the position as the sensor is, of the rest by a few units
+PRIOR = (100.0, 100.0, 25.0, 25.0, 4.0, 4.0)  # m^2, m^2/s^2, m^2/s^4
+PATIENCE = 5  # scans in a row
+
+
+def agile_flight(
+    clutter_density: float = 1e-4,
+    detection_probability: float = 1.0,
+    side: float = 200 * SENSOR_DEVIATION,
+    jerks=JERKS,
+    switching=SWITCHING,
+    trajectory=None,
+    horizon: int | None = None,
+) -> Scenario:
+    """The paper's scenario on a reconstructed flight (the paper's own is not published).
+
+    clutter_density: per m^2, in a square of `side` m centred on the submitted estimate carried forward.
+    jerks: (r,), deviations of the acceleration's change from scan to scan, m/s^2, one motion each.
+    switching: (r, r), column-stochastic, what a tracker is told; no matter for one motion.
+    trajectory: (T, 6) at two scans a second, [north, up], velocities, accelerations, another truth.
+    """
+    x = f16_flight() if trajectory is None else _states(trajectory)
+    start = constant_acceleration(-PERIOD, 0.0).F @ x[0]
+    if not 0 <= clutter_density <= 0.1:
+        raise ValueError(f"clutter_density must lie between 0 and 0.1 per m^2, got {clutter_density}")
+    check_probability("detection_probability", detection_probability)
+    view = following_box((side, side))
+    rate = clutter_density * view.volume
+    if rate > 1e5:
+        raise ValueError(f"clutter must be at most 1e5 points a scan in the window, got {rate:g}")
+    told = model(
+        tuple(constant_acceleration(PERIOD, jerk) for jerk in _positive("jerks", jerks)),
+        position_sensor(SENSOR_DEVIATION, rates=2),
+        detection_probability,
+        gate_probability=0.99 if rate > 0 else 1.0,
+        clutter_density=max(clutter_density, np.finfo(float).tiny),
+        prior=gaussian(start, np.diag(PRIOR)),
+        switching=np.ones((1, 1)) if np.size(jerks) == 1 else switching,
+    )
+    return Scenario(
+        model=told,
+        truth=partial(scripted, shortened(x, horizon)),
+        sensor=told.sensor,
+        detection_probability=detection_probability,
+        clutter_rate=float(rate),
+        window=view,
+        horizon=len(shortened(x, horizon)),
+        period=PERIOD,
+        position=(0, 1),
+        velocity=(2, 3),
+        off_target=detection_outside_gates,
+        patience=PATIENCE,
+        cutoff=500.0,
+    )
+
+
+def _states(trajectory) -> np.ndarray:
+    x = np.array(trajectory, float)
+    if x.ndim != 2 or x.shape[1] != 6 or len(x) < 1:
+        raise ValueError(f"trajectory must have shape (T, 6) with T >= 1, got {x.shape}")
+    if not (np.abs(x) <= 1e6).all():
+        raise ValueError("trajectory must be finite and within a million of zero in every state")
+    return x
+
+
+def _positive(name: str, values) -> list[float]:
+    values = np.atleast_1d(np.array(values, float))
+    if values.ndim != 1 or not ((values > 0) & np.isfinite(values)).all():
+        raise ValueError(f"{name} must be positive numbers, got {values.tolist()}")
+    return values.tolist()
