@@ -49,7 +49,7 @@ class Mmg:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         predicted, mode = spread(belief, model.motions, model.switching)
-        (posterior, parent, _), looked, alive = expand_together(predicted, model, z, self._given_up)
+        (posterior, parent, *_), looked, alive = expand_together(predicted, model, z, self._given_up)
         posterior, kept = heaviest(posterior, self.prune_weight, self.most)
         mode = mode[parent][kept >= 0]
         reduced = self.reduce(posterior, mode)

@@ -34,6 +34,7 @@ class Expansion(NamedTuple):
     mixture: Mixture  # N hypotheses, weights sum to 1
     parent: np.ndarray  # (N,), index of the predicted component
     detection: np.ndarray  # (N,), index of the detection it takes for the target's, -1 for a miss
+    residual: np.ndarray  # (N,), squared Mahalanobis distance of that detection, 0 for a miss
 
 
 @lru_cache
@@ -117,12 +118,12 @@ def expand(
     model calls impossible (P_D P_G = 1 and every gate empty) leaves the prediction as it was.
     """
     miss = 1.0 - detection_probability * gate_probability
-    w, m, P, parent, detection = _expand(
+    w, m, P, parent, detection, residual = _expand(
         *predicted, *gates, sensor.H, z,
         np.log(miss) if miss > 0 else -np.inf,
         np.log(detection_probability) - np.log(clutter_density),
     )  # fmt: skip
-    return Expansion(Mixture(w, m, P), parent, detection)
+    return Expansion(Mixture(w, m, P), parent, detection, residual)
 
 
 @njit(cache=True, error_model="numpy")
@@ -157,6 +158,7 @@ def _expand(w, m, P, z_hat, S, size, H, z, log_miss, log_detect):
     log_w = np.empty(hits + misses)
     m_out, P_out = np.empty((hits + misses, d)), np.empty((hits + misses, d, d))
     parent, detection = np.empty(hits + misses, np.int64), np.empty(hits + misses, np.int64)
+    residual = np.zeros(hits + misses)
     L, K, W, P_hit = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty((d, d))
     at = 0
     for i in range(n):
@@ -178,6 +180,7 @@ def _expand(w, m, P, z_hat, S, size, H, z, log_miss, log_detect):
                     log_scale = np.log(w[i]) + log_detect + log_gaussian_scale(L)
                     conditioned = True
                 log_w[at] = log_scale - 0.5 * d2[i, j]
+                residual[at] = d2[i, j]
                 for r in range(d):
                     m_out[at, r] = m[i, r]
                     for c in range(p):
@@ -187,4 +190,4 @@ def _expand(w, m, P, z_hat, S, size, H, z, log_miss, log_detect):
                 parent[at], detection[at] = i, j
                 at += 1
     w_out = np.exp(log_w - log_w.max())
-    return w_out / w_out.sum(), m_out, P_out, parent, detection
+    return w_out / w_out.sum(), m_out, P_out, parent, detection, residual

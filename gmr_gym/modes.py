@@ -154,6 +154,30 @@ def merged(bank: Bank, origin: np.ndarray, count: int) -> Bank:
     return banked(matched(flat(bank), group, r * count), r)
 
 
+def leave_alone(bank: Bank, _: np.ndarray) -> Bank:
+    """The bank as it is: filters that have nothing to do with each other before, or after, an update."""
+    return bank
+
+
+def tended(bank: Bank, residual: np.ndarray, floor: float, restart: float) -> Bank:
+    """An MMAE after its update: filters whose squared residual (r, n) is beyond `restart` begin anew from
+    what the others of their hypothesis fuse to, and mode probabilities are kept above `floor`
+    (Maybeck, section III). Where all filters of a hypothesis diverge none is restarted.
+
+    Departs: the paper restarts below a density of 1e-5, which depends on the units; at its sensor that is
+    a squared residual of 8 to 9.
+    """
+    diverged = (residual > restart) & ~(residual > restart).all(axis=0)
+    if diverged.any():
+        rest = fused(bank._replace(w=np.where(diverged, 0.0, bank.w)))
+        m = np.where(diverged[..., None], rest.m, bank.m)
+        bank = Bank(bank.w, m, np.where(diverged[..., None, None], rest.P, bank.P))
+    total = bank.w.sum(axis=0)
+    chances = np.full(bank.w.shape, 1 / len(bank.w))
+    chances[:, total > 0] = floored(bank.w[:, total > 0], floor)
+    return bank._replace(w=total * chances)
+
+
 def floored(probabilities: np.ndarray, floor: float) -> np.ndarray:
     """Mode probabilities (r,) or (r, n), each column raised to at least `floor` and still summing to 1,
     so that no filter of an MMAE is ever shut out (Maybeck and Smith 2005). What the raised ones need

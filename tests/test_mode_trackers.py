@@ -11,8 +11,8 @@ import reference
 from filterpy.kalman import IMMEstimator, KalmanFilter
 from scipy.stats import chi2
 
+from baselines.banks import Banks, imm_mht, imm_pda
 from baselines.clairvoyant import Clairvoyant
-from baselines.imm import Imm, imm_mht, imm_pda
 from baselines.mht import Mht
 from baselines.mmg import Mmg, b_best, gpb1, gpb2, mmg
 from baselines.pda import Pda
@@ -20,13 +20,14 @@ from gmr_gym import modes, reduction
 from gmr_gym.association import false_expected
 from gmr_gym.kalman import Motion
 from gmr_gym.mixture import gaussian, moments
-from gmr_gym.modes import Bank, banked, mmae_weights
+from gmr_gym.modes import Bank, banked, leave_alone, mixed, mmae_weights
 from gmr_gym.play import play
 from gmr_gym.reducers import REDUCERS
 from gmr_gym.scenarios.zhang import jump_markov
 from gmr_gym.simulate import draw
 from gmr_gym.tracker import make_tracker
 
+imm_engine = partial(Banks, before=mixed, after=leave_alone)
 WITH_MODES = {
     "imm-pda": imm_pda,
     "imm-mht": imm_mht,
@@ -314,7 +315,7 @@ def test_unreduced_imm_mht_is_an_imm_along_every_history_of_associations(parents
     histories = [
         (told.mode_prior * w, np.array([m, m]), np.array([P, P])) for w, m, P in zip(*told.prior, strict=True)
     ]
-    tracker = Imm(told, everything_kept, prune_weight=0.0)
+    tracker = imm_engine(told, everything_kept, prune_weight=0.0)
     for z, (belief, _) in zip(scans, flight(tracker, scans), strict=True):
         updates = [lambda m, P: (1 - told.detection_probability, m, P)]
         for row in z:
@@ -502,7 +503,7 @@ def test_wrong_parameter_of_a_tracker_with_modes_is_refused(name, number, parame
         make_tracker(name + number, reference.jumping_model(0, 2), **parameters)
 
 
-@pytest.mark.parametrize("engine", [Mmg, Imm])
+@pytest.mark.parametrize("engine", [Mmg, imm_engine])
 @pytest.mark.parametrize(
     ("limit", "message"),
     [
@@ -552,7 +553,7 @@ def test_a_track_is_given_up_once_it_is_twenty_times_as_unsure_as_at_first(build
     assert unsure[alive].max() < 40 * first and unsure[~alive].min() > 10 * first
 
 
-@pytest.mark.parametrize(("engine", "count"), [(Mmg, 2), (Imm, 1)])
+@pytest.mark.parametrize(("engine", "count"), [(Mmg, 2), (imm_engine, 1)])
 def test_ten_thousand_detections_send_no_more_than_the_most_into_the_reduction(engine, count):
     entered = []
 
@@ -573,7 +574,7 @@ def test_ten_thousand_detections_send_no_more_than_the_most_into_the_reduction(e
     assert report.mixture.w.sum() == pytest.approx(1, rel=1e-12)
 
 
-@pytest.mark.parametrize("engine", [Mmg, Imm])
+@pytest.mark.parametrize("engine", [Mmg, imm_engine])
 def test_what_weighs_less_than_the_bound_never_enters_the_reduction(engine):
     entered = []
 

@@ -1,27 +1,34 @@
-"""An interacting multiple model filter in every hypothesis: IMM+MHT, and with one hypothesis IMM+PDA
-(Zhang and Liu, section 6.3)."""
+"""A bank of filters in every hypothesis, one for each motion: IMM+MHT and MMAE+MHT, and with one hypothesis
+IMM+PDA and MMAE+PDA (Zhang and Liu, section 6.3; Maybeck et al., section IV, architectures 3 and 4)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from gmr_gym.association import expand_together, hopeless_beyond
 from gmr_gym.mixture import Mixture, collapsed, moments, normalised
 from gmr_gym.model import Model
-from gmr_gym.modes import Bank, banked, fused, merged, mixed, moved
+from gmr_gym.modes import Bank, banked, fused, leave_alone, merged, mixed, moved, tended
 from gmr_gym.reducers import reducer
 from gmr_gym.reduction import Reduced, check_reduced, heaviest
 from gmr_gym.tracker import ALL, Report, check_limits, check_scan
 
 
 @dataclass(frozen=True)
-class Imm:
-    """Every hypothesis, an IMM, with every detection gated by any of its filters; hypotheses are pruned
-    and reduced by what their filters fuse to, and merged model by model."""
+class Banks:
+    """Every hypothesis, a bank of filters, with every detection gated by any of them; hypotheses are pruned
+    and reduced by what their filters fuse to, and merged model by model. What the filters of a bank have to
+    do with each other is `before`, ahead of the prediction, and `after`, past the update.
+
+    Departs: Maybeck gates each bank apart. One list of detections weighs all of them by the same scan.
+    """
 
     model: Model
     reduce: Callable[[Mixture], Reduced]
+    before: Callable[[Bank, np.ndarray], Bank]  # of the bank and the switching matrix
+    after: Callable[[Bank, np.ndarray], Bank]  # of the bank and its filters' squared residuals (r, n)
     prune_weight: float = 1e-5
     most: int = 500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
     # times the false detections expected within a deviation at first, and one, at which it gives up
@@ -42,9 +49,10 @@ class Imm:
     def step(self, belief: Bank, z: np.ndarray) -> tuple[Bank, Report]:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
-        predicted = moved(mixed(belief, model.switching), model.motions)
+        predicted = moved(self.before(belief, model.switching), model.motions)
         expansion, looked, alive = expand_together(predicted, model, z, self._given_up)
         posterior = banked(expansion.mixture, len(model.motions))
+        posterior = self.after(posterior, expansion.residual.reshape(posterior.w.shape))
         hypotheses, kept = heaviest(fused(posterior), self.prune_weight, self.most)
         reduced, into = self.reduce(hypotheses)
         belief = merged(posterior, np.where(kept < 0, -1, into[kept]), len(reduced.w))
@@ -54,14 +62,14 @@ class Imm:
         return belief, Report(mean[None], covariance[None], looked, mixture, alive)
 
 
-def imm(model: Model, hopeless: float = 20.0) -> Imm:
+def imm(model: Model, hopeless: float = 20.0) -> Banks:
     """Interacting multiple models (Blom and Bar-Shalom 1988); in clutter it is IMM+PDA."""
     return imm_pda(model, hopeless)
 
 
-def imm_pda(model: Model, hopeless: float = 20.0) -> Imm:
+def imm_pda(model: Model, hopeless: float = 20.0) -> Banks:
     """Interacting multiple models with a PDA in place of each Kalman filter (Zhang, IMM+PDA)."""
-    return Imm(model, _all_in_one, prune_weight=0.0, most=ALL, hopeless=hopeless)
+    return Banks(model, _all_in_one, mixed, leave_alone, prune_weight=0.0, most=ALL, hopeless=hopeless)
 
 
 def imm_mht(
@@ -70,10 +78,33 @@ def imm_mht(
     reduction: str = "runnalls",
     prune_weight: float = 1e-5,
     hopeless: float = 20.0,
-) -> Imm:
+) -> Banks:
     """MHT with an IMM in each hypothesis, reduced to `components` by any `reduction` of what the IMMs
     fuse to (Zhang, IMM+MHT)."""
-    return Imm(model, reducer(reduction, components), prune_weight, hopeless=hopeless)
+    return Banks(model, reducer(reduction, components), mixed, leave_alone, prune_weight, hopeless=hopeless)
+
+
+def mmae_pda(model: Model, floor: float = 1e-3, restart: float = 9.0, hopeless: float = 20.0) -> Banks:
+    """Multiple model adaptive estimation: filters that never mix, their probabilities kept above `floor`,
+    one that diverges beyond a squared residual of `restart` begun anew from the others; in clutter with a
+    PDA in place of each Kalman filter (Maybeck, section III)."""
+    after = partial(tended, floor=floor, restart=restart)
+    return Banks(model, _all_in_one, leave_alone, after, prune_weight=0.0, most=ALL, hopeless=hopeless)
+
+
+def mmae_mht(
+    model: Model,
+    components: int = 15,
+    reduction: str = "runnalls",
+    prune_weight: float = 1e-5,
+    floor: float = 1e-3,
+    restart: float = 9.0,
+    hopeless: float = 20.0,
+) -> Banks:
+    """MHT with an MMAE in each hypothesis, reduced to `components` by any `reduction` of what the MMAEs
+    fuse to (Maybeck; with reduction="ise" the ISE of MMAEs)."""
+    after = partial(tended, floor=floor, restart=restart)
+    return Banks(model, reducer(reduction, components), leave_alone, after, prune_weight, hopeless=hopeless)
 
 
 def _all_in_one(p: Mixture) -> Reduced:
