@@ -40,6 +40,8 @@ class Banks:
         object.__setattr__(self, "_given_up", hopeless_beyond(self.model, self.hopeless))
         # a wrong parameter is an error here, not in a scan
         check_reduced(self.reduce(collapsed(self.model.prior)), 1)
+        bank = self.init()
+        self.after(bank, np.zeros(bank.w.shape))
 
     def init(self) -> Bank:
         r, prior = len(self.model.motions), self.model.prior

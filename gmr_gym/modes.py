@@ -165,8 +165,10 @@ def tended(bank: Bank, residual: np.ndarray, floor: float, restart: float) -> Ba
     (Maybeck, section III). Where all filters of a hypothesis diverge none is restarted.
 
     Departs: the paper restarts below a density of 1e-5, which depends on the units; at its sensor that is
-    a squared residual of 8 to 9.
+    a squared residual of 8 to 9. Raises ValueError unless restart is positive and floor as in `floored`.
     """
+    if not restart > 0:
+        raise ValueError(f"restart must be positive, got {restart}")
     diverged = (residual > restart) & ~(residual > restart).all(axis=0)
     if diverged.any():
         rest = fused(bank._replace(w=np.where(diverged, 0.0, bank.w)))

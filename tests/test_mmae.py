@@ -139,3 +139,18 @@ def test_an_unreduced_bank_keeps_every_association():
     ((_, first), (belief, second)) = flight(Banks(told, keep, leave_alone, leave_alone, 0.0), z)
     assert len(first.mixture.w) == 3 and len(second.mixture.w) == 6
     np.testing.assert_allclose(moments(fused(belief))[0], second.x[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("build", [mmae_pda, mmae_mht])
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"floor": 0.5}, r"floor must lie in \[0, 1 / 2\) for 2 modes, got 0.5"),
+        ({"floor": np.nan}, "floor must lie in"),
+        ({"restart": 0.0}, "restart must be positive, got 0"),
+        ({"restart": np.nan}, "restart must be positive, got nan"),
+    ],
+)
+def test_a_wrong_floor_or_restart_is_refused_when_the_tracker_is_made(build, wrong, message):
+    with pytest.raises(ValueError, match=message):
+        build(agile_flight().model, **wrong)
