@@ -61,7 +61,8 @@ class Banks:
         belief = belief._replace(w=belief.w / belief.w.sum())
         mixture = normalised(reduced)
         mean, covariance = moments(mixture)
-        return belief, Report(mean[None], covariance[None], looked, mixture, alive)
+        chances = belief.w.sum(axis=1)
+        return belief, Report(mean[None], covariance[None], looked, mixture, alive, chances)
 
 
 def imm(model: Model, hopeless: float = 20.0) -> Banks:

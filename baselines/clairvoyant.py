@@ -40,4 +40,5 @@ class Clairvoyant:
         posterior = expand(predicted, looked._replace(size=np.inf), model.sensor, z, 1.0, 1.0, 1.0).mixture
         belief = carried(posterior, mode, runnalls(posterior, self.components), len(model.motions))
         mean, covariance = moments(belief.mixture)
-        return belief, Report(mean[None], covariance[None], looked, belief.mixture)
+        chances = belief.mixture.w @ belief.modes
+        return belief, Report(mean[None], covariance[None], looked, belief.mixture, modes=chances)

@@ -56,7 +56,8 @@ class Mmg:
         mixture, shares = carried(posterior, mode, reduced, len(model.motions))
         belief = Modal(normalised(mixture), shares)
         mean, covariance = moments(belief.mixture)
-        return belief, Report(mean[None], covariance[None], looked, belief.mixture, alive)
+        chances = belief.mixture.w @ shares
+        return belief, Report(mean[None], covariance[None], looked, belief.mixture, alive, chances)
 
 
 def mmg(

@@ -59,19 +59,28 @@ def expand_together(
     predicted: Mixture, model: Model, z: np.ndarray, hopeless: float
 ) -> tuple[Expansion, Gates, bool]:
     """`expand` of components of unlike motions, which are to be weighed against each other and so have one
-    list of detections to explain: all those z (k, p) that lie in the gate of any component. The gates
-    looked through, and whether there is hope: beyond `hopeless` false detections expected within one
-    deviation of the predictions nothing is looked at, which bounds the work on a track that is lost."""
+    list of detections to explain, that of `look_together`; the gates looked through, and whether there is
+    hope."""
+    own, listed, looked, alive = look_together(predicted, model, z, hopeless)
+    posterior = expand(
+        predicted, own, model.sensor, listed,
+        model.detection_probability, model.gate_probability, model.clutter_density,
+    )  # fmt: skip
+    return posterior, looked, alive
+
+
+def look_together(
+    predicted: Mixture, model: Model, z: np.ndarray, hopeless: float
+) -> tuple[Gates, np.ndarray, Gates, bool]:
+    """Gates without end about every component, and the one list of detections for all of them: those of z
+    (k, p) that lie in the gate of any. Then the gates looked through, and whether there is hope: beyond
+    `hopeless` false detections expected within one deviation of the predictions nothing is looked at,
+    which bounds the work on a track that is lost."""
     own = gates(predicted, model.sensor, model.gate_probability)
     possible = predicted.w > 0  # an impossible mode looks nowhere
     looked = own if possible.all() else Gates(own.z[possible], own.S[possible], own.size)
     alive = false_expected(own, predicted.w, model.clutter_density) <= hopeless
-    listed = z[in_any_gate(looked, z) & alive]
-    posterior = expand(
-        predicted, own._replace(size=np.inf), model.sensor, listed,
-        model.detection_probability, model.gate_probability, model.clutter_density,
-    )  # fmt: skip
-    return posterior, looked, alive
+    return own._replace(size=np.inf), z[in_any_gate(looked, z) & alive], looked, alive
 
 
 def in_any_gate(gates: Gates, z: np.ndarray) -> np.ndarray:

@@ -36,6 +36,7 @@ class Runs(NamedTuple):
     gate_volume: np.ndarray  # (runs, T), mean over the gates
     gated: np.ndarray  # (runs, T), detections in a gate, mean over the gates
     off_target: np.ndarray  # (runs, T), given up, or missed by the scenario's loss rule
+    modes: np.ndarray  # (runs, T, r), probability of each of the motions the tracker knows
     seconds: np.ndarray  # (runs, T), of the tracker alone
 
 
@@ -108,7 +109,7 @@ def run_once(
         rows.append((
             x, report.x[0], report.P[0], len(report.mixture.w), volumes(gates).mean(),
             np.isfinite(gated_distances(gates, z)).sum() / len(gates.z),
-            not report.alive or scenario.off_target(gates, x, target), seconds,
+            not report.alive or scenario.off_target(gates, x, target), report.modes, seconds,
         ))  # fmt: skip
     return _joined(np.array, rows)
 

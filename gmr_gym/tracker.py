@@ -13,6 +13,8 @@ from gmr_gym.model import Model
 
 GROUP = "gmr_gym.trackers"
 ALL = 10**9  # hypotheses, for what costs no more than they are many
+SURE = np.ones(1)  # of the one motion there is
+SURE.setflags(write=False)
 
 
 class Report(NamedTuple):
@@ -23,6 +25,7 @@ class Report(NamedTuple):
     gates: Gates  # where it looked for the target's detection
     mixture: Mixture  # the hypotheses it kept
     alive: bool = True  # False when it has given the target up, and only coasts
+    modes: np.ndarray = SURE  # (r,), probability of each of the model's motions
 
 
 class Tracker(Protocol):

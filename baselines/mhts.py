@@ -1,0 +1,163 @@
+"""An MHT for each motion, weighed against each other by equivalent residuals: MMAE of MHTs and IMM of MHTs
+(Maybeck et al., section IV, architectures 1 and 2)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym.association import Expansion, Gates, expand, hopeless_beyond, look_together
+from gmr_gym.kalman import predict
+from gmr_gym.mixture import Mixture, collapsed, joined, moments, normalised
+from gmr_gym.model import Model
+from gmr_gym.modes import floored, mmae_weights
+from gmr_gym.reducers import reducer
+from gmr_gym.reduction import Reduced, check_reduced, heaviest
+from gmr_gym.tracker import Report, check_limits, check_scan
+
+
+class Mixtures(NamedTuple):
+    """What the MHT of each motion believes, and how likely each motion is."""
+
+    w: np.ndarray  # (r,)
+    each: tuple[Mixture, ...]  # r of them, each with weights that sum to 1
+
+
+@dataclass(frozen=True)
+class Mhts:
+    """An MHT for each motion, all with every detection gated by any component of any; motions are weighed
+    by the density of an equivalent residual (eqs. 11, 12 and 17)."""
+
+    model: Model
+    reduce: Callable[[Mixture, int], Reduced]  # of a mixture and how many components to leave
+    components: int  # of each MHT
+    mixing: bool  # by the switching matrix ahead of the prediction, as in an IMM; else never, as in an MMAE
+    floor: float  # least probability of a motion
+    restart: float  # squared equivalent residual beyond which an MHT begins anew from the others
+    prune_weight: float = 1e-5
+    most: int = 500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
+    # times the false detections expected within a deviation at first, and one, at which it gives up
+    hopeless: float = 20.0
+    _given_up: float = field(init=False, repr=False)
+
+    def __post_init__(self):
+        check_limits(self.prune_weight, self.most, self.hopeless)
+        object.__setattr__(self, "_given_up", hopeless_beyond(self.model, self.hopeless))
+        # a wrong parameter is an error here, not in a scan
+        check_reduced(self.reduce(collapsed(self.model.prior), self.components), 1)
+        floored(self.model.mode_prior, self.floor)
+        if not self.restart > 0:
+            raise ValueError(f"restart must be positive, got {self.restart}")
+
+    def init(self) -> Mixtures:
+        return Mixtures(self.model.mode_prior, (self.model.prior,) * len(self.model.motions))
+
+    def step(self, belief: Mixtures, z: np.ndarray) -> tuple[Mixtures, Report]:
+        model = self.model
+        z = check_scan(z, len(model.sensor.H))
+        w, each = self._mixed(belief) if self.mixing else belief
+        predicted = [predict(p, motion) for p, motion in zip(each, model.motions, strict=True)]
+        own, listed, looked, alive = look_together(weighed(w, predicted), model, z, self._given_up)
+        ends = np.cumsum([len(p.w) for p in predicted])[:-1]
+        posteriors, log_density, d2 = [], np.zeros(len(w)), np.zeros(len(w))
+        for i, parts in enumerate(zip(predicted, np.split(own.z, ends), np.split(own.S, ends), strict=True)):
+            p, gates = parts[0], Gates(*parts[1:], own.size)
+            expansion = expand(
+                p, gates, model.sensor, listed,
+                model.detection_probability, model.gate_probability, model.clutter_density,
+            )  # fmt: skip
+            d2[i], log_density[i] = equivalent_residual(p, expansion, gates, listed)
+            posteriors.append(self._reduced(expansion.mixture, self.components))
+        w = mmae_weights(w, log_density)
+        posteriors = self._restarted(w, posteriors, d2)
+        belief = Mixtures(floored(w, self.floor), tuple(posteriors))
+        whole = weighed(*belief)
+        mean, covariance = moments(whole)
+        return belief, Report(mean[None], covariance[None], looked, whole, alive, belief.w)
+
+    def _mixed(self, belief: Mixtures) -> Mixtures:
+        """Departs: eq. 14 mixes Gaussians; how mixtures mix is not said. All hypotheses are pooled with the
+        mixing probabilities of eq. 15, and reduced to as many as the MHT had. So where each had one, this
+        is the IMM."""
+        joint = self.model.switching * belief.w  # motion now, motion before
+        w = joint.sum(axis=1)
+        shares = np.where(w[:, None] > 0, joint, belief.w)  # an impossible motion, as likely as the others
+        pools = (normalised(weighed(share, belief.each)) for share in shares)
+        reduced = (self.reduce(pool, len(p.w))[0] for pool, p in zip(pools, belief.each, strict=True))
+        return Mixtures(w, tuple(map(normalised, reduced)))
+
+    def _reduced(self, p: Mixture, components: int) -> Mixture:
+        lighter, _ = heaviest(p, self.prune_weight, self.most)
+        return normalised(self.reduce(lighter, components)[0])
+
+    def _restarted(self, w: np.ndarray, each: list[Mixture], d2: np.ndarray) -> list[Mixture]:
+        """MHTs that diverge begin anew from the others; where all do, none."""
+        diverged = d2 > self.restart
+        if not diverged.any() or diverged.all():
+            return each
+        others = normalised(weighed(np.where(diverged, 0.0, w), each))
+        fresh = self._reduced(others, self.components)
+        return [fresh if lost else p for lost, p in zip(diverged, each, strict=True)]
+
+
+def equivalent_residual(
+    predicted: Mixture, expansion: Expansion, gates: Gates, z: np.ndarray
+) -> tuple[float, float]:
+    """Squared Mahalanobis size of the residual that an MHT as a whole makes of a scan, and its log density
+    (eqs. 12 and 17): the mean and covariance of what its hypotheses' residuals are made of. Both are 0
+    where no hypothesis has a detection.
+
+    Departs: a hypothesis without a detection has no residual, and eq. 17 does not say what then. It takes
+    no part: counted as a residual of nothing, a filter that has lost its target would be the best of all.
+    """
+    hit = expansion.detection >= 0
+    if not hit.any():
+        return 0.0, 0.0
+    parent = expansion.parent[hit]
+    _, log_scale = np.linalg.slogdet(gates.S)
+    with np.errstate(divide="ignore"):
+        # not from the weights, which vanish beside those of the misses when the target is far off
+        log_w = np.log(predicted.w)[parent] - 0.5 * (expansion.residual[hit] + log_scale[parent])
+    residuals = z[expansion.detection[hit]] - gates.z[parent]
+    r, A = moments(normalised(Mixture(np.exp(log_w - log_w.max()), residuals, gates.S[parent])))
+    d2 = float(r @ np.linalg.solve(A, r))
+    return d2, -0.5 * (d2 + np.linalg.slogdet(2 * np.pi * A)[1])
+
+
+def weighed(w: np.ndarray, each) -> Mixture:
+    """The mixture of mixtures, each with its weight w (r,)."""
+    return joined([p._replace(w=share * p.w) for share, p in zip(w, each, strict=True)])
+
+
+def mmae_of_mhts(
+    model: Model,
+    components: int = 15,
+    reduction: str = "runnalls",
+    prune_weight: float = 1e-5,
+    floor: float = 1e-3,
+    restart: float = 9.0,
+    hopeless: float = 20.0,
+) -> Mhts:
+    """An MMAE whose filters are MHTs of `components` hypotheses each (Maybeck, architecture 1; with
+    reduction="ise" the MMAE of ISEs)."""
+    reduce = partial(_by_name, reduction=reduction)
+    return Mhts(model, reduce, components, False, floor, restart, prune_weight, hopeless=hopeless)
+
+
+def imm_of_mhts(
+    model: Model,
+    components: int = 15,
+    reduction: str = "runnalls",
+    prune_weight: float = 1e-5,
+    hopeless: float = 20.0,
+) -> Mhts:
+    """An IMM whose filters are MHTs of `components` hypotheses each (Maybeck, architecture 2; with
+    reduction="ise" the IMM of ISEs)."""
+    reduce = partial(_by_name, reduction=reduction)
+    return Mhts(model, reduce, components, True, 0.0, np.inf, prune_weight, hopeless=hopeless)
+
+
+def _by_name(p: Mixture, components: int, reduction: str) -> Reduced:
+    return reducer(reduction, components)(p)
