@@ -80,11 +80,12 @@ def imm_mht(
     components: int = 15,
     reduction: str = "runnalls",
     prune_weight: float = 1e-5,
+    most: int = 500,
     hopeless: float = 20.0,
 ) -> Banks:
     """MHT with an IMM in each hypothesis, reduced to `components` by any `reduction` of what the IMMs
     fuse to (Zhang, IMM+MHT)."""
-    return Banks(model, reducer(reduction, components), mixed, leave_alone, prune_weight, hopeless=hopeless)
+    return Banks(model, reducer(reduction, components), mixed, leave_alone, prune_weight, most, hopeless)
 
 
 def mmae_pda(model: Model, floor: float = 1e-3, restart: float = 9.0, hopeless: float = 20.0) -> Banks:
@@ -102,12 +103,13 @@ def mmae_mht(
     prune_weight: float = 1e-5,
     floor: float = 1e-3,
     restart: float = 9.0,
+    most: int = 500,
     hopeless: float = 20.0,
 ) -> Banks:
     """MHT with an MMAE in each hypothesis, reduced to `components` by any `reduction` of what the MMAEs
     fuse to (Maybeck; with reduction="ise" the ISE of MMAEs)."""
     after = partial(tended, floor=floor, restart=restart)
-    return Banks(model, reducer(reduction, components), leave_alone, after, prune_weight, hopeless=hopeless)
+    return Banks(model, reducer(reduction, components), leave_alone, after, prune_weight, most, hopeless)
 
 
 def _all_in_one(p: Mixture) -> Reduced:

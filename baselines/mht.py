@@ -98,6 +98,7 @@ def of_one_motion(
     mode: int = 0,
     reduction: str = "runnalls",
     prune_weight: float = 1e-5,
+    most: int = 500,
     hopeless: float = 20.0,
 ) -> Mht:
     """MHT that takes the target to follow one of the model's motions, `mode`, for good (Maybeck, with
@@ -105,7 +106,7 @@ def of_one_motion(
     if mode not in range(len(model.motions)):
         raise ValueError(f"mode must be one of the {len(model.motions)} motions, counted from 0, got {mode}")
     told = model._replace(motions=(model.motions[mode],), switching=np.ones((1, 1)), mode_prior=np.ones(1))
-    return Mht(told, reducer(reduction, components), prune_weight, 0.0, most=500, hopeless=hopeless)
+    return Mht(told, reducer(reduction, components), prune_weight, 0.0, most, hopeless)
 
 
 def salmond(

@@ -14,7 +14,7 @@ from gmr_gym.mixture import Mixture, collapsed, joined, moments, normalised
 from gmr_gym.model import Model
 from gmr_gym.modes import floored, mmae_weights
 from gmr_gym.reducers import reducer
-from gmr_gym.reduction import Reduced, check_reduced, heaviest
+from gmr_gym.reduction import Reduced, check_reduced, heaviest, runnalls
 from gmr_gym.tracker import Report, check_limits, check_scan
 
 
@@ -79,14 +79,14 @@ class Mhts:
 
     def _mixed(self, belief: Mixtures) -> Mixtures:
         """Departs: eq. 14 mixes Gaussians; how mixtures mix is not said. All hypotheses are pooled with the
-        mixing probabilities of eq. 15, and reduced to as many as the MHT had. So where each had one, this
-        is the IMM."""
+        mixing probabilities of eq. 15 and merged, as eq. 14 merges, by Runnalls to as many as the MHT had.
+        So where each had one, this is the IMM; a reduction that deletes would make it another filter."""
         joint = self.model.switching * belief.w  # motion now, motion before
         w = joint.sum(axis=1)
         shares = np.where(w[:, None] > 0, joint, belief.w)  # an impossible motion, as likely as the others
-        pools = (normalised(weighed(share, belief.each)) for share in shares)
-        reduced = (self.reduce(pool, len(p.w))[0] for pool, p in zip(pools, belief.each, strict=True))
-        return Mixtures(w, tuple(map(normalised, reduced)))
+        pools = [normalised(weighed(share, belief.each)) for share in shares]
+        merged = [runnalls(pool, len(p.w))[0] for pool, p in zip(pools, belief.each, strict=True)]
+        return Mixtures(w, tuple(map(normalised, merged)))
 
     def _reduced(self, p: Mixture, components: int) -> Mixture:
         lighter, _ = heaviest(p, self.prune_weight, self.most)
@@ -138,12 +138,13 @@ def mmae_of_mhts(
     prune_weight: float = 1e-5,
     floor: float = 1e-3,
     restart: float = 9.0,
+    most: int = 500,
     hopeless: float = 20.0,
 ) -> Mhts:
     """An MMAE whose filters are MHTs of `components` hypotheses each (Maybeck, architecture 1; with
     reduction="ise" the MMAE of ISEs)."""
     reduce = partial(_by_name, reduction=reduction)
-    return Mhts(model, reduce, components, False, floor, restart, prune_weight, hopeless=hopeless)
+    return Mhts(model, reduce, components, False, floor, restart, prune_weight, most, hopeless)
 
 
 def imm_of_mhts(
@@ -151,12 +152,13 @@ def imm_of_mhts(
     components: int = 15,
     reduction: str = "runnalls",
     prune_weight: float = 1e-5,
+    most: int = 500,
     hopeless: float = 20.0,
 ) -> Mhts:
     """An IMM whose filters are MHTs of `components` hypotheses each (Maybeck, architecture 2; with
     reduction="ise" the IMM of ISEs)."""
     reduce = partial(_by_name, reduction=reduction)
-    return Mhts(model, reduce, components, True, 0.0, np.inf, prune_weight, hopeless=hopeless)
+    return Mhts(model, reduce, components, True, 0.0, np.inf, prune_weight, most, hopeless)
 
 
 def _by_name(p: Mixture, components: int, reduction: str) -> Reduced:

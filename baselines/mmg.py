@@ -65,12 +65,13 @@ def mmg(
     components: int = 15,
     reduction: str = "runnalls",
     prune_weight: float = 1e-5,
+    most: int = 500,
     hopeless: float = 20.0,
 ) -> Mmg:
     """Multiple models and multiple hypotheses reduced jointly to `components` by any `reduction` (Zhang,
     MMG; without clutter, MM by Gaussian mixture reduction)."""
     reduce = partial(_whatever_mode, reduce=reducer(reduction, components))
-    return Mmg(model, reduce, prune_weight, hopeless=hopeless)
+    return Mmg(model, reduce, prune_weight, most, hopeless)
 
 
 def gpb1(model: Model, hopeless: float = 20.0) -> Mmg:
