@@ -35,6 +35,8 @@ from gmr_gym.tracker import Tracker, make_tracker, trackers
 
 PAPERS = {
     "dortenzio": "adaptive reduction of a single target's hypotheses: Tables 1-4, Fig. 1",
+    "maybeck": "an F-16 in clutter, filter banks and hypotheses: Table I, Figs. 3-7",
+    "maybeck-zhang": "models in the mixture or in filter banks: either paper's trackers in either's world",
     "zhang": "models and hypotheses of a manoeuvring target reduced jointly: cases 1 and 2, Figs. 1-2",
 }
 
@@ -118,7 +120,7 @@ def reproduce(
     """A paper's tables and figures: its numbers beside ours, with intervals and verdicts."""
     if paper not in PAPERS:
         raise ValueError(f"unknown paper {paper!r}; choose one of {', '.join(PAPERS)}")
-    module = import_module(f"gmr_gym.reproduce.{paper}")
+    module = import_module(f"gmr_gym.reproduce.{paper.replace('-', '_')}")
     known = {entry.name: entry for entry in module.TABLES}
     for name in table:
         if name not in known:
@@ -126,10 +128,12 @@ def reproduce(
     out = out or Path("results") / paper
     screen, records, evidence = console(), [], {}
     for name in table or known:
-        record, kept = _reproduced(module, known[name], runs, seed, jobs, out)
+        (first, *paired), kept = _reproduced(module, known[name], runs, seed, jobs, out)
         title = f"{paper}, table {name}: {known[name].title}; {runs} runs"
-        screen.print(comparison(title, record, known[name].columns))
-        records.append(record)
+        screen.print(comparison(title, first, known[name].columns))
+        for record in paired:
+            screen.print(comparison(record["name"], record, list(record["rows"][0]["metrics"])))
+        records += [first, *paired]
         if kept is not None:
             evidence[name] = kept
     record = {"paper": paper, "seed": seed, "runs": runs, "tables": records}
@@ -142,8 +146,8 @@ def reproduce(
     screen.print(f"tables, figures and runs are in {out}", highlight=False)
 
 
-def _reproduced(module, entry: Table, runs, seed, jobs, out) -> tuple[dict[str, Any], Any]:
-    """Runs a table and leaves its files; the record of it, and the evidence its paper's claims need. The
+def _reproduced(module, entry: Table, runs, seed, jobs, out) -> tuple[list[dict[str, Any]], Any]:
+    """Runs a table and leaves its files; the records of it, and the evidence its paper's claims need. The
     results are gone by then: a table of a thousand runs is a hundred megabytes."""
     scenario = _scenario(entry.env_id, entry.settings)
     candidates = {}
@@ -155,7 +159,11 @@ def _reproduced(module, entry: Table, runs, seed, jobs, out) -> tuple[dict[str, 
     write_runs(out / f"runs-{entry.name}.csv", scenario, results)
     module.figures(entry, scenario, results, rows, out)
     evidence = entry.evidence(scenario, results) if entry.evidence else None
-    return table_record(entry.name, entry.settings, rows, entry, runs), evidence
+    records = [table_record(entry.name, entry.settings, rows, entry, runs)]
+    if entry.paired:
+        name = f"{entry.name}, paired differences"
+        records.append(table_record(name, entry.settings, entry.paired(scenario, results)))
+    return records, evidence
 
 
 @app.command()

@@ -21,12 +21,15 @@ from gmr_gym.summary import Figure, errors
 
 HEADINGS = {
     "track_loss": "lost, %", "rmse_own": "RMSE own, m", "rmse_common": "RMSE common, m",
-    "error_own": "error own, m", "error_common": "error common, m",
+    "error_capped": "capped error, m", "error_own": "error own, m", "error_common": "error common, m",
     "velocity_rmse_own": "velocity RMSE, m/s", "anees_own": "ANEES", "nci_own": "NCI, dB",
     "inclination_own": "inclination, dB", "components": "components",
     "gate_area": "gate area, m²", "time_per_scan": "time a scan, ms", "time_worst": "longest, ms",
     "rmse_all": "RMSE all, m", "velocity_rmse_all": "velocity RMSE all, m/s",
-    "velocity_rmse_common": "velocity RMSE common, m/s", "nci_all": "NCI all, dB",
+    "velocity_rmse_common": "velocity RMSE common, m/s",
+    "level_rmse_own": "level RMSE own, m", "level_rmse_common": "level RMSE common, m",
+    "level_velocity_rmse_own": "level velocity RMSE own, m/s",
+    "level_velocity_rmse_common": "level velocity RMSE common, m/s", "nci_all": "NCI all, dB",
     "nci_common": "NCI common, dB", "inclination_all": "inclination all, dB",
     "inclination_common": "inclination common, dB",
 }  # fmt: skip

@@ -83,13 +83,13 @@ def differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, di
         both = mine & kept_reference
         gain = errors(scenario, runs)[0].mean(axis=1) - error_reference
         rows[f"{name} - {reference}"] = {
-            "track_loss": _paired_share(kept_reference.astype(float) - mine),
+            "track_loss": paired_share(kept_reference.astype(float) - mine),
             "error_common": mean(gain[both]),
         }
     return rows
 
 
-def _paired_share(difference: np.ndarray) -> Figure:
+def paired_share(difference: np.ndarray) -> Figure:
     """Mean of differences -1, 0 or 1. Where none differs a bootstrap would claim certainty: the
     interval is then as wide as that of no event in as many runs."""
     if difference.any():

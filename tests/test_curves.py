@@ -28,7 +28,7 @@ def runs_of(error, off=None, claimed=None, seed=0):
     P = np.tile(np.eye(d), (n, scans, 1, 1)) if claimed is None else claimed
     return Runs(
         truth, truth + error, P, rng.integers(1, 9, (n, scans)), rng.exponential(50, (n, scans)),
-        np.ones((n, scans)), np.zeros((n, scans), bool) if off is None else off,
+        np.ones((n, scans)), np.zeros((n, scans), bool) if off is None else off, np.ones((n, scans, 1)),
         rng.exponential(1e-3, (n, scans)),
     )  # fmt: skip
 

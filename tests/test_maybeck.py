@@ -141,6 +141,35 @@ def test_missed_detections_and_a_flight_of_ones_own_are_flown():
     assert world.horizon == 60
 
 
+def test_a_drawn_target_does_as_the_trackers_are_told():
+    stay = ((0.95, 0.2), (0.05, 0.8))
+    world = agile_flight(trajectory="drawn", switching=stay, clutter_density=0.0)
+    truths = [world.truth(np.random.default_rng(seed)) for seed in range(100)]
+    modes, x = np.array([truth.mode for truth in truths]), np.array([truth.x for truth in truths])
+    assert x.shape == (100, 350, 6)
+    before, now = modes[:, :-1].ravel(), modes[:, 1:].ravel()
+    for p in (0, 1):  # 7 000 switches at least: 0.01 is two standard errors and more
+        assert (now[before == p] != p).mean() == pytest.approx(1 - stay[p][p], abs=0.015)
+    F = world.model.motions[0].F
+    noise = x[:, 1:] - x[:, :-1] @ F.T
+    for p, jerk in enumerate((0.5, 4.0)):
+        mine = noise[modes[:, 1:] == p]
+        assert mine[:, 4:].std() == pytest.approx(jerk, rel=0.03)
+        np.testing.assert_allclose(mine[:, 2:4], 0.5 * mine[:, 4:], atol=1e-6)  # one jerk drives all three
+    np.testing.assert_array_equal(x[3], world.truth(np.random.default_rng(3)).x)
+
+
+def test_exact_posteriors_of_a_drawn_target_are_as_good_as_they_say():
+    world = agile_flight(trajectory="drawn", clutter_density=0.0, horizon=30)
+    tracker = make_tracker("mmg-30", world.model)
+    runs = [run_once(world, tracker, seed) for seed in range(60)]
+    error = np.array([run.x - run.truth for run in runs])
+    claimed = np.array([run.P for run in runs])
+    d2 = np.einsum("rti,rti->rt", error, np.linalg.solve(claimed, error[..., None])[..., 0])
+    # mean 6; over 60 runs of 30 scans alike within a run, a tenth is three standard errors
+    assert d2.mean() == pytest.approx(6, rel=0.1)
+
+
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -150,6 +179,7 @@ def test_missed_detections_and_a_flight_of_ones_own_are_flown():
         ({"jerks": [0.5, 0]}, "jerks must be positive"),
         ({"jerks": [1.0, 2, 3]}, r"switching must have shape \(3, 3\)"),
         ({"switching": [[0.9, 0.2], [0.2, 0.8]]}, "column-stochastic"),
+        ({"trajectory": "straight"}, r"trajectory must be states \(T, 6\) or 'drawn', got 'straight'"),
         ({"trajectory": [[0, 0]] * 5}, r"trajectory must have shape \(T, 6\)"),
         ({"trajectory": [[np.nan] * 6]}, "trajectory must be finite"),
         ({"horizon": 351}, "horizon must be between 1 and the 350"),

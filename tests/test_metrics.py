@@ -127,7 +127,8 @@ def made_up_runs(seed, lost, offset=0.0):
     off[:, -1] = lost
     return Runs(
         truth, truth + offset + rng.standard_normal((n, scans, 4)), np.tile(2 * np.eye(4), (n, scans, 1, 1)),
-        np.full((n, scans), 3), np.full((n, scans), 7.0), np.ones((n, scans)), off, np.full((n, scans), 1e-3),
+        np.full((n, scans), 3), np.full((n, scans), 7.0), np.ones((n, scans)), off,
+        np.ones((n, scans, 1)), np.full((n, scans), 1e-3),
     )  # fmt: skip
 
 

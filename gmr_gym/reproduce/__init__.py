@@ -31,6 +31,7 @@ class Table:
     summarise: Callable = summary  # (scenario, results) -> rows of figures
     columns: tuple[str, ...] = COLUMNS  # the metrics shown on a screen
     evidence: Callable | None = None  # (scenario, results) -> what the paper's claims need of them
+    paired: Callable | None = None  # (scenario, results) -> rows of differences from the first tracker
 
 
 class Claim(NamedTuple):

@@ -14,6 +14,7 @@ from gmr_gym.dissimilarity import MEASURES
 from gmr_gym.montecarlo import Runs
 from gmr_gym.output import write_rows
 from gmr_gym.reproduce import Table
+from gmr_gym.reproduce.drawings import error_against_time
 from gmr_gym.reproduce.zhang_claims import claims, evidence
 from gmr_gym.simulate import Scenario
 from gmr_gym.summary import Figure, kept
@@ -90,7 +91,11 @@ def figures(
             columns = [scans, *(curve.tolist() for curve in drawn[name, which])]
             lines += [[name, which, *row] for row in zip(*columns, strict=True)]
     write_rows(out / f"scans-{table.name}.csv", ("tracker", "runs", "scan", *CURVES), lines)
-    drawing = _errors_against_time(rows) if table.name == "reductions" else _four_curves(drawn)
+    if table.name == "reductions":
+        label = "position RMSE over runs that none lost, m"
+        drawing = error_against_time(rows, "rmse_common", label, lambda name: name.partition("=")[2])
+    else:
+        drawing = _four_curves(drawn)
     drawing.savefig(out / f"figure-{table.name}.png", dpi=120)
 
 
@@ -108,17 +113,4 @@ def _four_curves(drawn) -> Drawing:
         axes.set_yscale("log")
     panels[3].axhline(0, color="0.6", lw=0.8)
     panels[0].legend(title="solid: runs that none lost; dotted: all", fontsize=8, title_fontsize=8)
-    return drawing
-
-
-def _errors_against_time(rows) -> Drawing:
-    drawing = Drawing(figsize=(8, 6), layout="constrained")
-    axes = drawing.subplots()
-    for name, row in rows.items():
-        error, time = row["rmse_common"], 1e3 * row["time_per_scan"].value
-        bar = [[error.value - error.low], [error.high - error.value]]
-        axes.errorbar(time, error.value, yerr=bar, fmt="o", ms=4, lw=1)
-        label = f"{name.partition('=')[2]} ({100 * row['track_loss'].value:.3g} % lost)"
-        axes.annotate(label, (time, error.value), xytext=(5, 3), textcoords="offset points", fontsize=7)
-    axes.set(xlabel="time a scan, ms", ylabel="position RMSE over runs that none lost, m", xscale="log")
     return drawing

@@ -9,9 +9,9 @@ from gmr_gym.data import f16_flight
 from gmr_gym.kalman import constant_acceleration, position_sensor
 from gmr_gym.metrics import detection_outside_gates
 from gmr_gym.mixture import gaussian
-from gmr_gym.model import check_probability, model
-from gmr_gym.scenarios.planar import following_box, scripted, shortened
-from gmr_gym.simulate import Scenario
+from gmr_gym.model import Model, check_probability, model
+from gmr_gym.scenarios.planar import following_box, moving_as_told, scripted, shortened
+from gmr_gym.simulate import Scenario, Truth
 
 PERIOD = 0.5  # s
 SENSOR_DEVIATION = 10.0  # m, R = 100 m^2
@@ -36,9 +36,12 @@ def agile_flight(
     clutter_density: per m^2, in a square of `side` m centred on the submitted estimate carried forward.
     jerks: (r,), deviations of the acceleration's change from scan to scan, m/s^2, one motion each.
     switching: (r, r), column-stochastic, what a tracker is told; no matter for one motion.
-    trajectory: (T, 6) at two scans a second, [north, up], velocities, accelerations, another truth.
+    trajectory: (T, 6) at two scans a second, [north, up], velocities, accelerations, another truth; or
+    "drawn", for a target that does as the tracker is told: anew in every episode, its motions switching as
+    `switching` says.
     """
-    x = f16_flight() if trajectory is None else _states(trajectory)
+    drawn = isinstance(trajectory, str) and trajectory == "drawn"
+    x = f16_flight() if trajectory is None or drawn else _states(trajectory)
     start = constant_acceleration(-PERIOD, 0.0).F @ x[0]
     if not 0 <= clutter_density <= 0.1:
         raise ValueError(f"clutter_density must lie between 0 and 0.1 per m^2, got {clutter_density}")
@@ -56,14 +59,15 @@ def agile_flight(
         prior=gaussian(start, np.diag(PRIOR)),
         switching=np.ones((1, 1)) if np.size(jerks) == 1 else switching,
     )
+    x = shortened(x, horizon)
     return Scenario(
         model=told,
-        truth=partial(scripted, shortened(x, horizon)),
+        truth=partial(_switching, told, len(x)) if drawn else partial(scripted, x),
         sensor=told.sensor,
         detection_probability=detection_probability,
         clutter_rate=float(rate),
         window=view,
-        horizon=len(shortened(x, horizon)),
+        horizon=len(x),
         period=PERIOD,
         position=(0, 1),
         velocity=(2, 3),
@@ -73,8 +77,20 @@ def agile_flight(
     )
 
 
+def _switching(told: Model, horizon: int, rng: np.random.Generator) -> Truth:
+    """One truth that keeps the model's word: a Markov chain of modes, and the motions they stand for."""
+    modes = np.arange(len(told.motions))
+    now, mode = rng.choice(modes, p=told.mode_prior), np.empty(horizon, int)
+    for t in range(horizon):
+        mode[t] = now = rng.choice(modes, p=told.switching[:, now])
+    return moving_as_told(told, mode, rng)
+
+
 def _states(trajectory) -> np.ndarray:
-    x = np.array(trajectory, float)
+    try:
+        x = np.array(trajectory, float)
+    except (TypeError, ValueError):
+        raise ValueError(f"trajectory must be states (T, 6) or 'drawn', got {trajectory!r}") from None
     if x.ndim != 2 or x.shape[1] != 6 or len(x) < 1:
         raise ValueError(f"trajectory must have shape (T, 6) with T >= 1, got {x.shape}")
     if not (np.abs(x) <= 1e6).all():

@@ -7,7 +7,7 @@ import numpy as np
 from gmr_gym.kalman import constant_velocity, position_sensor
 from gmr_gym.metrics import truth_outside_gates
 from gmr_gym.mixture import gaussian
-from gmr_gym.model import check_probability, model
+from gmr_gym.model import Model, check_probability, model
 from gmr_gym.simulate import Scenario, Truth, Window
 
 
@@ -131,3 +131,15 @@ def following_box(sides) -> Window:
 def scripted(x: np.ndarray, rng: np.random.Generator) -> Truth:
     """The truth of a target whose states x (T, d) chance has no part in."""
     return Truth(x, np.full(len(x), -1))
+
+
+def moving_as_told(told: Model, mode: np.ndarray, rng: np.random.Generator) -> Truth:
+    """The truth of a target that starts as the prior says, one period before the first scan, and takes
+    the model's motions in the order mode (T,), with their noise."""
+    x = rng.multivariate_normal(told.prior.m[0], told.prior.P[0], method="cholesky")
+    states = np.empty((len(mode), len(x)))
+    for t, p in enumerate(mode):
+        F, Q, offset = told.motions[p]
+        x = rng.multivariate_normal(F @ x + offset, Q, method="eigh")  # Q may be singular
+        states[t] = x
+    return Truth(states, mode)

@@ -11,7 +11,7 @@ from gmr_gym.metrics import truth_outside_gates
 from gmr_gym.mixture import gaussian
 from gmr_gym.model import Model, check_probability, model
 from gmr_gym.modes import staying
-from gmr_gym.scenarios.planar import fixed_box, following_box
+from gmr_gym.scenarios.planar import fixed_box, following_box, moving_as_told
 from gmr_gym.simulate import Scenario, Truth, Window
 
 PERIOD = 1.0  # s
@@ -139,13 +139,7 @@ def _jumping(told: Model, rng: np.random.Generator) -> Truth:
     for first, last in pairwise((*SWITCHES, SCANS + 1)):
         others = np.delete(np.arange(len(told.motions)), mode[first - 2])
         mode[first - 1 : last - 1] = rng.choice(others) if len(others) else 0
-    x = rng.multivariate_normal(told.prior.m[0], told.prior.P[0], method="cholesky")
-    states = np.empty((SCANS, len(x)))
-    for t, p in enumerate(mode):
-        F, Q, offset = told.motions[p]
-        x = rng.multivariate_normal(F @ x + offset, Q, method="eigh")  # Q is singular
-        states[t] = x
-    return Truth(states, mode)
+    return moving_as_told(told, mode, rng)
 
 
 def _region(acceleration, process_variance):
