@@ -14,6 +14,7 @@ from gmr_gym.dissimilarity import dissimilarity
 from gmr_gym.mixture import Mixture, matched
 from gmr_gym.play import play
 from gmr_gym.reduction import Reduced
+from gmr_gym.scenarios.maybeck import agile_flight
 from gmr_gym.scenarios.zhang import MARGIN, SCANS, START, jump_markov
 from gmr_gym.simulate import Scenario, draw, scan
 from gmr_gym.tracker import Tracker, make_tracker
@@ -28,6 +29,7 @@ ACQUIRED = 5  # scans, until the first wide gates have closed
 
 def mode_rows(plan: Plan) -> Iterator[Row]:
     yield from _scan_rows(plan)
+    yield from _architecture_rows(plan)
     yield from _imm_rows(plan)
     yield from _clustering_rows(plan)
     yield from _ground_rows(plan)
@@ -56,6 +58,23 @@ def _scan_rows(plan: Plan) -> Iterator[Row]:
         yield Row(
             f"scan, {name}, five models, clutter 3e-4 per m², acquired", timings["ours"],
             "Runnalls in plain compiled loops", timings["plain"], f"estimates at most {apart:.0e} m apart",
+        )  # fmt: skip
+
+
+def _architecture_rows(plan: Plan) -> Iterator[Row]:
+    scenario = agile_flight(horizon=60 if plan.quick else 200)
+    for name, most in (("mmae-mht-15", 200), ("mmae-of-mhts-15", 100), ("mmg-15", 200)):
+        greedy = make_tracker(name, scenario.model, reduction="runnalls", most=most)
+        best = make_tracker(name, scenario.model, reduction="ise", most=most)
+        given = _acquired(scenario, greedy, 1)
+        alternatives = {
+            "ours": timed(lambda one, tracker=best: tracker.step(*one), *given, clock=plan.clock),
+            "runnalls": timed(lambda one, tracker=greedy: tracker.step(*one), *given, clock=plan.clock),
+        }
+        timings = interleaved(alternatives, len(given), rounds=1)
+        yield Row(
+            f"scan, {name} by ISE, an F-16, clutter 1e-4 per m²", timings["ours"], "the same by Runnalls",
+            timings["runnalls"],
         )  # fmt: skip
 
 

@@ -1,5 +1,5 @@
-"""Maybeck and co-authors, "Multiple model tracker based on Gaussian mixture reduction for maneuvering
-targets in clutter", section V: an F-16 that flies level, turns and jinks, seen in the north-up plane."""
+"""Maybeck, Kozak and Smith, "Mixed-model multiple-hypothesis tracking of targets in clutter", section V:
+an F-16 that flies level, turns and jinks, seen in the north-up plane."""
 
 from functools import partial
 
