@@ -48,7 +48,8 @@ class Mht:
         z = check_scan(z, len(model.sensor.H))
         predicted = predict(belief, model.motion)
         looked = gates(predicted, model.sensor, model.gate_probability)
-        alive = false_expected(looked, predicted.w, model.clutter_density) <= self._given_up
+        density = model.sensor.density(model.clutter_density, looked.z)
+        alive = false_expected(looked, predicted.w, density) <= self._given_up
         posterior = expand(
             predicted, looked, model.sensor, z if alive else z[:0],
             model.detection_probability, model.gate_probability, model.clutter_density,

@@ -8,7 +8,7 @@ from numba import njit
 from scipy.special import gamma
 from scipy.stats import chi2
 
-from gmr_gym.kalman import Sensor, innovation, posterior_into, predict
+from gmr_gym.kalman import Sensor, posterior_into, predict
 from gmr_gym.mixture import (
     Mixture,
     cholesky_into,
@@ -45,14 +45,15 @@ def gate_size(probability: float, p: int) -> float:
 
 def gates(predicted: Mixture, sensor: Sensor, probability: float) -> Gates:
     """Gates about every predicted component that hold its detection with `probability`."""
-    z, S = innovation(predicted, sensor)
+    z, S = sensor.gates(predicted)
     return Gates(z, S, gate_size(probability, z.shape[1]))
 
 
 def gated_distances(gates: Gates, z: np.ndarray) -> np.ndarray:
     """Squared Mahalanobis distances (n, k) of the points z (k, p) from the gates' centres,
     infinite where a point lies outside the gate."""
-    return _gated_distances(*gates, z)
+    none = np.empty((0, *gates.S.shape[1:]))
+    return _gated_distances(gates.z, gates.S, z[None], none, gates.size)
 
 
 def expand_together(
@@ -79,8 +80,10 @@ def look_together(
     own = gates(predicted, model.sensor, model.gate_probability)
     possible = predicted.w > 0  # an impossible mode looks nowhere
     looked = own if possible.all() else Gates(own.z[possible], own.S[possible], own.size)
-    alive = false_expected(own, predicted.w, model.clutter_density) <= hopeless
-    return own._replace(size=np.inf), z[in_any_gate(looked, z) & alive], looked, alive
+    density = model.sensor.density(model.clutter_density, own.z)
+    alive = false_expected(own, predicted.w, density) <= hopeless
+    near = in_any_gate(looked, model.sensor.placed(z))
+    return own._replace(size=np.inf), z[near & alive], looked, alive
 
 
 def in_any_gate(gates: Gates, z: np.ndarray) -> np.ndarray:
@@ -93,13 +96,16 @@ def hopeless_beyond(model: Model, times: float) -> float:
     `times` as many as at the first scan, and as one."""
     moved = joined([predict(model.prior, motion) for motion in model.motions])
     w = np.outer(model.switching @ model.mode_prior, model.prior.w).ravel()
-    return times * max(1.0, false_expected(gates(moved, model.sensor, 1.0), w, model.clutter_density))
+    looked = gates(moved, model.sensor, 1.0)
+    density = model.sensor.density(model.clutter_density, looked.z)
+    return times * max(1.0, false_expected(looked, w, density))
 
 
-def false_expected(gates: Gates, w: np.ndarray, clutter_density: float) -> float:
+def false_expected(gates: Gates, w: np.ndarray, clutter_density: float | np.ndarray) -> float:
     """False detections expected within one standard deviation of a prediction, on average over
-    components of weights w (n,): how unsure of its target a tracker is, whatever the size of its gates."""
-    return clutter_density * float(w @ volumes(gates._replace(size=1.0)) / w.sum())
+    components of weights w (n,): how unsure of its target a tracker is, whatever the size of its gates.
+    The density is one for all, or (n,), that at each gate."""
+    return float((w * clutter_density) @ volumes(gates._replace(size=1.0)) / w.sum())
 
 
 def volumes(gates: Gates) -> np.ndarray:
@@ -127,38 +133,45 @@ def expand(
     model calls impossible (P_D P_G = 1 and every gate empty) leaves the prediction as it was.
     """
     miss = 1.0 - detection_probability * gate_probability
+    *look, log_stretch = sensor.look(predicted, gates.z, gates.S, z)
     w, m, P, parent, detection, residual = _expand(
-        *predicted, *gates, sensor.H, z,
+        *predicted, *look, gates.size,
         np.log(miss) if miss > 0 else -np.inf,
-        np.log(detection_probability) - np.log(clutter_density),
+        np.log(detection_probability) - np.log(clutter_density) + log_stretch,
     )  # fmt: skip
     return Expansion(Mixture(w, m, P), parent, detection, residual)
 
 
 @njit(cache=True, error_model="numpy")
-def _gated_distances(z_hat, S, size, z):
-    n, k = len(z_hat), len(z)
-    p = S.shape[1]
+def _gated_distances(expected, S, z, R, size):
+    n, (seen, k, p) = len(expected), z.shape
     d2 = np.full((n, k), np.inf)
-    L, y = np.zeros((p, p)), np.empty(p)
+    L, y, S_pair = np.zeros((p, p)), np.empty(p), np.empty((p, p))
     for i in range(n):
-        if not cholesky_into(L, S[i]):
+        own = i if seen > 1 else 0
+        if len(R) == 0 and not cholesky_into(L, S[i]):
             raise ValueError("an innovation covariance S = H P H' + R is not positive definite")
-        # a gate is never wider than this along the first axis: most clutter ends here
-        reach = np.sqrt(size) * L[0, 0]
         for j in range(k):
-            if abs(z[j, 0] - z_hat[i, 0]) <= reach:
-                distance = mahalanobis_squared(L, z[j], z_hat[i], y)
+            first = S[i, 0, 0] + R[j, 0, 0] if len(R) else S[i, 0, 0]
+            # a gate is never wider than this along the first axis: most clutter ends here
+            if (z[own, j, 0] - expected[i, 0]) ** 2 <= size * first:
+                if len(R):
+                    for r in range(p):
+                        for c in range(p):
+                            S_pair[r, c] = S[i, r, c] + R[j, r, c]
+                    if not cholesky_into(L, S_pair):
+                        raise ValueError("an innovation covariance S = H P H' + R is not positive definite")
+                distance = mahalanobis_squared(L, z[own, j], expected[i], y)
                 if distance <= size:
                     d2[i, j] = distance
     return d2
 
 
 @njit(cache=True, error_model="numpy")
-def _expand(w, m, P, z_hat, S, size, H, z, log_miss, log_detect):
+def _expand(w, m, P, expected, S, C, z, R, size, log_miss, log_detect):
     n, d = m.shape
-    p, k = len(H), len(z)
-    d2 = _gated_distances(z_hat, S, size, z)
+    seen, k, p = z.shape
+    d2 = _gated_distances(expected, S, z, R, size)
     hits = 0
     for i in range(n):
         for j in range(k):
@@ -169,6 +182,7 @@ def _expand(w, m, P, z_hat, S, size, H, z, log_miss, log_detect):
     parent, detection = np.empty(hits + misses, np.int64), np.empty(hits + misses, np.int64)
     residual = np.zeros(hits + misses)
     L, K, W, P_hit = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty((d, d))
+    S_pair = np.empty((p, p))
     at = 0
     for i in range(n):
         if misses:
@@ -179,21 +193,25 @@ def _expand(w, m, P, z_hat, S, size, H, z, log_miss, log_detect):
                 for c in range(d):
                     P_out[at, r, c] = P[i, r, c]
             at += 1
+        own = i if seen > 1 else 0
         conditioned = False
         log_scale = 0.0
         for j in range(k):
             if d2[i, j] < np.inf:
                 if not conditioned:
-                    cholesky_into(L, S[i])
-                    posterior_into(P_hit, K, W, L, P[i], H)
-                    log_scale = np.log(w[i]) + log_detect + log_gaussian_scale(L)
-                    conditioned = True
-                log_w[at] = log_scale - 0.5 * d2[i, j]
+                    for r in range(p):
+                        for c in range(p):
+                            S_pair[r, c] = S[i, r, c] + (R[j, r, c] if len(R) else 0.0)
+                    cholesky_into(L, S_pair)
+                    posterior_into(P_hit, K, W, L, P[i], C[i])
+                    log_scale = np.log(w[i]) + log_gaussian_scale(L)
+                    conditioned = len(R) == 0  # else the next detection has a noise of its own
+                log_w[at] = log_scale + log_detect[j] - 0.5 * d2[i, j]
                 residual[at] = d2[i, j]
                 for r in range(d):
                     m_out[at, r] = m[i, r]
                     for c in range(p):
-                        m_out[at, r] += K[r, c] * (z[j, c] - z_hat[i, c])
+                        m_out[at, r] += K[r, c] * (z[own, j, c] - expected[i, c])
                     for c in range(d):
                         P_out[at, r, c] = P_hit[r, c]
                 parent[at], detection[at] = i, j

@@ -22,11 +22,43 @@ class Motion(NamedTuple):
     offset: np.ndarray  # (d,), the known input; zeros when there is none
 
 
+class Look(NamedTuple):
+    """A scan as the components of a mixture see it: what each expects, and the detections to compare."""
+
+    expected: np.ndarray  # (n, p)
+    S: np.ndarray  # (n, p, p), innovation covariances, less what a detection itself brings
+    C: np.ndarray  # (n, p, d), covariances of detection and state, H P
+    z: np.ndarray  # (n, k, p), or (1, k, p) where all components see the same
+    R: np.ndarray  # (k, p, p), noise that goes with the detection; (0, p, p) for none
+    log_stretch: np.ndarray  # (k,), log of how much of the sensor's own space goes into a unit of this one
+
+
 class Sensor(NamedTuple):
     """z = H x + noise of covariance R."""
 
     H: np.ndarray  # (p, d)
     R: np.ndarray  # (p, p)
+
+    def observed(self, x: np.ndarray) -> np.ndarray:
+        """What it would say of states x (..., d), without noise (..., p)."""
+        return x @ self.H.T
+
+    def gates(self, p: Mixture) -> tuple[np.ndarray, np.ndarray]:
+        """Predicted detections (n, p) and their innovation covariances (n, p, p)."""
+        return _innovation(p.m, p.P, self.H, self.R)[:2]
+
+    def placed(self, z: np.ndarray) -> np.ndarray:
+        """Detections z (k, p) where gates can hold them."""
+        return z
+
+    def density(self, density: float, at: np.ndarray) -> np.ndarray:
+        """What a density in the sensor's own space is in that of the gates, at places (n, p)."""
+        return np.full(len(at), density)
+
+    def look(self, p: Mixture, expected: np.ndarray, S: np.ndarray, z: np.ndarray) -> Look:
+        """The scan z (k, p) as the components of p see it, whose gates are (expected, S)."""
+        none = np.empty((0, *self.R.shape))
+        return Look(expected, S, _cross(p.P, self.H), z[None], none, np.zeros(len(z)))
 
 
 def motion(F, Q, offset=None) -> Motion:
@@ -91,7 +123,7 @@ def predict(p: Mixture, motion: Motion) -> Mixture:
 
 def innovation(p: Mixture, sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:
     """Predicted detections H m (n, p) and innovation covariances S = H P H' + R (n, p, p)."""
-    return _innovation(p.m, p.P, sensor.H, sensor.R)
+    return sensor.gates(p)
 
 
 def condition(p: Mixture, sensor: Sensor, z: np.ndarray) -> tuple[Mixture, np.ndarray]:
@@ -129,42 +161,50 @@ def _predict(m, P, F, Q, offset):
 
 
 @njit(cache=True, error_model="numpy")
+def _cross(P, H):
+    """H P[i] (n, p, d)."""
+    n, (p, d) = len(P), H.shape
+    C = np.empty((n, p, d))
+    for i in range(n):
+        for r in range(p):
+            for c in range(d):
+                total = 0.0
+                for k in range(d):
+                    total += H[r, k] * P[i, k, c]
+                C[i, r, c] = total
+    return C
+
+
+@njit(cache=True, error_model="numpy")
 def _innovation(m, P, H, R):
     n = len(m)
     p, d = H.shape
     z = np.empty((n, p))
     S = np.empty((n, p, p))
-    HP = np.empty((p, d))
+    C = _cross(P, H)
     for i in range(n):
         for r in range(p):
             total = 0.0
             for c in range(d):
                 total += H[r, c] * m[i, c]
             z[i, r] = total
-            for c in range(d):
-                total = 0.0
-                for k in range(d):
-                    total += H[r, k] * P[i, k, c]
-                HP[r, c] = total
         for r in range(p):
             for c in range(r + 1):
                 total = R[r, c]
                 for k in range(d):
-                    total += HP[r, k] * H[c, k]
+                    total += C[i, r, k] * H[c, k]
                 S[i, r, c] = S[i, c, r] = total
-    return z, S
+    return z, S, C
 
 
 @njit(cache=True, error_model="numpy")
-def posterior_into(P_out, K, W, L, P, H):
-    """The one covariance update: with S = L L' and W = L^-1 H P, P_out = P - W'W = P - K S K'
-    and the gain K = W' L^-1 (d, p). All arguments but P, H and L are written to."""
-    p, d = H.shape
+def posterior_into(P_out, K, W, L, P, C):
+    """The one covariance update: with S = L L' and W = L^-1 C, C = H P, P_out = P - W'W = P - K S K'
+    and the gain K = W' L^-1 (d, p). All arguments but P, C and L are written to."""
+    p, d = C.shape
     for c in range(d):
         for r in range(p):
-            total = 0.0
-            for k in range(d):
-                total += H[r, k] * P[k, c]
+            total = C[r, c]
             for k in range(r):
                 total -= L[r, k] * W[k, c]
             W[r, c] = total / L[r, r]
@@ -185,14 +225,14 @@ def posterior_into(P_out, K, W, L, P, H):
 def _condition(m, P, H, R, z):
     n, d = m.shape
     p = len(H)
-    z_hat, S = _innovation(m, P, H, R)
+    z_hat, S, C = _innovation(m, P, H, R)
     m_out, P_out = m.copy(), np.empty((n, d, d))
     log_likelihood = np.empty(n)
     L, K, W, y = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty(p)
     for i in range(n):
         if not cholesky_into(L, S[i]):
             raise ValueError("an innovation covariance S = H P H' + R is not positive definite")
-        posterior_into(P_out[i], K, W, L, P[i], H)
+        posterior_into(P_out[i], K, W, L, P[i], C[i])
         log_likelihood[i] = log_gaussian_scale(L) - 0.5 * mahalanobis_squared(L, z[i], z_hat[i], y)
         for r in range(d):
             for k in range(p):
