@@ -10,7 +10,7 @@ import numpy as np
 
 from gmr_gym.association import Expansion, Gates, expand, hopeless_beyond, look_together
 from gmr_gym.kalman import predict
-from gmr_gym.mixture import Mixture, collapsed, joined, moments, normalised
+from gmr_gym.mixture import Mixture, collapsed, joined, moments, normalised, take
 from gmr_gym.model import Model
 from gmr_gym.modes import floored, mmae_weights
 from gmr_gym.reducers import reducer
@@ -74,6 +74,7 @@ class Mhts:
         posteriors = self._restarted(w, posteriors, d2)
         belief = Mixtures(floored(w, self.floor), tuple(posteriors))
         whole = weighed(*belief)
+        whole = take(whole, whole.w > 0)  # far off, the likelihood of a motion may vanish
         mean, covariance = moments(whole)
         return belief, Report(mean[None], covariance[None], looked, whole, alive, belief.w)
 
