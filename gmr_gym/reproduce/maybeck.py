@@ -12,16 +12,8 @@ from matplotlib.figure import Figure as Drawing
 from gmr_gym.curves import resampled
 from gmr_gym.montecarlo import Runs
 from gmr_gym.reproduce import Table
-from gmr_gym.reproduce.maybeck_claims import (
-    PRINTED,
-    QUANTITIES,
-    SPANS,
-    Tracked,
-    claims,
-    evidence,
-    rms,
-    tracked,
-)
+from gmr_gym.reproduce.maybeck_claims import claims
+from gmr_gym.reproduce.maybeck_numbers import PRINTED, QUANTITIES, SPANS, Tracked, evidence, rms, tracked
 from gmr_gym.simulate import Scenario
 from gmr_gym.summary import Figure, mean, paired_share, proportion
 
@@ -194,7 +186,9 @@ def _errors_by_epoch(every: Mapping[str, Tracked], epochs: np.ndarray) -> Drawin
             axes.plot(epochs, np.sqrt(_over_kept(getattr(one, quantity), one)), lw=1, label=name)
         alive.plot(epochs, _alive(one, epochs), lw=1)
     for axes, (quantity, unit) in zip(panels, QUANTITIES.items(), strict=True):
-        axes.set(ylabel=f"{quantity} rms error, {unit}", yscale="log")
+        axes.set(ylabel=f"{quantity} rms error, {unit}")
+        if any(one.kept.any() for one in every.values()):  # nothing has no logarithm
+            axes.set_yscale("log")
     panels[0].legend(title="over the runs kept by each", fontsize=8, title_fontsize=8)
     alive.set(xlabel="epoch", ylabel="runs not lost", ylim=(0, None))
     return drawing
@@ -211,7 +205,8 @@ def _probabilities(name: str, one: Tracked, epochs: np.ndarray, jerk: np.ndarray
     many.plot(epochs, middle, "C0")
     many.fill_between(epochs, middle - deviation, middle + deviation, color="C0", alpha=0.25, lw=0)
     many.set(title=f"{name}: probability of the benign motion, mean and deviation over runs")
-    single.plot(epochs, benign[one.kept.argmax()], "C0", lw=0.9)
+    if one.kept.any():
+        single.plot(epochs, benign[one.kept.argmax()], "C0", lw=0.9)
     single.set(title="in one run")
     for axes in (many, single):
         axes.set(ylim=(-0.05, 1.05))
