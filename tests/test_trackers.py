@@ -204,7 +204,7 @@ def test_make_tracker_says_what_is_wrong_and_what_there_is(name, parameters, mes
 
 
 def test_mht_needs_room_for_one_hypothesis():
-    with pytest.raises(ValueError, match="most must be at least 1"):
+    with pytest.raises(ValueError, match="most must be a whole number, at least 1, got 0"):
         Mht(TOLD, partial(reduction.capping, components=3), most=0)
 
 
