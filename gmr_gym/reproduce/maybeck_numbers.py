@@ -22,6 +22,7 @@ PRINTED = {
     "mmae_of": {"position": (22.7, 16.1), "velocity": (16.7, 13.4)},
     "imm_of": {"position": (26.6, 15.6), "velocity": (15.4, 12.4)},
 }
+HARDLY = 0.1  # flow of probability that is none
 TUNED = 1.25  # times the claimed deviation, or its inverse, within which the actual one agrees
 
 
@@ -76,8 +77,8 @@ def lost(who: str, weight, table: Table) -> float:
     return float(weight @ ~table[who].kept / weight.sum())
 
 
-def average(values: np.ndarray, one: Tracked, weight) -> np.ndarray:
-    """Over the runs kept; nan where there are none."""
+def average(values: np.ndarray, one: Tracked, weight=1.0) -> np.ndarray:
+    """Over the runs kept (T, ...); nan where there are none."""
     own = weight * one.kept
     return np.tensordot(own / own.sum(), values, 1) if own.any() else np.full(values.shape[1:], np.nan)
 
@@ -89,9 +90,31 @@ def flow(who: str, weight, table: Table) -> float:
 
 
 def offset(who: str, span: slice, weight, table: Table) -> float:
-    """Length of the mean position error, m, its root mean square over a span."""
-    mean = average(table[who].error[..., :2], table[who], weight)[span]
-    return float(np.sqrt((mean**2).sum(axis=-1).mean()))
+    """Length of the mean position error, m, its root mean square over a span, less what so few runs scatter:
+    negative where the mean is less than chance would make it of errors without one."""
+    one, error = table[who], table[who].error[:, span, :2]
+    mean = average(error, one, weight)
+    spare = (weight * one.kept).sum() - 1
+    noise = average((error - mean) ** 2, one, weight) / spare if spare > 0 else np.nan
+    square = (mean**2 - noise).sum(axis=-1).mean()
+    return float(np.sign(square) * np.sqrt(abs(square)))
+
+
+def claimed(who: str, states: slice, span: slice, weight, table: Table) -> float:
+    """Deviation that a tracker claims for some of [north, up, their velocities], its root mean square."""
+    variance = average(table[who].claimed[:, span, states], table[who], weight)
+    return float(np.sqrt(variance.sum(axis=-1).mean()))
+
+
+def hovering(who: str, weight, table: Table) -> float:
+    """Distance of the aggressive motion's mean probability from one half, over all epochs."""
+    return float(np.abs(average(table[who].aggressive, table[who], weight) - 0.5).mean())
+
+
+def told_apart(who: str, weight, table: Table) -> float:
+    """Probability of the motion that fits, the least over level flight, turns and jinking."""
+    chances = average(table[who].aggressive, table[who], weight)
+    return float(min(1 - chances[LEVEL].mean(), chances[TURNS].mean(), chances[JINKS].mean()))
 
 
 def agreeing(who: str, weight, table: Table) -> float:
@@ -104,23 +127,23 @@ def agreeing(who: str, weight, table: Table) -> float:
 
 def slower_back(weight, table: Table) -> float:
     """Scans that the probability needs to come half the way back after the jinking, all that are left if it
-    never does, less those it needs to go half the way there."""
+    never does, less those it needs to go half the way there; not a number where it hardly flows."""
     chances = average(table["mmae"].aggressive, table["mmae"], weight)
-    if not np.isfinite(chances).all():
+    if not flow("mmae", weight, table) > HARDLY:
         return np.nan
     half = (chances[JINKS].max() + chances[LEVEL].mean()) / 2
     there, back = chances[JINKS] >= half, np.append(chances[JINKS.stop :] < half, True)
     return float(back.argmax() - there.argmax())
 
 
-def scatter(weight, table: Table) -> float:
-    """Deviation over the runs of the aggressive motion's probability, in level flight."""
+def scatter(span: slice, weight, table: Table) -> float:
+    """Deviation over the runs of the aggressive motion's probability, over a span."""
     one = table["mmae"]
-    mean = average(one.aggressive, one, weight)
-    return float(np.sqrt(average((one.aggressive - mean) ** 2, one, weight)[LEVEL]).mean())
+    chances = one.aggressive[:, span]
+    return float(np.sqrt(average((chances - average(chances, one, weight)) ** 2, one, weight)).mean())
 
 
 def lost_between(first: int, last: int, weight, table: Table) -> float:
+    """Share of all runs."""
     at = table["benign"].lost_at + 1  # epochs are counted from 1
-    lost = weight * (at > 0)
-    return float(lost @ ((first <= at) & (at <= last)) / lost.sum()) if lost.any() else np.nan
+    return float(weight @ ((first <= at) & (at <= last)) / weight.sum())
