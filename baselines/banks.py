@@ -28,7 +28,7 @@ class Banks:
     model: Model
     reduce: Callable[[Mixture], Reduced]
     before: Callable[[Bank, np.ndarray], Bank]  # of the bank and the switching matrix
-    after: Callable[[Bank, np.ndarray], Bank]  # of the bank and its filters' squared residuals (r, n)
+    after: Callable[[Bank, np.ndarray], Bank]  # of the bank and its residuals' log densities (r, n)
     prune_weight: float = 1e-5
     most: int = 500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
     # times the false detections expected within a deviation at first, and one, at which it gives up
@@ -54,7 +54,7 @@ class Banks:
         predicted = moved(self.before(belief, model.switching), model.motions)
         expansion, looked, alive = expand_together(predicted, model, z, self._given_up)
         posterior = banked(expansion.mixture, len(model.motions))
-        posterior = self.after(posterior, expansion.residual.reshape(posterior.w.shape))
+        posterior = self.after(posterior, expansion.log_density.reshape(posterior.w.shape))
         hypotheses, kept = heaviest(fused(posterior), self.prune_weight, self.most)
         reduced, into = self.reduce(hypotheses)
         belief = merged(posterior, np.where(kept < 0, -1, into[kept]), len(reduced.w))
@@ -88,10 +88,11 @@ def imm_mht(
     return Banks(model, reducer(reduction, components), mixed, leave_alone, prune_weight, most, hopeless)
 
 
-def mmae_pda(model: Model, floor: float = 1e-3, restart: float = 9.0, hopeless: float = 20.0) -> Banks:
+def mmae_pda(model: Model, floor: float = 1e-3, restart: float = 1e-5, hopeless: float = 20.0) -> Banks:
     """Multiple model adaptive estimation: filters that never mix, their probabilities kept above `floor`,
-    one that diverges beyond a squared residual of `restart` begun anew from the others; in clutter with a
-    PDA in place of each Kalman filter (Maybeck, section III)."""
+    one whose residual is less dense than `restart` begun anew from the others; in clutter with a PDA in
+    place of each Kalman filter (Maybeck, section III). The density is per unit of the sensor's space: at
+    the paper's sensor 1e-5 per m^2 is a squared residual of 8 to 9."""
     after = partial(tended, floor=floor, restart=restart)
     return Banks(model, _all_in_one, leave_alone, after, prune_weight=0.0, most=ALL, hopeless=hopeless)
 
@@ -102,7 +103,7 @@ def mmae_mht(
     reduction: str = "runnalls",
     prune_weight: float = 1e-5,
     floor: float = 1e-3,
-    restart: float = 9.0,
+    restart: float = 1e-5,
     most: int = 500,
     hopeless: float = 20.0,
 ) -> Banks:

@@ -2,18 +2,17 @@
 (D'Ortenzio, sections 2.1, 3 and 4)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from gmr_gym import ise as williams
 from gmr_gym import reduction
-from gmr_gym.association import expand, false_expected, gates, hopeless_beyond
+from gmr_gym.association import expand, gates
 from gmr_gym.kalman import predict
 from gmr_gym.mixture import Mixture, collapsed, moments, normalised
 from gmr_gym.model import Model
-from gmr_gym.reducers import reducer
 from gmr_gym.reduction import Reduced
 from gmr_gym.tracker import Report, check_limits, check_scan
 
@@ -28,13 +27,9 @@ class Mht:
     prune_weight: float = 5e-4  # gamma
     prune_density: float = 1e-10  # gamma~, s^2/m^4 for a planar position and velocity
     most: int = 2000  # hypotheses that enter `reduce`, the heaviest, lest a huge scan fill memory
-    # times the false detections expected within a deviation at first, and one, at which it gives up
-    hopeless: float = np.inf
-    _given_up: float = field(init=False, repr=False)
 
     def __post_init__(self):
-        check_limits(self.prune_weight, self.most, self.hopeless)
-        object.__setattr__(self, "_given_up", hopeless_beyond(self.model, self.hopeless))
+        check_limits(self.prune_weight, self.most)
         if not 0 <= self.prune_density < np.inf:
             raise ValueError(f"prune_density must be non-negative and finite, got {self.prune_density}")
         # a wrong parameter is an error here, not in a scan
@@ -48,17 +43,15 @@ class Mht:
         z = check_scan(z, len(model.sensor.H))
         predicted = predict(belief, model.motion)
         looked = gates(predicted, model.sensor, model.gate_probability)
-        density = model.sensor.density(model.clutter_density, looked.z)
-        alive = false_expected(looked, predicted.w, density) <= self._given_up
         posterior = expand(
-            predicted, looked, model.sensor, z if alive else z[:0],
+            predicted, looked, model.sensor, z,
             model.detection_probability, model.gate_probability, model.clutter_density,
         ).mixture  # fmt: skip
         posterior = normalised(reduction.heaviest(posterior, self.prune_weight, self.most)[0])
         posterior = normalised(self.reduce(posterior)[0])
         posterior = normalised(reduction.prune_density(posterior, self.prune_density)[0])
         mean, covariance = moments(posterior)
-        return posterior, Report(mean[None], covariance[None], looked, posterior, alive)
+        return posterior, Report(mean[None], covariance[None], looked, posterior)
 
 
 def capping(model: Model, components: int = 30, prune_weight: float = 0.0, prune_density: float = 0.0) -> Mht:
@@ -91,23 +84,6 @@ def ise(model: Model, components: int = 15, prune_weight: float = 5e-4, prune_de
     """MHT reduced to `components` by Williams' integral squared error, merging and deleting."""
     merging = partial(williams.integral_squared_error, components=components)
     return Mht(model, merging, prune_weight, prune_density)
-
-
-def of_one_motion(
-    model: Model,
-    components: int = 15,
-    mode: int = 0,
-    reduction: str = "runnalls",
-    prune_weight: float = 1e-5,
-    most: int = 500,
-    hopeless: float = 20.0,
-) -> Mht:
-    """MHT that takes the target to follow one of the model's motions, `mode`, for good (Maybeck, with
-    reduction="ise" the ISE of benign, or of aggressive, Kalman filters)."""
-    if mode not in range(len(model.motions)):
-        raise ValueError(f"mode must be one of the {len(model.motions)} motions, counted from 0, got {mode}")
-    told = model._replace(motions=(model.motions[mode],), switching=np.ones((1, 1)), mode_prior=np.ones(1))
-    return Mht(told, reducer(reduction, components), prune_weight, 0.0, most, hopeless)
 
 
 def salmond(

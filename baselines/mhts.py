@@ -1,18 +1,19 @@
 """An MHT for each motion, weighed against each other by equivalent residuals: MMAE of MHTs and IMM of MHTs
-(Maybeck et al., section IV, architectures 1 and 2)."""
+(Maybeck et al., section IV, architectures 1 and 2); and the MHT of one motion alone."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from numbers import Integral
 from typing import NamedTuple
 
 import numpy as np
 
 from gmr_gym.association import Expansion, Gates, expand, hopeless_beyond, look_together
 from gmr_gym.kalman import predict
-from gmr_gym.mixture import Mixture, collapsed, joined, moments, normalised
+from gmr_gym.mixture import Mixture, collapsed, joined, moments, normalised, take
 from gmr_gym.model import Model
-from gmr_gym.modes import floored, mmae_weights
+from gmr_gym.modes import diverging, floored, mmae_weights
 from gmr_gym.reducers import reducer
 from gmr_gym.reduction import Reduced, check_reduced, heaviest, runnalls
 from gmr_gym.tracker import Report, check_limits, check_scan
@@ -28,14 +29,17 @@ class Mixtures(NamedTuple):
 @dataclass(frozen=True)
 class Mhts:
     """An MHT for each motion, all with every detection gated by any component of any; motions are weighed
-    by the density of an equivalent residual (eqs. 11, 12 and 17)."""
+    by the density of an equivalent residual (eqs. 11, 12 and 17).
+
+    Departs: whether a component's gate is its own or all gates together the paper leaves to the designer
+    (section IV). All together, components are as many before the reduction as the paper counts."""
 
     model: Model
     reduce: Callable[[Mixture, int], Reduced]  # of a mixture and how many components to leave
     components: int  # of each MHT
     mixing: bool  # by the switching matrix ahead of the prediction, as in an IMM; else never, as in an MMAE
     floor: float  # least probability of a motion
-    restart: float  # squared equivalent residual beyond which an MHT begins anew from the others
+    restart: float  # density of its equivalent residual below which an MHT begins anew from the others
     prune_weight: float = 1e-5
     most: int = 500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
     # times the false detections expected within a deviation at first, and one, at which it gives up
@@ -48,8 +52,7 @@ class Mhts:
         # a wrong parameter is an error here, not in a scan
         check_reduced(self.reduce(collapsed(self.model.prior), self.components), 1)
         floored(self.model.mode_prior, self.floor)
-        if not self.restart > 0:
-            raise ValueError(f"restart must be positive, got {self.restart}")
+        diverging(np.zeros((len(self.model.motions), 1)), self.restart)
 
     def init(self) -> Mixtures:
         return Mixtures(self.model.mode_prior, (self.model.prior,) * len(self.model.motions))
@@ -61,19 +64,20 @@ class Mhts:
         predicted = [predict(p, motion) for p, motion in zip(each, model.motions, strict=True)]
         own, listed, looked, alive = look_together(weighed(w, predicted), model, z, self._given_up)
         ends = np.cumsum([len(p.w) for p in predicted])[:-1]
-        posteriors, log_density, d2 = [], np.zeros(len(w)), np.zeros(len(w))
+        posteriors, log_density = [], np.zeros(len(w))
         for i, parts in enumerate(zip(predicted, np.split(own.z, ends), np.split(own.S, ends), strict=True)):
             p, gates = parts[0], Gates(*parts[1:], own.size)
             expansion = expand(
                 p, gates, model.sensor, listed,
                 model.detection_probability, model.gate_probability, model.clutter_density,
             )  # fmt: skip
-            d2[i], log_density[i] = equivalent_residual(p, expansion, gates, listed)
+            log_density[i] = equivalent_residual(p, expansion, gates, listed)
             posteriors.append(self._reduced(expansion.mixture, self.components))
         w = mmae_weights(w, log_density)
-        posteriors = self._restarted(w, posteriors, d2)
+        posteriors = self._restarted(w, posteriors, log_density)
         belief = Mixtures(floored(w, self.floor), tuple(posteriors))
         whole = weighed(*belief)
+        whole = take(whole, whole.w > 0)  # far off, the likelihood of a motion may vanish
         mean, covariance = moments(whole)
         return belief, Report(mean[None], covariance[None], looked, whole, alive, belief.w)
 
@@ -92,38 +96,34 @@ class Mhts:
         lighter, _ = heaviest(p, self.prune_weight, self.most)
         return normalised(self.reduce(lighter, components)[0])
 
-    def _restarted(self, w: np.ndarray, each: list[Mixture], d2: np.ndarray) -> list[Mixture]:
+    def _restarted(self, w: np.ndarray, each: list[Mixture], log_density: np.ndarray) -> list[Mixture]:
         """MHTs that diverge begin anew from the others; where all do, none."""
-        diverged = d2 > self.restart
-        if not diverged.any() or diverged.all():
+        diverged = diverging(log_density[:, None], self.restart)[:, 0]
+        if not diverged.any():
             return each
-        others = normalised(weighed(np.where(diverged, 0.0, w), each))
-        fresh = self._reduced(others, self.components)
+        rest = np.where(diverged, 0.0, w)
+        others = weighed(rest if rest.any() else 1.0 - diverged, each)  # the impossible, as likely as others
+        fresh = self._reduced(normalised(others), self.components)
         return [fresh if lost else p for lost, p in zip(diverged, each, strict=True)]
 
 
-def equivalent_residual(
-    predicted: Mixture, expansion: Expansion, gates: Gates, z: np.ndarray
-) -> tuple[float, float]:
-    """Squared Mahalanobis size of the residual that an MHT as a whole makes of a scan, and its log density
-    (eqs. 12 and 17): the mean and covariance of what its hypotheses' residuals are made of. Both are 0
-    where no hypothesis has a detection.
+def equivalent_residual(predicted: Mixture, expansion: Expansion, gates: Gates, z: np.ndarray) -> float:
+    """Log density of the residual that an MHT as a whole makes of the scan z (k, p) (eqs. 12 and 17): that of
+    the mean and covariance of its hypotheses' residuals. 0 where no hypothesis has a detection.
 
     Departs: a hypothesis without a detection has no residual, and eq. 17 does not say what then. It takes
     no part: counted as a residual of nothing, a filter that has lost its target would be the best of all.
     """
     hit = expansion.detection >= 0
     if not hit.any():
-        return 0.0, 0.0
+        return 0.0
     parent = expansion.parent[hit]
-    _, log_scale = np.linalg.slogdet(gates.S)
     with np.errstate(divide="ignore"):
         # not from the weights, which vanish beside those of the misses when the target is far off
-        log_w = np.log(predicted.w)[parent] - 0.5 * (expansion.residual[hit] + log_scale[parent])
+        log_w = np.log(predicted.w)[parent] + expansion.log_density[hit]
     residuals = z[expansion.detection[hit]] - gates.z[parent]
     r, A = moments(normalised(Mixture(np.exp(log_w - log_w.max()), residuals, gates.S[parent])))
-    d2 = float(r @ np.linalg.solve(A, r))
-    return d2, -0.5 * (d2 + np.linalg.slogdet(2 * np.pi * A)[1])
+    return float(-0.5 * (r @ np.linalg.solve(A, r) + np.linalg.slogdet(2 * np.pi * A)[1]))
 
 
 def weighed(w: np.ndarray, each) -> Mixture:
@@ -137,7 +137,7 @@ def mmae_of_mhts(
     reduction: str = "runnalls",
     prune_weight: float = 1e-5,
     floor: float = 1e-3,
-    restart: float = 9.0,
+    restart: float = 1e-5,
     most: int = 500,
     hopeless: float = 20.0,
 ) -> Mhts:
@@ -158,7 +158,26 @@ def imm_of_mhts(
     """An IMM whose filters are MHTs of `components` hypotheses each (Maybeck, architecture 2; with
     reduction="ise" the IMM of ISEs)."""
     reduce = partial(_by_name, reduction=reduction)
-    return Mhts(model, reduce, components, True, 0.0, np.inf, prune_weight, most, hopeless)
+    return Mhts(model, reduce, components, True, 0.0, 0.0, prune_weight, most, hopeless)
+
+
+def of_one_motion(
+    model: Model,
+    components: int = 15,
+    mode: int = 0,
+    reduction: str = "runnalls",
+    prune_weight: float = 1e-5,
+    most: int = 500,
+    hopeless: float = 20.0,
+) -> Mhts:
+    """MHT that takes the target to follow one of the model's motions, `mode`, for good, gated as the others
+    here are (Maybeck; with reduction="ise" the ISE of benign, or of aggressive, Kalman filters)."""
+    known = len(model.motions)
+    if isinstance(mode, bool) or not isinstance(mode, Integral) or not 0 <= mode < known:
+        raise ValueError(f"mode must be one of the {known} motions, counted from 0, got {mode!r}")
+    told = model._replace(motions=(model.motions[mode],), switching=np.ones((1, 1)), mode_prior=np.ones(1))
+    reduce = partial(_by_name, reduction=reduction)
+    return Mhts(told, reduce, components, False, 0.0, 0.0, prune_weight, most, hopeless)
 
 
 def _by_name(p: Mixture, components: int, reduction: str) -> Reduced:

@@ -34,7 +34,7 @@ class Expansion(NamedTuple):
     mixture: Mixture  # N hypotheses, weights sum to 1
     parent: np.ndarray  # (N,), index of the predicted component
     detection: np.ndarray  # (N,), index of the detection it takes for the target's, -1 for a miss
-    residual: np.ndarray  # (N,), squared Mahalanobis distance of that detection, 0 for a miss
+    log_density: np.ndarray  # (N,), log N(z; H m, S) of that detection, infinite for a miss
 
 
 @lru_cache
@@ -134,12 +134,12 @@ def expand(
     """
     miss = 1.0 - detection_probability * gate_probability
     *look, log_stretch = sensor.look(predicted, gates.z, gates.S, z)
-    w, m, P, parent, detection, residual = _expand(
+    w, m, P, parent, detection, log_density = _expand(
         *predicted, *look, gates.size,
         np.log(miss) if miss > 0 else -np.inf,
         np.log(detection_probability) - np.log(clutter_density) + log_stretch,
     )  # fmt: skip
-    return Expansion(Mixture(w, m, P), parent, detection, residual)
+    return Expansion(Mixture(w, m, P), parent, detection, log_density)
 
 
 @njit(cache=True, error_model="numpy")
@@ -180,7 +180,7 @@ def _expand(w, m, P, expected, S, C, z, R, size, log_miss, log_detect):
     log_w = np.empty(hits + misses)
     m_out, P_out = np.empty((hits + misses, d)), np.empty((hits + misses, d, d))
     parent, detection = np.empty(hits + misses, np.int64), np.empty(hits + misses, np.int64)
-    residual = np.zeros(hits + misses)
+    log_density = np.full(hits + misses, np.inf)
     L, K, W, P_hit = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty((d, d))
     S_pair = np.empty((p, p))
     at = 0
@@ -195,7 +195,7 @@ def _expand(w, m, P, expected, S, C, z, R, size, log_miss, log_detect):
             at += 1
         own = i if seen > 1 else 0
         conditioned = False
-        log_scale = 0.0
+        log_peak = 0.0
         for j in range(k):
             if d2[i, j] < np.inf:
                 if not conditioned:
@@ -204,10 +204,10 @@ def _expand(w, m, P, expected, S, C, z, R, size, log_miss, log_detect):
                             S_pair[r, c] = S[i, r, c] + (R[j, r, c] if len(R) else 0.0)
                     cholesky_into(L, S_pair)
                     posterior_into(P_hit, K, W, L, P[i], C[i])
-                    log_scale = np.log(w[i]) + log_gaussian_scale(L)
+                    log_peak = log_gaussian_scale(L)
                     conditioned = len(R) == 0  # else the next detection has a noise of its own
-                log_w[at] = log_scale + log_detect[j] - 0.5 * d2[i, j]
-                residual[at] = d2[i, j]
+                log_w[at] = np.log(w[i]) + log_detect[j] + log_peak - 0.5 * d2[i, j]
+                log_density[at] = log_peak - 0.5 * d2[i, j]
                 for r in range(d):
                     m_out[at, r] = m[i, r]
                     for c in range(p):
@@ -217,4 +217,4 @@ def _expand(w, m, P, expected, S, C, z, R, size, log_miss, log_detect):
                 parent[at], detection[at] = i, j
                 at += 1
     w_out = np.exp(log_w - log_w.max())
-    return w_out / w_out.sum(), m_out, P_out, parent, detection, residual
+    return w_out / w_out.sum(), m_out, P_out, parent, detection, log_density

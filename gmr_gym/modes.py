@@ -159,17 +159,14 @@ def leave_alone(bank: Bank, _: np.ndarray) -> Bank:
     return bank
 
 
-def tended(bank: Bank, residual: np.ndarray, floor: float, restart: float) -> Bank:
-    """An MMAE after its update: filters whose squared residual (r, n) is beyond `restart` begin anew from
-    what the others of their hypothesis fuse to, and mode probabilities are kept above `floor`
-    (Maybeck, section III). Where all filters of a hypothesis diverge none is restarted.
+def tended(bank: Bank, log_density: np.ndarray, floor: float, restart: float) -> Bank:
+    """An MMAE after its update: filters to which the log density (r, n) of their residual is below that of
+    `restart` begin anew from what the others of their hypothesis fuse to, and mode probabilities are kept
+    above `floor` (Maybeck, sections III and V). Where all filters of a hypothesis diverge none is restarted.
 
-    Departs: the paper restarts below a density of 1e-5, which depends on the units; at its sensor that is
-    a squared residual of 8 to 9. Raises ValueError unless restart is positive and floor as in `floored`.
+    Raises ValueError unless restart is a density, 0 for never, and floor as in `floored`.
     """
-    if not restart > 0:
-        raise ValueError(f"restart must be positive, got {restart}")
-    diverged = (residual > restart) & ~(residual > restart).all(axis=0)
+    diverged = diverging(log_density, restart)
     if diverged.any():
         rest = fused(bank._replace(w=np.where(diverged, 0.0, bank.w)))
         m = np.where(diverged[..., None], rest.m, bank.m)
@@ -178,6 +175,16 @@ def tended(bank: Bank, residual: np.ndarray, floor: float, restart: float) -> Ba
     chances = np.full(bank.w.shape, 1 / len(bank.w))
     chances[:, total > 0] = floored(bank.w[:, total > 0], floor)
     return bank._replace(w=total * chances)
+
+
+def diverging(log_density: np.ndarray, restart: float) -> np.ndarray:
+    """Which filters (r, n) have residuals less dense than `restart`, per unit volume of the sensor's space,
+    and are not alone in hypotheses that all do; ValueError for a restart that is no density."""
+    if not 0 <= restart < np.inf:
+        raise ValueError(f"restart must be a density, 0 for never, got {restart}")
+    with np.errstate(divide="ignore"):
+        low = log_density < np.log(restart)
+    return low & ~low.all(axis=0)
 
 
 def floored(probabilities: np.ndarray, floor: float) -> np.ndarray:

@@ -257,7 +257,10 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("reproduce", "nobody"), "unknown paper 'nobody'; choose one of dortenzio, zhang"),
+        (
+            ("reproduce", "nobody"),
+            "unknown paper 'nobody'; choose one of dortenzio, maybeck, maybeck-zhang, zhang",
+        ),
         (("reproduce", "zhang", "--table", "9"), "zhang has no table '9'; choose from 1, 2, 1-quiet,"),
         (("reproduce", "dortenzio", "--table", "1-quiet"), "no table '1-quiet'; choose from 1, 2, 3, 4"),
         ((*EVALUATE, "pda"), "choose one with modes, such as imm-pda, imm-mht or mmg"),

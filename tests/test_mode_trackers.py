@@ -507,7 +507,7 @@ def test_wrong_parameter_of_a_tracker_with_modes_is_refused(name, number, parame
 @pytest.mark.parametrize(
     ("limit", "message"),
     [
-        ({"most": 0}, "most must be at least 1, got 0"),
+        ({"most": 0}, "most must be a whole number, at least 1, got 0"),
         ({"hopeless": 0.0}, r"hopeless must be positive, got 0\.0"),
         ({"hopeless": np.nan}, "hopeless must be positive, got nan"),
         ({"prune_weight": np.inf}, "prune_weight must be non-negative and finite, got inf"),

@@ -15,14 +15,28 @@ from gmr_gym import curves as module
 from gmr_gym.cli import PAPERS, _spec
 from gmr_gym.curves import CURVES, Curves, curves, errors_of
 from gmr_gym.output import HEADINGS
-from gmr_gym.reproduce import Claim, Table, dortenzio, judged, table_record, verdict, zhang
+from gmr_gym.reproduce import (
+    Claim,
+    Table,
+    dortenzio,
+    drawings,
+    judged,
+    maybeck,
+    maybeck_zhang,
+    table_record,
+    verdict,
+    zhang,
+)
 from gmr_gym.reproduce.zhang_claims import BOTH, CASE_1, CASE_2, Evidence, Trio, claims, evidence
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
 from gmr_gym.summary import Figure
 from gmr_gym.tracker import make_tracker
 
-PAPER_MODULES = {"dortenzio": dortenzio, "zhang": zhang}
+PAPER_MODULES = {
+    "dortenzio": dortenzio, "maybeck": maybeck, "maybeck-zhang": maybeck_zhang, "zhang": zhang
+}  # fmt: skip
+PRINTED_RUNS = {"dortenzio": 1000, "maybeck": 50, "maybeck-zhang": 1000, "zhang": 1000}
 TABLES = [
     pytest.param(table, id=f"{name}-{table.name}")
     for name, paper in PAPER_MODULES.items()
@@ -408,31 +422,55 @@ def test_every_paper_of_the_command_line_has_tables_of_different_names():
         assert all(name == name.strip() and "/" not in name for name in names)  # they name files
 
 
+@pytest.mark.parametrize("paper", PAPER_MODULES)
+def test_every_table_of_a_paper_is_of_as_many_runs_as_the_paper_averages_over(paper):
+    assert {table.runs for table in PAPER_MODULES[paper].TABLES} == {PRINTED_RUNS[paper]}
+
+
 @pytest.mark.parametrize("table", TABLES)
 def test_every_tracker_of_a_table_can_be_made_for_its_environment(table):
     scenario = gym.make(table.env_id, **table.settings).unwrapped.scenario
-    assert len(table.trackers) > 1 and table.runs == 1000
+    assert len(table.trackers) > 1
     for spec, parameters in table.trackers.items():
         name, further = _spec(spec)
         assert not set(parameters) & set(further)
         tracker = make_tracker(name, scenario.model, **parameters, **further)
         tracker.step(tracker.init(), np.empty((0, 2)))
+        # what is written of a tracker is what it has become
+        for told, value in parameters.items():
+            assert getattr(tracker, told, value) == value
+
+
+def one_run_each(table, scenario):
+    """A run of every tracker of a table, as long as its scenario."""
+    shape = 1, scenario.horizon, scenario.model.prior.m.shape[1]
+    return {
+        name: runs_of(np.random.default_rng(i).standard_normal(shape))
+        for i, name in enumerate(table.trackers)
+    }
 
 
 @pytest.mark.parametrize("table", TABLES)
 def test_every_metric_shown_or_printed_is_a_figure_with_a_heading(table):
     scenario = gym.make(table.env_id, **table.settings).unwrapped.scenario
-    results = {
-        name: runs_of(np.random.default_rng(i).standard_normal((1, 5, 4)))
-        for i, name in enumerate(table.trackers)
-    }
-    rows = table.summarise(scenario, results)
+    rows = table.summarise(scenario, one_run_each(table, scenario))
     assert list(rows) == list(table.trackers)
     assert set(table.published) <= set(table.trackers)
     printed = {metric for figures in table.published.values() for metric in figures}
     for row in rows.values():
         assert set(table.columns) | printed <= set(row)
     assert set(table.columns) <= set(HEADINGS) and "track_loss" in table.columns
+
+
+@pytest.mark.parametrize("table", [table for table in TABLES if table.values[0].paired])
+def test_paired_differences_are_of_every_tracker_from_the_first_under_headings(table):
+    scenario = gym.make(table.env_id, **table.settings).unwrapped.scenario
+    rows = table.paired(scenario, one_run_each(table, scenario))
+    first, *others = table.trackers
+    assert list(rows) == [f"{other} - {first}" for other in others]
+    for row in rows.values():
+        assert set(row) <= set(HEADINGS) and next(iter(row)) == "track_loss" and len(row) > 1
+        assert row["track_loss"].value == 0 and row["track_loss"].low < 0 < row["track_loss"].high
 
 
 @pytest.mark.parametrize("table", dortenzio.TABLES, ids=lambda table: table.name)
@@ -471,16 +509,20 @@ def test_zhangs_claims_about_both_cases_have_their_tables():
 # figures
 
 
-@pytest.fixture
-def drawn(monkeypatch):
-    """The drawings that would have been saved, by the name of their file."""
+def catch_drawings(monkeypatch, *modules):
+    """The drawings that these modules would have saved, by the name of their file."""
     saved = {}
-    for paper in (dortenzio, zhang):
-        drawing = type("Drawing", (paper.Drawing,), {
+    for drawer in (drawings, *modules):
+        drawing = type("Drawing", (drawer.Drawing,), {
             "savefig": lambda self, file, **_: saved.update({file.name: self})
         })  # fmt: skip
-        monkeypatch.setattr(paper, "Drawing", drawing)
+        monkeypatch.setattr(drawer, "Drawing", drawing)
     return saved
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    return catch_drawings(monkeypatch, dortenzio, zhang)
 
 
 def test_zhangs_figure_and_file_hold_the_curves_over_all_and_over_common_runs(drawn, tmp_path):

@@ -20,6 +20,7 @@ SWITCHING = ((0.9, 0.1), (0.1, 0.9))  # eq. 20; its own transpose
 # Departs: not given. As unsure of the position as the sensor is, of the rest by a few units
 PRIOR = (100.0, 100.0, 25.0, 25.0, 4.0, 4.0)  # m^2, m^2/s^2, m^2/s^4
 PATIENCE = 5  # scans in a row
+WILDEST = 20.0  # m/s^2: a target drawn with wilder ones may leave the space of actions
 
 
 def agile_flight(
@@ -59,6 +60,8 @@ def agile_flight(
         prior=gaussian(start, np.diag(PRIOR)),
         switching=np.ones((1, 1)) if np.size(jerks) == 1 else switching,
     )
+    if drawn and np.max(jerks) > WILDEST:
+        raise ValueError(f"jerks must be at most {WILDEST} m/s^2 for a drawn target, got {jerks}")
     x = shortened(x, horizon)
     return Scenario(
         model=told,

@@ -136,7 +136,9 @@ def scripted(x: np.ndarray, rng: np.random.Generator) -> Truth:
 def moving_as_told(told: Model, mode: np.ndarray, rng: np.random.Generator) -> Truth:
     """The truth of a target that starts as the prior says, one period before the first scan, and takes
     the model's motions in the order mode (T,), with their noise."""
-    x = rng.multivariate_normal(told.prior.m[0], told.prior.P[0], method="cholesky")
+    w, m, P = told.prior
+    first = rng.choice(len(w), p=w) if len(w) > 1 else 0
+    x = rng.multivariate_normal(m[first], P[first], method="cholesky")
     states = np.empty((len(mode), len(x)))
     for t, p in enumerate(mode):
         F, Q, offset = told.motions[p]
