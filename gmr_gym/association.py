@@ -16,6 +16,7 @@ from gmr_gym.mixture import (
     log_gaussian_scale,
     mahalanobis_squared,
     root_determinants,
+    take,
 )
 from gmr_gym.model import Model
 
@@ -82,13 +83,14 @@ def look_together(
     looked = own if possible.all() else Gates(own.z[possible], own.S[possible], own.size)
     density = model.sensor.density(model.clutter_density, own.z)
     alive = false_expected(own, predicted.w, density) <= hopeless
-    near = in_any_gate(looked, model.sensor.placed(z))
-    return own._replace(size=np.inf), z[near & alive], looked, alive
+    near = _seen(take(predicted, possible), looked, model.sensor, z) if alive else np.zeros(len(z), bool)
+    return own._replace(size=np.inf), z[near], looked, alive
 
 
-def in_any_gate(gates: Gates, z: np.ndarray) -> np.ndarray:
-    """Which of the points z (k, p) lie in at least one gate (k,)."""
-    return np.isfinite(gated_distances(gates, z)).any(axis=0)
+def _seen(predicted: Mixture, gates: Gates, sensor: Sensor, z: np.ndarray) -> np.ndarray:
+    """Which of the detections z (k, p) lie in the gate of at least one component (k,)."""
+    expected, S, _, z, R, _ = sensor.look(predicted, gates.z, gates.S, z)
+    return np.isfinite(_gated_distances(expected, S, z, R, gates.size)).any(axis=0)
 
 
 def hopeless_beyond(model: Model, times: float) -> float:

@@ -30,7 +30,7 @@ class Look(NamedTuple):
     C: np.ndarray  # (n, p, d), covariances of detection and state, H P
     z: np.ndarray  # (n, k, p), or (1, k, p) where all components see the same
     R: np.ndarray  # (k, p, p), noise that goes with the detection; (0, p, p) for none
-    log_stretch: np.ndarray  # (k,), log of how much of the sensor's own space goes into a unit of this one
+    log_stretch: np.ndarray  # (k,), log of the volume here that a unit of the sensor's own space fills
 
 
 class Sensor(NamedTuple):
@@ -46,10 +46,6 @@ class Sensor(NamedTuple):
     def gates(self, p: Mixture) -> tuple[np.ndarray, np.ndarray]:
         """Predicted detections (n, p) and their innovation covariances (n, p, p)."""
         return _innovation(p.m, p.P, self.H, self.R)[:2]
-
-    def placed(self, z: np.ndarray) -> np.ndarray:
-        """Detections z (k, p) where gates can hold them."""
-        return z
 
     def density(self, density: float, at: np.ndarray) -> np.ndarray:
         """What a density in the sensor's own space is in that of the gates, at places (n, p)."""

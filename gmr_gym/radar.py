@@ -12,9 +12,82 @@ With sines and cosines of Gaussian angles both come out in closed form:
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
-EXACT = np.zeros(3)
+from gmr_gym.kalman import Look
+from gmr_gym.mixture import Mixture
+
+EXACT = np.zeros((1, 3))
+CONVERSIONS = ("raw", "debiased", "unbiased", "modified-unbiased", "decorrelated", "debiased-at-prediction")
+UPDATES = (*CONVERSIONS, "extended", "unscented", "cubature")
 WIDEST = 0.5  # rad: with a wider angle the Gaussian has weight on the far side of the radar
+
+
+class Radar(NamedTuple):
+    """A radar as a tracker's sensor, of states whose first three are a position; `radar` checks one.
+
+    Its gates stand in space, whatever the update looks at. Clutter is told per m rad^2."""
+
+    deviations: np.ndarray  # (3,): m, rad, rad
+    update: str  # one of UPDATES: how a detection moves a Gaussian
+    states: int
+
+    @property
+    def H(self) -> np.ndarray:
+        """Position (3, d) of a state."""
+        return np.eye(3, self.states)
+
+    @property
+    def R(self) -> np.ndarray:
+        """Covariance of the noise of range, azimuth and elevation (3, 3)."""
+        return np.diag(self.deviations**2)
+
+    def observed(self, x: np.ndarray) -> np.ndarray:
+        """Range, azimuth and elevation (..., 3) of states x (..., d)."""
+        return spherical(x[..., :3])
+
+    def gates(self, p: Mixture) -> tuple[np.ndarray, np.ndarray]:
+        """Predicted positions (n, 3) and the covariances (n, 3, 3) of converted detections about them."""
+        at = p.m[:, :3]
+        return at, p.P[:, :3, :3] + _scatter(spherical(at), self.deviations, EXACT)
+
+    def density(self, density: float, at: np.ndarray) -> np.ndarray:
+        """Density per m^3, at positions (n, 3), of clutter whose density per m rad^2 is given."""
+        return density * np.exp(-_log_stretch(spherical(at)))
+
+    def look(self, p: Mixture, expected: np.ndarray, S: np.ndarray, z: np.ndarray) -> Look:
+        """The scan z (k, 3) as the components of p see it by this update. Raises ValueError for a range that
+        is not positive or an elevation beyond a right angle."""
+        z = check_detections(z)
+        if self.update in CONVERSIONS:
+            return self._converted(p, z)
+        spread = {"extended": _linearised, "unscented": _unscented, "cubature": _cubature}[self.update]
+        expected, C, S = spread(p)
+        z = np.repeat(z[None], len(p.w), axis=0)
+        z[..., 1] = expected[:, None, 1] + wrapped(z[..., 1] - expected[:, None, 1])
+        return Look(expected, S + self.R, C, z, np.empty((0, 3, 3)), np.zeros(z.shape[1]))
+
+    def _converted(self, p, z):
+        at, P = p.m[:, :3], p.P[:, :3, :3]
+        C, stretch, none = np.ascontiguousarray(p.P[:, :3]), _log_stretch(z), np.empty((0, 3, 3))
+        if self.update in PREDICTED:
+            place = spherical(at)
+            J = np.linalg.inv(_jacobian(place))
+            spread = np.sqrt(np.einsum("nij,njk,nik->ni", J, P, J))
+            points, R = PREDICTED[self.update](z, self.deviations, place, spread)
+            return Look(at, P + R, C, points if points.ndim == 3 else points[None], none, stretch)
+        points, R = MEASURED[self.update](z, self.deviations)
+        return Look(at, np.ascontiguousarray(P), C, points[None], R, stretch)
+
+
+def radar(deviations, states: int = 6, update: str = "debiased") -> Radar:
+    """Checked Radar; ValueError for deviations as in `check_deviations`, for an update not in UPDATES and
+    for fewer than three states."""
+    if update not in UPDATES:
+        raise ValueError(f"update must be one of {', '.join(UPDATES)}, got {update!r}")
+    if states < 3:
+        raise ValueError(f"states must be at least 3, a position, got {states}")
+    return Radar(check_deviations(deviations), update, states)
 
 
 class Converted(NamedTuple):
@@ -89,7 +162,7 @@ def debiased(z: np.ndarray, deviations: np.ndarray) -> Converted:
 
     Departs: eq. 6 names elevation eta and azimuth theta; they are theta and beta."""
     D, x = _shrinking(deviations), cartesian(z)
-    return Converted(x - D * (D - 1) * x, _scatter(z, deviations, deviations))
+    return Converted(x - D * (D - 1) * x, _scatter(z, deviations, deviations[None]))
 
 
 def unbiased(z: np.ndarray, deviations: np.ndarray) -> Converted:
@@ -130,44 +203,50 @@ def _shrinking(deviations):
     return np.stack([lb * lt, lb * lt, lt], axis=-1)
 
 
+@njit(cache=True, error_model="numpy")
 def _scatter(z, noise, spread):
     """Covariance (k, 3, 3) of positions whose range, azimuth and elevation scatter with deviations `noise`
-    about a middle, averaged over middles of mean z (k, 3) and deviations `spread`, (3,) or (k, 3).
+    about a middle, averaged over middles of mean z (k, 3) and deviations `spread`, (k, 3), or (1, 3) for all.
 
     A coordinate is a product of independent factors, and E[u v] - E[u] E[v] of products is formed factor
     by factor, from each factor's own covariance and product of means: nothing large is subtracted."""
-    r, b, t = z.T
-    spread = np.broadcast_to(spread, z.shape)
-    distance = np.full_like(r, noise[0] ** 2), r**2 + spread[:, 0] ** 2
-    azimuth, elevation = _angle(b, noise[1], spread[:, 1]), _angle(t, noise[2], spread[:, 2])
-    cosine, sine = (
-        (np.zeros_like(b), np.exp(-(noise[1] ** 2 + spread[:, 1] ** 2) / 2) * f(b)) for f in (np.cos, np.sin)
-    )
-    one = np.zeros_like(b), np.ones_like(b)
     out = np.empty((len(z), 3, 3))
-    for i, j, vertical, level in (
-        (0, 0, "cc", azimuth["cc"]), (1, 1, "cc", azimuth["ss"]), (2, 2, "ss", one),
-        (0, 1, "cc", azimuth["cs"]), (0, 2, "cs", cosine), (1, 2, "cs", sine),
-    ):  # fmt: skip
-        (V, N), (Vt, Nt), (Vb, Nb) = distance, elevation[vertical], level
-        out[:, i, j] = out[:, j, i] = V * (Vt + Nt) * (Vb + Nb) + N * Vt * (Vb + Nb) + N * Nt * Vb
+    for i in range(len(z)):
+        wide = spread[i] if len(spread) > 1 else spread[0]
+        r, b, t = z[i]
+        V, N = noise[0] ** 2, r**2 + wide[0] ** 2
+        (bcc, Bcc), (bss, Bss), (bcs, Bcs) = _angle(b, noise[1], wide[1])
+        (tcc, Tcc), (tss, Tss), (tcs, Tcs) = _angle(t, noise[2], wide[2])
+        left = np.exp(-(noise[1] ** 2 + wide[1] ** 2) / 2)
+        out[i, 0, 0] = _product(V, N, tcc, Tcc, bcc, Bcc)
+        out[i, 1, 1] = _product(V, N, tcc, Tcc, bss, Bss)
+        out[i, 2, 2] = _product(V, N, tss, Tss, 0.0, 1.0)
+        out[i, 0, 1] = out[i, 1, 0] = _product(V, N, tcc, Tcc, bcs, Bcs)
+        out[i, 0, 2] = out[i, 2, 0] = _product(V, N, tcs, Tcs, 0.0, left * np.cos(b))
+        out[i, 1, 2] = out[i, 2, 1] = _product(V, N, tcs, Tcs, 0.0, left * np.sin(b))
     return out
 
 
+@njit(cache=True, error_model="numpy")
+def _product(V, N, Vt, Nt, Vb, Nb):
+    """(V + N) (Vt + Nt) (Vb + Nb) - N Nt Nb."""
+    return V * (Vt + Nt) * (Vb + Nb) + N * Vt * (Vb + Nb) + N * Nt * Vb
+
+
+@njit(cache=True, error_model="numpy")
 def _angle(a, noise, spread):
-    """Covariance and product of means of the cosine and sine of an angle, by pair: cc, ss and cs."""
+    """Covariance and product of means of cosine and cosine, sine and sine, cosine and sine of an angle."""
     kept, lost = np.exp(-(noise**2)), -np.expm1(-(noise**2))
-    wide = np.exp(-2 * spread**2)  # what averaging leaves of the cosine of twice the angle
+    wide, narrow = np.exp(-2 * spread**2), -np.expm1(-2 * spread**2)  # of twice the angle
     cosine, sine = wide * np.cos(2 * a), wide * np.sin(2 * a)
-    # 1 - kept cosine, and with the sine, without cancellation
-    narrow = -np.expm1(-2 * spread**2)
+    # 1 - kept cosine and 1 + kept cosine, without cancellation
     below = lost + kept * (narrow + 2 * wide * np.sin(a) ** 2)
     above = lost + kept * (narrow + 2 * wide * np.cos(a) ** 2)
-    return {
-        "cc": (lost * below / 2, kept * (1 + cosine) / 2),
-        "ss": (lost * above / 2, kept * (1 - cosine) / 2),
-        "cs": (-lost * kept * sine / 2, kept * sine / 2),
-    }
+    return (
+        (lost * below / 2, kept * (1 + cosine) / 2),
+        (lost * above / 2, kept * (1 - cosine) / 2),
+        (-lost * kept * sine / 2, kept * sine / 2),
+    )
 
 
 def _jacobian(z):
@@ -178,3 +257,57 @@ def _jacobian(z):
     J[:, 1] = np.stack([np.cos(t) * np.sin(b), r * np.cos(t) * np.cos(b), -r * np.sin(t) * np.sin(b)], 1)
     J[:, 2] = np.stack([np.sin(t), np.zeros_like(r), r * np.cos(t)], 1)
     return J
+
+
+def wrapped(angle: np.ndarray) -> np.ndarray:
+    """The angle within half a turn of zero."""
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def _log_stretch(z):
+    """log(r^2 cos t) (k,): the volume in space that a unit of range, azimuth and elevation fills."""
+    return 2 * np.log(z[:, 0]) + np.log(np.maximum(np.cos(z[:, 2]), 1e-300))
+
+
+def _linearised(p):
+    """Expected range, azimuth and elevation (n, 3), their covariance with the state (n, 3, d) and their own
+    (n, 3, 3), to first order about the prediction."""
+    expected = spherical(p.m[:, :3])
+    J = np.linalg.inv(_jacobian(expected))
+    return expected, J @ p.P[:, :3], J @ p.P[:, :3, :3] @ J.transpose(0, 2, 1)
+
+
+def _cubature(p):
+    """The same by cubature points of the position: the radar sees nothing else (Arasaratnam and Haykin 2009)."""
+    return _by_points(p, np.full(7, 1 / 6) * (np.arange(7) > 0), np.sqrt(3.0))
+
+
+def _unscented(p):
+    """The same by unscented points of the position, kappa = 3 - n = 0 raised to 1 so that the middle counts
+    (Julier and Uhlmann 1997)."""
+    weights = np.full(7, 1 / 8)
+    weights[0] = 1 / 4
+    return _by_points(p, weights, 2.0)
+
+
+def _by_points(p, weights, reach):
+    L = np.linalg.cholesky(p.P[:, :3, :3])
+    steps = np.concatenate(
+        [np.zeros((len(L), 1, 3)), reach * L.transpose(0, 2, 1), -reach * L.transpose(0, 2, 1)], 1
+    )
+    points = spherical(p.m[:, None, :3] + steps)
+    middle = spherical(p.m[:, :3])
+    points[..., 1] = middle[:, None, 1] + wrapped(points[..., 1] - middle[:, None, 1])
+    expected = weights @ points
+    off = points - expected[:, None]
+    weighed = weights[:, None] * off
+    # the state's covariance with the points is that with the position, carried on by regression
+    C = np.einsum("npi,npj->nij", weighed, steps)
+    gain = np.linalg.solve(p.P[:, :3, :3], p.P[:, :3])
+    return expected, C @ gain, np.einsum("npi,npj->nij", weighed, off)
+
+
+MEASURED = {
+    "raw": raw, "debiased": debiased, "unbiased": unbiased, "modified-unbiased": modified_unbiased,
+}  # fmt: skip
+PREDICTED = {"decorrelated": decorrelated, "debiased-at-prediction": debiased_at}
