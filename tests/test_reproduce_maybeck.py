@@ -18,7 +18,7 @@ import gmr_gym  # noqa: F401  registers the environments
 from baselines.mhts import Mhts
 from gmr_gym import curves as module
 from gmr_gym.cli import _spec
-from gmr_gym.reproduce import maybeck, maybeck_zhang
+from gmr_gym.reproduce import maybeck, maybeck_zhang, widened
 from gmr_gym.reproduce.maybeck_claims import (
     ARCHITECTURES,
     CLEAR,
@@ -26,7 +26,6 @@ from gmr_gym.reproduce.maybeck_claims import (
     FAILING,
     RIVALS,
     TUNING,
-    _widened,
     claims,
 )
 from gmr_gym.reproduce.maybeck_numbers import Tracked, evidence, offset, rms, tracked
@@ -279,7 +278,7 @@ def cancelling(who):
 
 def turning(who, north, up):
     """Mean errors in the turns, where the claimed deviations are of 6 and 8 m."""
-    ((_, one),) = drifting(who, (70.0, 70.0), (north, up))[0].items()
+    one = drifting(who, (70.0, 70.0), (north, up))[0][who]
     variances = by_state(span((TURNS, 36), otherwise=1), span((TURNS, 64), otherwise=2), 1e4)
     return [{who: one._replace(claimed=np.broadcast_to(variances, one.claimed.shape))}]
 
@@ -306,9 +305,9 @@ def flowing(who, jinking, level, turns=0.5, otherwise=0.5):
 
 
 def hovering(*levels):
-    """Probabilities in the jinking, in level flight and else, far to either side of it in two runs."""
+    """Probabilities in the jinking, in level flight and else, and to either side of them in two runs."""
     curve = span((JINKS, levels[0]), (LEVEL, levels[1]), otherwise=levels[2])
-    return [{"imm": made(aggressive=curve + np.array([0, 0.3, 0, -0.3])[:, None])}]
+    return [{"imm": made(aggressive=curve + np.array([0, 0.05, 0, -0.05])[:, None])}]
 
 
 def returning(there, back):
@@ -397,7 +396,7 @@ SIDES = {
     "the IMM's probabilities hover around 50 %": (
         hovering(0.7, 0.45, 0.52), 0.1 - (51 * 0.2 + 80 * 0.05 + 219 * 0.02) / 350,
         # a half on average, and in level flight
-        hovering(0.2, 0.5, 0.5 + 0.3 * 51 / 219), 0.1 - 2 * 0.3 * 51 / 350,
+        hovering(0.05, 0.5, 0.5 + 0.45 * 51 / 219), 0.1 - 2 * 0.45 * 51 / 350,
     ),
     "the MMAE tells the models better apart than the IMM": (
         [flowing("mmae", 0.9, 0.2) | flowing("imm", 0.6, 0.5)], 0.6,
@@ -508,7 +507,8 @@ def test_the_motion_that_fits_is_to_be_found_in_level_flight_turns_and_jinking(m
     found[missed] = 0.45
     level, turns, jinks = found
     curve = span((LEVEL, 1 - level), (TURNS, turns), (JINKS, jinks), otherwise=0.5)
-    curve[LEVEL] += np.resize([0.2, -0.2], 80)  # what counts is the mean over the epochs
+    for part in (LEVEL, TURNS, JINKS):  # what counts is the mean, and every epoch is part of it
+        curve[part] += np.linspace(-0.1, 0.1, part.sum())
     value = CLAIMS["the MMAE finds the motion that fits"].value
     assert value(np.ones(4), {"mmae": made(aggressive=curve)}) == pytest.approx(0.45, rel=1e-9)
 
@@ -603,12 +603,12 @@ def test_the_matrix_is_the_best_where_the_stickier_imm_errs_more_in_whatever_ord
 @pytest.mark.parametrize("runs", [4, 50])
 def test_just_the_intervals_without_width_are_widened_to_those_of_no_event(runs):
     figures = [
-        Figure(3.0, 3.0, 3.0), Figure(0.5, 0.5 - 1e-9, 0.5), Figure(0.5, 0.4, 0.7), Figure(np.nan),
+        Figure(3.0, 3.0, 3.0), Figure(0.5, 0.5 - 1e-6, 0.5), Figure(0.5, 0.4, 0.7), Figure(np.nan),
         Figure(0.0, 0.0, 0.0),
     ]  # fmt: skip
     square = norm.ppf(0.975) ** 2
     most = square / (runs + square)  # Wilson's upper end for none
-    none, *others, nothing = _widened(iter(figures), runs)
+    none, *others, nothing = widened(iter(figures), runs)
     assert none == pytest.approx((3, 3 - most, 3 + most), rel=1e-9)
     assert nothing == pytest.approx((0, -most, most), rel=1e-9)
     assert all(got is given for got, given in zip(others, figures[1:4], strict=True))
@@ -622,11 +622,9 @@ def test_a_filter_that_loses_every_run_does_so_for_certain_only_in_many(runs, ve
     assert record["high"] - 1 == pytest.approx(proportion(0, runs).high, rel=1e-9)
     record, _ = claims({"benign": {"benign": some}})
     assert record["value"] == 1 - 5 / runs
-    # as wide as eight resamples make it
-    shares = [
-        np.random.default_rng(i).binomial(runs, 5 / runs) / runs for i in range(500)
-    ]  # fmt: skip
-    assert 0.5 < (record["high"] - record["low"]) / (2 * 1.96 * np.std(shares)) < 2
+    # else as wide as eight resamples make it
+    reach = norm.ppf(0.975) * np.sqrt(5 / runs * (1 - 5 / runs) / runs)
+    assert 0.5 < (record["high"] - record["low"]) / (2 * reach) < 2
 
 
 def test_in_clutter_is_table_1_and_without_is_table_clear_in_whatever_order():
@@ -784,9 +782,8 @@ def test_a_row_has_errors_over_the_runs_kept_by_the_tracker_and_by_all():
         assert row["components"].value == pytest.approx(
             sum(map(sum, runs.components)) / (8 * SCANS), rel=1e-12
         )
-        assert row["gate_area"].value == pytest.approx(
-            sum(map(sum, runs.gate_volume)) / (8 * SCANS), rel=1e-12
-        )
+        areas = [sum(runs.gate_volume[run]) for run in range(8) if run not in lost[name]]
+        assert row["gate_area"].value == pytest.approx(sum(areas) / (len(areas) * SCANS), rel=1e-12)
         ordered = sorted(runs.seconds.ravel())  # 2800 of them
         assert row["time_per_scan"].value == pytest.approx((ordered[1399] + ordered[1400]) / 2, rel=1e-12)
         assert row["time_worst"].value == runs.seconds.max()
@@ -795,7 +792,7 @@ def test_a_row_has_errors_over_the_runs_kept_by_the_tracker_and_by_all():
 
 def test_a_tracker_that_lost_every_run_leaves_nothing_in_common():
     rows = TABLES["1"].summarise(WORLD, some_results(("all", "none"), [range(8), ()]))
-    assert rows["all"]["track_loss"].value == 1
+    assert rows["all"]["track_loss"].value == 1 and np.isnan(rows["all"]["gate_area"].value)
     for error in ERRORS:
         assert np.isnan(rows["all"][f"{error}_own"].value)
         assert np.isnan(rows["none"][f"{error}_common"].value)
@@ -1026,19 +1023,18 @@ def excesses(mmg, bank):
 def test_every_mmg_is_held_against_every_architecture_and_no_other_in_three_measures():
     rng = np.random.default_rng(6)
     told = {
-        "mmg-15": told_of(rng, 12.0), "mmae-mht-15": told_of(rng, 10.0, range(20)),
-        "mmg-30": told_of(rng, 7.0, range(30)), "imm-of-mhts-15": told_of(rng, 9.0, range(25, 40)),
+        "mmg-15": told_of(rng, 12.0), "mmae-mht-15": told_of(rng, 10.0, range(15)),
+        "mmg-30": told_of(rng, 7.0, range(30)), "imm-of-mhts-15": told_of(rng, 9.0, range(10, 40)),
         "one-motion-15": told_of(rng, 30.0),
     }  # fmt: skip
     jump = {who: told[who] for who in ("imm-of-mhts-15", "mmg-30")}
     records = maybeck_zhang.claims({"flight": told, "jump": jump})
     json.dumps(records, allow_nan=False)
-    # worse in every measure, in none, or only where it is measured so
     verdicts = {
         ("mmg-15", "mmae-mht-15"): ("fails", "fails", "holds"),
         ("mmg-15", "imm-of-mhts-15"): ("fails", "fails", "holds"),
         ("mmg-30", "mmae-mht-15"): ("holds", "holds", "fails"),
-        ("mmg-30", "imm-of-mhts-15"): ("holds", "tie", "unknown"),
+        ("mmg-30", "imm-of-mhts-15"): ("tie", "tie", "unknown"),
     }
     by_claim = {(r["table"], r["claim"], r["measure"]): r for r in records}
     asked = [("flight", *pair) for pair in verdicts] + [("jump", "mmg-30", "imm-of-mhts-15")]
