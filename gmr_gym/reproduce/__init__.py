@@ -60,7 +60,7 @@ def judged(claim: Claim, figure: Figure, **about: str) -> dict[str, Any]:
 
 
 def widened(figures: Iterable[Figure], runs: int) -> list[Figure]:
-    """Where no resample of the runs differs, rounding apart, a bootstrap would claim certainty: the interval is
+    """Where no resample of the runs differs, rounding apart, a bootstrap claims certainty: the interval is
     then as wide as that of no event in as many runs, for numbers that are shares."""
     most = proportion(0, runs).high
     return [Figure(f.value, f.value - most, f.value + most) if f.high - f.low < 1e-9 else f for f in figures]
