@@ -5,14 +5,14 @@ A paper's module holds TABLES; `figures(table, scenario, results, rows, out)` fo
 table keeps evidence, `claims(evidence by table)`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import norm
 
-from gmr_gym.summary import CONFIDENCE, Figure, summary
+from gmr_gym.summary import CONFIDENCE, Figure, proportion, summary
 
 COLUMNS = ("track_loss", "components", "rmse_own", "error_common", "time_per_scan", "gate_area")
 
@@ -57,6 +57,13 @@ def judged(claim: Claim, figure: Figure, **about: str) -> dict[str, Any]:
     record: dict[str, Any] = {**about, "claim": claim.sentence, "measure": claim.measure}
     numbers = {key: _number(value) for key, value in figure._asdict().items()}
     return record | numbers | {"threshold": claim.threshold, "verdict": verdict}
+
+
+def widened(figures: Iterable[Figure], runs: int) -> list[Figure]:
+    """Where no resample of the runs differs, rounding apart, a bootstrap claims certainty: the interval is
+    then as wide as that of no event in as many runs, for numbers that are shares."""
+    most = proportion(0, runs).high
+    return [Figure(f.value, f.value - most, f.value + most) if f.high - f.low < 1e-9 else f for f in figures]
 
 
 def verdict(figure: Figure, runs: int, printed: float, printed_runs: int, share: bool) -> str:

@@ -1,14 +1,14 @@
 """What Maybeck, Kozak and Smith say of their trackers in section V, each sentence as a number with an
 interval."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import product
 
 import numpy as np
 
 from gmr_gym.curves import resampled
-from gmr_gym.reproduce import Claim, judged
+from gmr_gym.reproduce import Claim, judged, widened
 from gmr_gym.reproduce.maybeck_numbers import (
     JINKS,
     LEVEL,
@@ -30,7 +30,6 @@ from gmr_gym.reproduce.maybeck_numbers import (
     slower_back,
     told_apart,
 )
-from gmr_gym.summary import Figure, proportion
 
 NAMES = {
     "aggressive": "MHT of aggressive filters", "benign": "MHT of benign filters",
@@ -68,18 +67,11 @@ def _judged(name: str, about: Sequence[Claim], *tables: Table) -> list[dict]:
     def values(weight):
         return np.array([claim.value(weight, *tables) for claim in about])
 
-    figures = _widened(resampled(values, everything), len(everything))
+    figures = widened(resampled(values, everything), len(everything))
     runs = f"of {len(everything)}"
     return [
         judged(claim, figure, table=name, runs=runs) for claim, figure in zip(about, figures, strict=True)
     ]
-
-
-def _widened(figures: Iterable[Figure], runs: int) -> list[Figure]:
-    """Where no resample differs a bootstrap would claim certainty: the interval is then as wide as that of no
-    event in as many runs."""
-    most = proportion(0, runs).high
-    return [Figure(f.value, f.value - most, f.value + most) if f.low == f.high else f for f in figures]
 
 
 def _comparison(better: str, worse: str, clutter: bool = True) -> list[Claim]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from gmr_gym.curves import resampled
 from gmr_gym.montecarlo import Runs
-from gmr_gym.reproduce import Claim, Table, judged
+from gmr_gym.reproduce import Claim, Table, judged, widened
 from gmr_gym.reproduce.drawings import error_against_time
 from gmr_gym.reproduce.maybeck import MOST, STICKIER
 from gmr_gym.reproduce.zhang import QUIET
@@ -93,7 +93,7 @@ def claims(tables: Mapping[str, Mapping[str, Outcome]]) -> list[dict]:
             for mmg, bank in pairs
         ]
         runs = len(next(iter(outcomes.values())).lost)
-        measured = resampled(partial(_values, about), np.ones(runs, bool))
+        measured = widened(resampled(partial(_values, about), np.ones(runs, bool)), runs)
         records += [
             judged(claim, figure, table=name, runs=f"all {runs}")
             for claim, figure in zip(about, measured, strict=True)
