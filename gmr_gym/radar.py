@@ -46,6 +46,18 @@ class Radar(NamedTuple):
         """Range, azimuth and elevation (..., 3) of states x (..., d)."""
         return spherical(x[..., :3])
 
+    def relative(self, z: np.ndarray, centre: np.ndarray) -> np.ndarray:
+        """Detections (..., 3) as seen from a centre (3,), by the shorter way round."""
+        away = z - centre
+        away[..., 1] = wrapped(away[..., 1])
+        return away
+
+    def settled(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Points (k, 3) with their azimuths wrapped, and which of them have a range and an elevation."""
+        z = z.copy()
+        z[:, 1] = wrapped(z[:, 1])
+        return z, (z[:, 0] > 0) & (np.abs(z[:, 2]) <= np.pi / 2)
+
     def gates(self, p: Mixture) -> tuple[np.ndarray, np.ndarray]:
         """Predicted positions (n, 3) and the covariances (n, 3, 3) of converted detections about them."""
         at = p.m[:, :3]
@@ -98,15 +110,12 @@ class Converted(NamedTuple):
 
 
 def spherical(x: np.ndarray) -> np.ndarray:
-    """Range, azimuth and elevation (..., 3) of positions (..., 3); azimuth in (-pi, pi].
-
-    Raises ValueError for a position that is the radar's own: it has no direction."""
+    """Range, azimuth and elevation (..., 3) of positions (..., 3); azimuth in (-pi, pi]. The radar's own
+    position, which has no direction, is at 0, 0, 0."""
     x = np.asarray(x, float)
-    distance = np.linalg.norm(x, axis=-1)
-    if not (distance > 0).all():
-        raise ValueError("x must lie away from the radar: a target at range 0 has no direction")
-    azimuth = np.arctan2(x[..., 1], x[..., 0])
-    return np.stack([distance, azimuth, np.arctan2(x[..., 2], np.hypot(x[..., 0], x[..., 1]))], axis=-1)
+    level = np.hypot(x[..., 0], x[..., 1])
+    angles = np.arctan2(x[..., 1], x[..., 0]), np.arctan2(x[..., 2], level)
+    return np.stack([np.hypot(level, x[..., 2]), *angles], axis=-1)
 
 
 def cartesian(z: np.ndarray) -> np.ndarray:
@@ -266,7 +275,8 @@ def wrapped(angle: np.ndarray) -> np.ndarray:
 
 def _log_stretch(z):
     """log(r^2 cos t) (k,): the volume in space that a unit of range, azimuth and elevation fills."""
-    return 2 * np.log(z[:, 0]) + np.log(np.maximum(np.cos(z[:, 2]), 1e-300))
+    least = 1e-300
+    return 2 * np.log(np.maximum(z[:, 0], least)) + np.log(np.maximum(np.cos(z[:, 2]), least))
 
 
 def _linearised(p):

@@ -71,7 +71,7 @@ class Scenario:
         if not self.window.follows:
             return np.zeros(len(self.window.low))
         motion = self.model.motions[0]
-        return self.model.sensor.H @ (motion.F @ estimate + motion.offset)
+        return self.model.sensor.observed(motion.F @ estimate + motion.offset)
 
 
 class Episode(NamedTuple):
@@ -104,7 +104,7 @@ def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
         for i in range(3)
     )
     x, mode = scenario.truth(for_truth)
-    H, R = scenario.sensor
+    R = scenario.sensor.R
     noise = for_detection.standard_normal((len(x), len(R))) @ np.linalg.cholesky(R).T
     detected = for_detection.random(len(x)) < scenario.detection_probability
     slot = for_detection.random(len(x))
@@ -112,7 +112,8 @@ def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
     first = np.append(0, np.cumsum(for_clutter.poisson(rate, len(x))))
     clutter = for_clutter.random((first[-1], len(R)))
     ground = for_clutter.integers(2**64, size=2, dtype=np.uint64)
-    return Episode(x, mode, x @ H.T + noise, detected, slot, clutter, first, ground)
+    z, possible = scenario.sensor.settled(scenario.sensor.observed(x) + noise)
+    return Episode(x, mode, z, detected & possible, slot, clutter, first, ground)
 
 
 def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Scan:
@@ -120,18 +121,20 @@ def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Sc
     low, high, follows, ends_sight = scenario.window
     z = low + (high - low) * episode.clutter[episode.first[t] : episode.first[t + 1]]
     target = episode.z[t]
-    seen = episode.detected[t]
+    away = scenario.sensor.relative(target, centre) if follows else target
+    seen = episode.detected[t] and (not ends_sight or bool(((low <= away) & (away <= high)).all()))
     if follows:
         z += centre
         low, high = low + centre, high + centre
+    z, possible = scenario.sensor.settled(z)
+    z = z[possible]
     slot = int(episode.slot[t] * (len(z) + 1))
     if scenario.region is not None:
         low, high = np.maximum(low, scenario.region.low), np.minimum(high, scenario.region.high)
         density = scenario.clutter_rate / scenario.window.volume
         z, rank = _on_the_ground(episode.ground, t, density, scenario.region.low, low, high)
         slot = int(np.searchsorted(rank, episode.slot[t]))
-    if ends_sight:
-        seen = seen and bool(((low <= target) & (target <= high)).all())
+        seen = seen and (not ends_sight or bool(((low <= target) & (target <= high)).all()))
     if not seen:
         return Scan(z, np.full(len(z), -1))
     origin = np.full(len(z) + 1, -1)
