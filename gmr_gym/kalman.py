@@ -55,6 +55,10 @@ class Sensor(NamedTuple):
         """Points (k, p) of its space as it would report them, and which of them it can (k,)."""
         return z, np.ones(len(z), bool)
 
+    def placed(self, z: np.ndarray) -> np.ndarray:
+        """Detections z (k, p) where the gates stand."""
+        return z
+
     def density(self, density: float, at: np.ndarray) -> np.ndarray:
         """What a density in the sensor's own space is in that of the gates, at places (n, p)."""
         return np.full(len(at), density)

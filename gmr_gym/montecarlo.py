@@ -108,7 +108,7 @@ def run_once(
         target = z[origin == 0][0] if (origin == 0).any() else np.full(z.shape[1], np.nan)
         rows.append((
             x, report.x[0], report.P[0], len(report.mixture.w), volumes(gates).mean(),
-            np.isfinite(gated_distances(gates, z)).sum() / len(gates.z),
+            np.isfinite(gated_distances(gates, tracker.model.sensor.placed(z))).sum() / len(gates.z),
             not report.alive or scenario.off_target(gates, x, target), report.modes, seconds,
         ))  # fmt: skip
     return _joined(np.array, rows)

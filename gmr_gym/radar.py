@@ -63,6 +63,10 @@ class Radar(NamedTuple):
         at = p.m[:, :3]
         return at, p.P[:, :3, :3] + _scatter(spherical(at), self.deviations, EXACT)
 
+    def placed(self, z: np.ndarray) -> np.ndarray:
+        """Detections z (k, 3) as positions (k, 3), where the gates stand."""
+        return cartesian(z)
+
     def density(self, density: float, at: np.ndarray) -> np.ndarray:
         """Density per m^3, at positions (n, 3), of clutter whose density per m rad^2 is given."""
         return density * np.exp(-_log_stretch(spherical(at)))

@@ -7,6 +7,7 @@ ENVIRONMENTS = {
     "gmr_gym/RecordedFlight-v0": "gmr_gym.scenarios.recorded:recorded_flight",
     "gmr_gym/AgileFlight-v0": "gmr_gym.scenarios.maybeck:agile_flight",
     "gmr_gym/JumpMarkov-v0": "gmr_gym.scenarios.zhang:jump_markov",
+    "gmr_gym/AirborneRadar-v0": "gmr_gym.scenarios.li:airborne_radar",
 }
 
 

@@ -1,0 +1,175 @@
+"""Li, Wu and Zhang, "An interacting multiple models probabilistic data association algorithm for maneuvering
+target tracking in clutter", section 4: a highly manoeuvring target seen by an aircraft's radar. The paper gives
+no numbers beyond the period and the models; all others are ours."""
+
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym.kalman import constant_velocity, singer, with_accelerations
+from gmr_gym.metrics import truth_outside_gates
+from gmr_gym.mixture import gaussian
+from gmr_gym.model import check_probability, model
+from gmr_gym.modes import staying
+from gmr_gym.radar import check_deviations, radar, spherical
+from gmr_gym.scenarios.planar import scripted, shortened
+from gmr_gym.simulate import Scenario, Window
+
+PERIOD = 0.1  # s
+SCANS = 600
+SPEED = 298.0  # m/s, of the target
+PLATFORM = (250.0, 0.0, 0.0)  # m/s, of the radar's aircraft, which flies straight
+GRAVITY = 9.80665  # m/s^2
+# seconds, turn about the vertical and pull out of the horizontal, g, with which the target flies: straight, a
+# turn of 5.5 g, straight, a turn back at 6 g, straight, a climb and a dive at 5 g, straight
+LEGS = (
+    (8.0, 0.0, 0.0), (9.0, 5.5, 0.0), (6.0, 0.0, 0.0), (9.0, -6.0, 0.0), (6.0, 0.0, 0.0), (4.0, 0.0, 5.0),
+    (8.0, 0.0, -5.0), (4.0, 0.0, 5.0), (6.0, 0.0, 0.0),
+)  # fmt: skip
+JERK_TIME = 0.5  # s, in which a load comes on
+SIGHT = 12.0  # deviations of an angle, half the window's width
+DEPTH = 1000.0  # m, half the window's depth
+PATIENCE = 10  # scans in a row
+
+
+class Regime(NamedTuple):
+    """How far away, and how sharp the radar is: what counts is r s^2 / s_r."""
+
+    start: tuple[float, float, float]  # m, of the target relative to the radar
+    range_deviation: float  # m
+    angle_deviation: float  # rad
+
+
+REGIMES = {
+    "near": Regime((9_000.0, 7_000.0, 1_500.0), 20.0, 0.002),
+    "far": Regime((40_000.0, 40_000.0, 4_000.0), 20.0, 0.025),
+    "extreme": Regime((105_000.0, 102_000.0, 8_000.0), 5.0, 0.040),
+}
+
+
+def airborne_radar(
+    regime: str = "far",
+    clutter_rate: float = 100.0,
+    detection_probability: float = 0.9,
+    range_deviation: float | None = None,
+    angle_deviation: float | None = None,
+    update: str = "debiased",
+    time_constant: float = 5.0,
+    acceleration: float = 30.0,
+    stay: float = 0.95,
+    trajectory=None,
+    platform=None,
+    horizon: int | None = None,
+) -> Scenario:
+    """A target that flies straight, turns at 5 to 6 g, climbs and dives, seen from a moving aircraft.
+
+    regime: "near", "far" or "extreme", where the target starts and how sharp the radar is, unless
+    range_deviation (m) and angle_deviation (rad, azimuth and elevation) are given.
+    clutter_rate: a scan, uniform in range, azimuth and elevation about the submitted estimate.
+    update: what a tracker's detections do to its Gaussians, one of `gmr_gym.radar.UPDATES`.
+    time_constant (s) and acceleration (m/s^2): of the Singer model that trackers are told beside nearly
+    constant velocity; stay: probability that a motion lasts from scan to scan.
+    trajectory, platform: (T, 3) positions or (T, 6) with velocities of target and radar, ten a second.
+    """
+    if regime not in REGIMES:
+        raise ValueError(f"regime must be one of {', '.join(REGIMES)}, got {regime!r}")
+    chosen = REGIMES[regime]
+    sharp = chosen.range_deviation if range_deviation is None else range_deviation
+    angle = chosen.angle_deviation if angle_deviation is None else angle_deviation
+    deviations = check_deviations((sharp, angle, angle))
+    check_probability("detection_probability", detection_probability)
+    if not 0 <= clutter_rate <= 1e5:
+        raise ValueError(f"clutter_rate must lie between 0 and 1e5 a scan, got {clutter_rate}")
+    target = flight(np.array(chosen.start)) if trajectory is None else _states("trajectory", trajectory)
+    radars = _straight(len(target)) if platform is None else _states("platform", platform)
+    if len(radars) != len(target):
+        raise ValueError(f"platform must have as many scans as the target, {len(target)}, got {len(radars)}")
+    x = shortened(target - radars, horizon)
+    nearest = np.linalg.norm(x[:, :3], axis=1).min()
+    if nearest < 10 * sharp:
+        raise ValueError(
+            f"platform and target must keep 10 range deviations apart, but come within {nearest:g} m"
+        )
+    half = np.array([DEPTH, SIGHT * angle, SIGHT * angle])
+    window = Window(-half, half, follows=True)
+    density = clutter_rate / window.volume
+    start = x[0].copy()
+    start[:3] -= PERIOD * start[3:6]
+    start[6:] = 0.0
+    cross = np.linalg.norm(start[:3]) * angle
+    prior = np.concatenate([np.full(3, max(sharp, cross) ** 2), np.full(3, 50.0**2), np.full(3, 10.0**2)])
+    told = model(
+        (
+            with_accelerations(constant_velocity(PERIOD, 2.0, 3)),
+            singer(PERIOD, time_constant, acceleration, 3),
+        ),
+        radar(deviations, 9, update),
+        detection_probability,
+        gate_probability=0.999 if clutter_rate > 0 else 1.0,
+        clutter_density=max(density, np.finfo(float).tiny),
+        prior=gaussian(start, np.diag(prior)),
+        switching=staying(stay, 2),
+    )  # fmt: skip
+    return Scenario(
+        model=told,
+        truth=partial(scripted, x),
+        sensor=told.sensor,
+        detection_probability=detection_probability,
+        clutter_rate=float(clutter_rate),
+        window=window,
+        horizon=len(x),
+        period=PERIOD,
+        position=(0, 1, 2),
+        velocity=(3, 4, 5),
+        off_target=partial(truth_outside_gates, told.sensor.H),
+        patience=PATIENCE,
+        cutoff=float(5 * cross),
+    )
+
+
+def flight(start: np.ndarray) -> np.ndarray:
+    """States (600, 9) of the target at the scans, from its position half a second before the first: what the
+    legs command, each load coming on and off within `JERK_TIME`, integrated in steps of a millisecond."""
+    step = 1e-3
+    times = np.arange(0, SCANS * PERIOD, step)
+    ends = np.cumsum([seconds for seconds, _, _ in LEGS])
+    leg = np.minimum(np.searchsorted(ends, times, side="right"), len(LEGS) - 1)
+    load = np.array([[turn, pull] for _, turn, pull in LEGS])[leg] * GRAVITY
+    smooth = np.ones(int(JERK_TIME / step)) * step / JERK_TIME
+    load = np.stack([np.convolve(one, smooth)[: len(times)] for one in load.T], axis=1)
+    p, v = start.copy(), SPEED * np.array([-0.6, 0.8, 0.0])
+    states = []
+    for i, (turn, pull) in enumerate(load):
+        level = np.array([-v[1], v[0], 0.0]) / max(np.hypot(v[0], v[1]), 1e-9)
+        up = np.cross(v, level) / SPEED
+        a = turn * level + pull * up
+        if i % round(PERIOD / step) == round(PERIOD / step) - 1:
+            states.append(np.concatenate([p, v, a]))
+        # the speed is kept: the velocity turns about the axis that the load commands
+        v = v + step * a
+        v *= SPEED / np.linalg.norm(v)
+        p = p + step * v
+    return np.array(states)
+
+
+def _straight(scans: int) -> np.ndarray:
+    """States (T, 9) of a platform that starts at the origin and flies straight."""
+    t = PERIOD * np.arange(1, scans + 1)[:, None]
+    velocity = np.array(PLATFORM)
+    return np.hstack([t * velocity, np.tile(velocity, (scans, 1)), np.zeros((scans, 3))])
+
+
+def _states(name: str, path) -> np.ndarray:
+    """Positions (T, 3), or with velocities (T, 6), as states (T, 9); what is not given by differences."""
+    try:
+        x = np.array(path, float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be numbers of shape (T, 3) or (T, 6)") from None
+    if x.ndim != 2 or x.shape[1] not in (3, 6) or len(x) < 3:
+        raise ValueError(f"{name} must have shape (T, 3) or (T, 6) with T >= 3, got {x.shape}")
+    if not (np.abs(x) <= 1e6).all():
+        raise ValueError(f"{name} must be finite and within a million metres, and m/s, of zero")
+    if x.shape[1] == 3:
+        x = np.hstack([x, np.gradient(x, PERIOD, axis=0)])
+    return np.hstack([x, np.gradient(x[:, 3:], PERIOD, axis=0)])
