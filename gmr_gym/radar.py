@@ -164,8 +164,8 @@ def check_detections(z) -> np.ndarray:
 def raw(z: np.ndarray, deviations: np.ndarray) -> Converted:
     """The detections as positions, with the covariance of first order (Li, eqs. 2-5). Where the angles'
     noise matters the positions are too far out on average, and the covariance too small."""
-    J = _jacobian(z)
-    return Converted(cartesian(z), (J * deviations**2) @ J.transpose(0, 2, 1))
+    A = _jacobian(z) * deviations
+    return Converted(cartesian(z), A @ A.transpose(0, 2, 1))
 
 
 def debiased(z: np.ndarray, deviations: np.ndarray) -> Converted:
