@@ -19,6 +19,7 @@ from gmr_gym.simulate import Scenario, Window
 PERIOD = 0.1  # s
 SCANS = 600
 SPEED = 298.0  # m/s, of the target
+HEADING = -0.1  # rad, from x towards y, at first
 PLATFORM = (250.0, 0.0, 0.0)  # m/s, of the radar's aircraft, which flies straight
 GRAVITY = 9.80665  # m/s^2
 # seconds, turn about the vertical and pull out of the horizontal, g, with which the target flies: straight, a
@@ -42,9 +43,9 @@ class Regime(NamedTuple):
 
 
 REGIMES = {
-    "near": Regime((9_000.0, 7_000.0, 1_500.0), 20.0, 0.002),
-    "far": Regime((40_000.0, 40_000.0, 4_000.0), 20.0, 0.025),
-    "extreme": Regime((105_000.0, 102_000.0, 8_000.0), 5.0, 0.040),
+    "near": Regime((11_200.0, 4_100.0, 1_500.0), 20.0, 0.002),
+    "far": Regime((51_500.0, 18_800.0, 4_000.0), 20.0, 0.025),
+    "extreme": Regime((137_500.0, 50_000.0, 8_000.0), 5.0, 0.040),
 }
 
 
@@ -138,7 +139,7 @@ def flight(start: np.ndarray) -> np.ndarray:
     load = np.array([[turn, pull] for _, turn, pull in LEGS])[leg] * GRAVITY
     smooth = np.ones(int(JERK_TIME / step)) * step / JERK_TIME
     load = np.stack([np.convolve(one, smooth)[: len(times)] for one in load.T], axis=1)
-    p, v = start.copy(), SPEED * np.array([-0.6, 0.8, 0.0])
+    p, v = start.copy(), SPEED * np.array([np.cos(HEADING), np.sin(HEADING), 0.0])
     states = []
     for i, (turn, pull) in enumerate(load):
         level = np.array([-v[1], v[0], 0.0]) / max(np.hypot(v[0], v[1]), 1e-9)
