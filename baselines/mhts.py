@@ -3,7 +3,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from numbers import Integral
 from typing import NamedTuple
 
@@ -35,8 +34,7 @@ class Mhts:
     (section IV). All together, components are as many before the reduction as the paper counts."""
 
     model: Model
-    reduce: Callable[[Mixture, int], Reduced]  # of a mixture and how many components to leave
-    components: int  # of each MHT
+    reduce: Callable[[Mixture], Reduced]  # in each MHT
     mixing: bool  # by the switching matrix ahead of the prediction, as in an IMM; else never, as in an MMAE
     floor: float  # least probability of a motion
     restart: float  # density of its equivalent residual below which an MHT begins anew from the others
@@ -50,9 +48,9 @@ class Mhts:
         check_limits(self.prune_weight, self.most, self.hopeless)
         object.__setattr__(self, "_given_up", hopeless_beyond(self.model, self.hopeless))
         # a wrong parameter is an error here, not in a scan
-        check_reduced(self.reduce(collapsed(self.model.prior), self.components), 1)
+        check_reduced(self.reduce(collapsed(self.model.prior)), 1)
         floored(self.model.mode_prior, self.floor)
-        diverging(np.zeros((len(self.model.motions), 1)), self.restart)
+        diverging(np.zeros(len(self.model.motions)), self.restart)
 
     def init(self) -> Mixtures:
         return Mixtures(self.model.mode_prior, (self.model.prior,) * len(self.model.motions))
@@ -72,7 +70,7 @@ class Mhts:
                 model.detection_probability, model.gate_probability, model.clutter_density,
             )  # fmt: skip
             log_density[i] = equivalent_residual(p, expansion, gates, listed)
-            posteriors.append(self._reduced(expansion.mixture, self.components))
+            posteriors.append(self._reduced(expansion.mixture))
         w = mmae_weights(w, log_density)
         posteriors = self._restarted(w, posteriors, log_density)
         belief = Mixtures(floored(w, self.floor), tuple(posteriors))
@@ -92,18 +90,18 @@ class Mhts:
         merged = [runnalls(pool, len(p.w))[0] for pool, p in zip(pools, belief.each, strict=True)]
         return Mixtures(w, tuple(map(normalised, merged)))
 
-    def _reduced(self, p: Mixture, components: int) -> Mixture:
+    def _reduced(self, p: Mixture) -> Mixture:
         lighter, _ = heaviest(p, self.prune_weight, self.most)
-        return normalised(self.reduce(lighter, components)[0])
+        return normalised(self.reduce(lighter)[0])
 
     def _restarted(self, w: np.ndarray, each: list[Mixture], log_density: np.ndarray) -> list[Mixture]:
         """MHTs that diverge begin anew from the others; where all do, none."""
-        diverged = diverging(log_density[:, None], self.restart)[:, 0]
+        diverged = diverging(log_density, self.restart)
         if not diverged.any():
             return each
         rest = np.where(diverged, 0.0, w)
         others = weighed(rest if rest.any() else 1.0 - diverged, each)  # the impossible, as likely as others
-        fresh = self._reduced(normalised(others), self.components)
+        fresh = self._reduced(normalised(others))
         return [fresh if lost else p for lost, p in zip(diverged, each, strict=True)]
 
 
@@ -143,8 +141,7 @@ def mmae_of_mhts(
 ) -> Mhts:
     """An MMAE whose filters are MHTs of `components` hypotheses each (Maybeck, architecture 1; with
     reduction="ise" the MMAE of ISEs)."""
-    reduce = partial(_by_name, reduction=reduction)
-    return Mhts(model, reduce, components, False, floor, restart, prune_weight, most, hopeless)
+    return Mhts(model, reducer(reduction, components), False, floor, restart, prune_weight, most, hopeless)
 
 
 def imm_of_mhts(
@@ -157,8 +154,7 @@ def imm_of_mhts(
 ) -> Mhts:
     """An IMM whose filters are MHTs of `components` hypotheses each (Maybeck, architecture 2; with
     reduction="ise" the IMM of ISEs)."""
-    reduce = partial(_by_name, reduction=reduction)
-    return Mhts(model, reduce, components, True, 0.0, 0.0, prune_weight, most, hopeless)
+    return Mhts(model, reducer(reduction, components), True, 0.0, 0.0, prune_weight, most, hopeless)
 
 
 def of_one_motion(
@@ -176,9 +172,4 @@ def of_one_motion(
     if isinstance(mode, bool) or not isinstance(mode, Integral) or not 0 <= mode < known:
         raise ValueError(f"mode must be one of the {known} motions, counted from 0, got {mode!r}")
     told = model._replace(motions=(model.motions[mode],), switching=np.ones((1, 1)), mode_prior=np.ones(1))
-    reduce = partial(_by_name, reduction=reduction)
-    return Mhts(told, reduce, components, False, 0.0, 0.0, prune_weight, most, hopeless)
-
-
-def _by_name(p: Mixture, components: int, reduction: str) -> Reduced:
-    return reducer(reduction, components)(p)
+    return Mhts(told, reducer(reduction, components), False, 0.0, 0.0, prune_weight, most, hopeless)

@@ -178,8 +178,8 @@ def tended(bank: Bank, log_density: np.ndarray, floor: float, restart: float) ->
 
 
 def diverging(log_density: np.ndarray, restart: float) -> np.ndarray:
-    """Which filters (r, n) have residuals less dense than `restart`, per unit volume of the sensor's space,
-    and are not alone in hypotheses that all do; ValueError for a restart that is no density."""
+    """Which filters, (r,) or (r, n), have residuals less dense than `restart`, per unit volume of the
+    sensor's space, in hypotheses of which not all do; ValueError for a restart that is no density."""
     if not 0 <= restart < np.inf:
         raise ValueError(f"restart must be a density, 0 for never, got {restart}")
     with np.errstate(divide="ignore"):

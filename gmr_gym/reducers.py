@@ -16,6 +16,7 @@ REDUCERS: dict[str, Callable] = {
     "greedy-isd": greedy_isd,
     "adaptive": partial(adaptive, loss_bound=0.05),
     "ise": integral_squared_error,
+    "ise-unscaled": partial(integral_squared_error, renormalise=False),
     "salmond": salmond,
     "west": west,
     "capping": capping,

@@ -30,7 +30,7 @@ def flight(tracker, scans):
         yield belief, report
 
 
-def keep(p, components):
+def keep(p):
     return p, np.arange(len(p.w))
 
 
@@ -89,7 +89,7 @@ def by_hand(told, scans, mixing, floor, restart):
 def test_unreduced_but_by_mixing_it_is_maybecks_filter_written_out(mixing, restart):
     told = reference.jumping_model(2, 2, axes=1, detection_probability=0.9)._replace(gate_probability=1.0)
     scans = reference.flown(told, 3, np.random.default_rng(8), clutter=1)
-    tracker = Mhts(told, keep, 1, mixing, 0.05, restart, prune_weight=0.0, most=10**6, hopeless=np.inf)
+    tracker = Mhts(told, keep, mixing, 0.05, restart, prune_weight=0.0, most=10**6, hopeless=np.inf)
     hand = list(by_hand(told, scans, mixing, 0.05, restart))
     for (_, report), (chances, mean, covariance, _) in zip(flight(tracker, scans), hand, strict=True):
         np.testing.assert_allclose(report.modes, chances, rtol=1e-8)

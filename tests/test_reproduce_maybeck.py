@@ -851,7 +851,7 @@ def test_table_1_has_errors_probabilities_and_the_three_figures_of_bands(table_1
         "figure-5.png", "figure-6.png", "figure-7.png",
     }  # fmt: skip
     *panels, living = drawn["errors-1.png"].axes
-    assert {text.get_text() for text in panels[0].get_legend().get_texts()} == set(results)
+    assert {text.get_text() for text in panels[0].figure.legends[0].get_texts()} == set(results)
     for i, (name, runs) in enumerate(results.items()):
         kept = [run for run in range(8) if run not in LOST[i]]
         colours = set()

@@ -196,7 +196,10 @@ def _errors_by_epoch(every: Mapping[str, Tracked], epochs: np.ndarray) -> Drawin
         axes.set(ylabel=f"{quantity} rms error, {unit}")
         if any(one.kept.any() for one in every.values()):  # nothing has no logarithm
             axes.set_yscale("log")
-    panels[0].legend(title="over the runs kept by each", fontsize=8, title_fontsize=8)
+    named = panels[0].get_legend_handles_labels()
+    drawing.legend(
+        *named, title="over the runs kept by each", loc="outside upper center", ncols=2, fontsize=8
+    )
     alive.set(xlabel="epoch", ylabel="runs not lost", ylim=(0, None))
     return drawing
 
