@@ -1,5 +1,5 @@
-"""A bank of filters in every hypothesis, one for each motion: IMM+MHT and MMAE+MHT, and with one hypothesis
-IMM+PDA and MMAE+PDA (Zhang and Liu, section 6.3; Maybeck et al., section IV, architectures 3 and 4)."""
+"""A bank of filters in every hypothesis, one for each motion: IMM+MHT and MMAE+MHT, and MMAE with one
+hypothesis (Zhang and Liu, section 6.3; Maybeck et al., section IV, architectures 3 and 4)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -63,16 +63,6 @@ class Banks:
         mean, covariance = moments(mixture)
         chances = belief.w.sum(axis=1)
         return belief, Report(mean[None], covariance[None], looked, mixture, alive, chances)
-
-
-def imm(model: Model, hopeless: float = 20.0) -> Banks:
-    """Interacting multiple models (Blom and Bar-Shalom 1988); in clutter it is IMM+PDA."""
-    return imm_pda(model, hopeless)
-
-
-def imm_pda(model: Model, hopeless: float = 20.0) -> Banks:
-    """Interacting multiple models with a PDA in place of each Kalman filter (Zhang, IMM+PDA)."""
-    return Banks(model, _all_in_one, mixed, leave_alone, prune_weight=0.0, most=ALL, hopeless=hopeless)
 
 
 def imm_mht(

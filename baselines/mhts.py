@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.association import Expansion, Gates, expand, hopeless_beyond, look_together
-from gmr_gym.kalman import predict
+from gmr_gym.kalman import Look, predict
 from gmr_gym.mixture import Mixture, collapsed, joined, moments, normalised, take
 from gmr_gym.model import Model
 from gmr_gym.modes import diverging, floored, mmae_weights
@@ -69,7 +69,7 @@ class Mhts:
                 p, gates, model.sensor, listed,
                 model.detection_probability, model.gate_probability, model.clutter_density,
             )  # fmt: skip
-            log_density[i] = equivalent_residual(p, expansion, gates, listed)
+            log_density[i] = equivalent_residual(p, expansion, model.sensor.look(p, gates.z, gates.S, listed))
             posteriors.append(self._reduced(expansion.mixture))
         w = mmae_weights(w, log_density)
         posteriors = self._restarted(w, posteriors, log_density)
@@ -105,8 +105,8 @@ class Mhts:
         return [fresh if lost else p for lost, p in zip(diverged, each, strict=True)]
 
 
-def equivalent_residual(predicted: Mixture, expansion: Expansion, gates: Gates, z: np.ndarray) -> float:
-    """Log density of the residual that an MHT as a whole makes of the scan z (k, p) (eqs. 12 and 17): that of
+def equivalent_residual(predicted: Mixture, expansion: Expansion, look: Look) -> float:
+    """Log density of the residual that an MHT as a whole makes of a scan (eqs. 12 and 17): that of
     the mean and covariance of its hypotheses' residuals. 0 where no hypothesis has a detection.
 
     Departs: a hypothesis without a detection has no residual, and eq. 17 does not say what then. It takes
@@ -119,8 +119,10 @@ def equivalent_residual(predicted: Mixture, expansion: Expansion, gates: Gates, 
     with np.errstate(divide="ignore"):
         # not from the weights, which vanish beside those of the misses when the target is far off
         log_w = np.log(predicted.w)[parent] + expansion.log_density[hit]
-    residuals = z[expansion.detection[hit]] - gates.z[parent]
-    r, A = moments(normalised(Mixture(np.exp(log_w - log_w.max()), residuals, gates.S[parent])))
+    detection, seen = expansion.detection[hit], parent if len(look.z) > 1 else 0
+    residuals = look.z[seen, detection] - look.expected[parent]
+    S = look.S[parent] + (look.R[detection] if len(look.R) else 0.0)
+    r, A = moments(normalised(Mixture(np.exp(log_w - log_w.max()), residuals, S)))
     return float(-0.5 * (r @ np.linalg.solve(A, r) + np.linalg.slogdet(2 * np.pi * A)[1]))
 
 

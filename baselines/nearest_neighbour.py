@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmr_gym.association import gated_distances, gates
-from gmr_gym.kalman import condition, predict
+from gmr_gym.association import distances_seen, expand, gates
+from gmr_gym.kalman import predict
 from gmr_gym.mixture import Mixture, collapsed
 from gmr_gym.model import Model
 from gmr_gym.tracker import Report, check_scan
@@ -24,7 +24,9 @@ class NearestNeighbour:
         z = check_scan(z, len(self.model.sensor.H))
         belief = predict(belief, self.model.motion)
         looked = gates(belief, self.model.sensor, self.model.gate_probability)
-        distance = gated_distances(looked, z)[0]
+        distance = distances_seen(belief, looked, self.model.sensor, z)[0]
         if len(z) and np.isfinite(distance.min()):
-            belief, _ = condition(belief, self.model.sensor, z[[distance.argmin()]])
+            nearest = z[[distance.argmin()]]
+            # sure of it
+            belief = expand(belief, looked, self.model.sensor, nearest, 1.0, 1.0, 1.0).mixture
         return belief, Report(belief.m, belief.P, looked, belief)

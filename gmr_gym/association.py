@@ -8,7 +8,7 @@ from numba import njit
 from scipy.special import gamma
 from scipy.stats import chi2
 
-from gmr_gym.kalman import Sensor, posterior_into, predict
+from gmr_gym.kalman import posterior_into, predict
 from gmr_gym.mixture import (
     Mixture,
     cholesky_into,
@@ -19,6 +19,7 @@ from gmr_gym.mixture import (
     take,
 )
 from gmr_gym.model import Model
+from gmr_gym.radar import AnySensor
 
 
 class Gates(NamedTuple):
@@ -44,17 +45,17 @@ def gate_size(probability: float, p: int) -> float:
     return float(chi2.ppf(probability, p))
 
 
-def gates(predicted: Mixture, sensor: Sensor, probability: float) -> Gates:
+def gates(predicted: Mixture, sensor: AnySensor, probability: float) -> Gates:
     """Gates about every predicted component that hold its detection with `probability`."""
     z, S = sensor.gates(predicted)
     return Gates(z, S, gate_size(probability, z.shape[1]))
 
 
 def gated_distances(gates: Gates, z: np.ndarray) -> np.ndarray:
-    """Squared Mahalanobis distances (n, k) of the points z (k, p) from the gates' centres,
+    """Squared Mahalanobis distances (n, k) of the points z (k, p) of the gates' space from their centres,
     infinite where a point lies outside the gate."""
     none = np.empty((0, *gates.S.shape[1:]))
-    return _gated_distances(gates.z, gates.S, z[None], none, gates.size)
+    return gated(gates.z, gates.S, z[None], none, gates.size)
 
 
 def expand_together(
@@ -83,14 +84,18 @@ def look_together(
     looked = own if possible.all() else Gates(own.z[possible], own.S[possible], own.size)
     density = model.sensor.density(model.clutter_density, own.z)
     alive = false_expected(own, predicted.w, density) <= hopeless
-    near = _seen(take(predicted, possible), looked, model.sensor, z) if alive else np.zeros(len(z), bool)
+    near = np.zeros(len(z), bool)
+    if alive:
+        seen = distances_seen(take(predicted, possible), looked, model.sensor, z)
+        near = np.isfinite(seen).any(axis=0)
     return own._replace(size=np.inf), z[near], looked, alive
 
 
-def _seen(predicted: Mixture, gates: Gates, sensor: Sensor, z: np.ndarray) -> np.ndarray:
-    """Which of the detections z (k, p) lie in the gate of at least one component (k,)."""
-    expected, S, _, z, R, _ = sensor.look(predicted, gates.z, gates.S, z)
-    return np.isfinite(_gated_distances(expected, S, z, R, gates.size)).any(axis=0)
+def distances_seen(predicted: Mixture, gates: Gates, sensor: AnySensor, z: np.ndarray) -> np.ndarray:
+    """Squared Mahalanobis distances (n, k) of the detections z (k, p), as the sensor's update has them, from
+    what each component expects; infinite beyond the gates' size."""
+    expected, S, _, seen, R, _ = sensor.look(predicted, gates.z, gates.S, z)
+    return gated(expected, S, seen, R, gates.size)
 
 
 def hopeless_beyond(model: Model, times: float) -> float:
@@ -113,14 +118,19 @@ def false_expected(gates: Gates, w: np.ndarray, clutter_density: float | np.ndar
 def volumes(gates: Gates) -> np.ndarray:
     """Area (p = 2) or volume of each gate (n,), in the sensor's units; gates may overlap."""
     p = gates.z.shape[1]
-    unit_ball = np.pi ** (p / 2) / gamma(p / 2 + 1)
-    return unit_ball * gates.size ** (p / 2) * root_determinants(gates.S)
+    return unit_ball(p) * gates.size ** (p / 2) * root_determinants(gates.S)
+
+
+@lru_cache
+def unit_ball(p: int) -> float:
+    """Volume of the ball of radius 1 in p dimensions."""
+    return float(np.pi ** (p / 2) / gamma(p / 2 + 1))
 
 
 def expand(
     predicted: Mixture,
     gates: Gates,
-    sensor: Sensor,
+    sensor: AnySensor,
     z: np.ndarray,
     detection_probability: float,
     gate_probability: float,
@@ -135,17 +145,17 @@ def expand(
     model calls impossible (P_D P_G = 1 and every gate empty) leaves the prediction as it was.
     """
     miss = 1.0 - detection_probability * gate_probability
-    *look, log_stretch = sensor.look(predicted, gates.z, gates.S, z)
-    w, m, P, parent, detection, log_density = _expand(
-        *predicted, *look, gates.size,
+    look = sensor.look(predicted, gates.z, gates.S, z)
+    w, m, P, parent, detection, log_density = expand_into_hypotheses(
+        *predicted, look.expected, look.S, look.C, look.z, look.R, gates.size,
         np.log(miss) if miss > 0 else -np.inf,
-        np.log(detection_probability) - np.log(clutter_density) + log_stretch,
+        np.log(detection_probability) - np.log(clutter_density) + look.log_stretch,
     )  # fmt: skip
     return Expansion(Mixture(w, m, P), parent, detection, log_density)
 
 
 @njit(cache=True, error_model="numpy")
-def _gated_distances(expected, S, z, R, size):
+def gated(expected, S, z, R, size):
     n, (seen, k, p) = len(expected), z.shape
     d2 = np.full((n, k), np.inf)
     L, y, S_pair = np.zeros((p, p)), np.empty(p), np.empty((p, p))
@@ -154,9 +164,12 @@ def _gated_distances(expected, S, z, R, size):
         if len(R) == 0 and not cholesky_into(L, S[i]):
             raise ValueError("an innovation covariance S = H P H' + R is not positive definite")
         for j in range(k):
-            first = S[i, 0, 0] + R[j, 0, 0] if len(R) else S[i, 0, 0]
-            # a gate is never wider than this along the first axis: most clutter ends here
-            if (z[own, j, 0] - expected[i, 0]) ** 2 <= size * first:
+            within = True
+            for r in range(p):
+                # a gate is never wider than this along any axis: most clutter ends here
+                variance = S[i, r, r] + R[j, r, r] if len(R) else S[i, r, r]
+                within &= (z[own, j, r] - expected[i, r]) ** 2 <= size * variance
+            if within:
                 if len(R):
                     for r in range(p):
                         for c in range(p):
@@ -170,10 +183,10 @@ def _gated_distances(expected, S, z, R, size):
 
 
 @njit(cache=True, error_model="numpy")
-def _expand(w, m, P, expected, S, C, z, R, size, log_miss, log_detect):
+def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_detect):
     n, d = m.shape
     seen, k, p = z.shape
-    d2 = _gated_distances(expected, S, z, R, size)
+    d2 = gated(expected, S, z, R, size)
     hits = 0
     for i in range(n):
         for j in range(k):

@@ -117,9 +117,9 @@ def constant_acceleration(period: float, deviation: float, axes: int = 2) -> Mot
 
 
 def singer(period: float, time_constant: float, deviation: float, axes: int = 3) -> Motion:
-    """Acceleration that is forgotten exponentially (Singer 1970), state [positions, velocities, accelerations]:
-    correlation time time_constant (s), standard deviation `deviation` (m/s^2), period (s). Exact for any
-    ratio of the two times.
+    """Acceleration that is forgotten exponentially (Singer 1970), state [positions, velocities,
+    accelerations]: correlation time time_constant (s), standard deviation `deviation` (m/s^2), period (s).
+    Exact for any ratio of the two times.
 
     Raises ValueError for a number that is not positive."""
     for name, value in (("period", period), ("time_constant", time_constant), ("deviation", deviation)):
@@ -199,7 +199,7 @@ def position_sensor(deviation: float, axes: int = 2, rates: int = 1) -> Sensor:
 
 def predict(p: Mixture, motion: Motion) -> Mixture:
     """Every component carried forward one period: F m + offset, F P F' + Q."""
-    m, P = _predict(p.m, p.P, motion.F, motion.Q, motion.offset)
+    m, P = predict_all(p.m, p.P, motion.F, motion.Q, motion.offset)
     return Mixture(p.w, m, P)
 
 
@@ -216,7 +216,7 @@ def condition(p: Mixture, sensor: Sensor, z: np.ndarray) -> tuple[Mixture, np.nd
 
 
 @njit(cache=True, error_model="numpy")
-def _predict(m, P, F, Q, offset):
+def predict_all(m, P, F, Q, offset):
     n, d = m.shape
     m_out = np.empty((n, d))
     P_out = np.empty((n, d, d))

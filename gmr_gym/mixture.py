@@ -85,7 +85,7 @@ def joined(parts: Sequence[Mixture]) -> Mixture:
 
 def moments(p: Mixture) -> tuple[np.ndarray, np.ndarray]:
     """Mean (d,) and covariance (d, d) of the normalised mixture (D'Ortenzio, eqs. 12, 21, 22)."""
-    _, m, P = _matched(p.w, p.m, p.P, np.zeros(len(p.w), np.int64), 1)
+    _, m, P = match(p.w, p.m, p.P, np.zeros(len(p.w), np.int64), 1)
     return m[0], P[0]
 
 
@@ -102,7 +102,7 @@ def matched(p: Mixture, group: np.ndarray, count: int) -> Mixture:
     Raises ValueError for a group beyond the count."""
     if group.max(initial=-1) >= count:
         raise ValueError(f"group names group {group.max()}, but there are only {count}")
-    return Mixture(*_matched(p.w, p.m, p.P, group, count))
+    return Mixture(*match(p.w, p.m, p.P, group, count))
 
 
 def log_density(p: Mixture, x: np.ndarray) -> np.ndarray:
@@ -111,7 +111,7 @@ def log_density(p: Mixture, x: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, error_model="numpy")
-def _matched(w, m, P, group, count):
+def match(w, m, P, group, count):
     n, d = m.shape
     w_out, m_out, P_out = np.zeros(count), np.zeros((count, d)), np.zeros((count, d, d))
     members = np.zeros(count)

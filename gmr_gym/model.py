@@ -4,16 +4,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.kalman import Motion, Sensor
+from gmr_gym.kalman import Motion
 from gmr_gym.mixture import Mixture
 from gmr_gym.modes import check_switching
+from gmr_gym.radar import AnySensor, Radar, radar
 
 
 class Model(NamedTuple):
     """All that a tracker may know before the first scan; `model` checks one."""
 
     motions: tuple[Motion, ...]  # the modes the target may move in; one for most scenarios
-    sensor: Sensor
+    sensor: AnySensor
     detection_probability: float  # P_D
     gate_probability: float  # P_G
     clutter_density: float  # expected false detections per unit volume of the sensor's space
@@ -34,7 +35,7 @@ class Model(NamedTuple):
 
 def model(
     motions: tuple[Motion, ...] | Motion,
-    sensor: Sensor,
+    sensor: AnySensor,
     detection_probability: float,
     gate_probability: float,
     clutter_density: float,
@@ -73,6 +74,15 @@ def model(
         check_switching([[1.0]] if switching is None else switching, len(motions)),
         _checked_mode_prior(mode_prior, len(motions)),
     )  # fmt: skip
+
+
+def told_by(model: Model, update: str) -> Model:
+    """The model with another update of its radar, one of `gmr_gym.radar.UPDATES`; ValueError for another
+    name, and for a sensor that is no radar."""
+    sensor = model.sensor
+    if not isinstance(sensor, Radar):
+        raise ValueError(f"update {update!r} needs a radar; the model's sensor is linear and has one update")
+    return model._replace(sensor=radar(sensor.deviations, sensor.H.shape[1], update))
 
 
 def check_probability(name: str, value: float) -> None:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym import spherical as kernels
-from gmr_gym.kalman import Look
+from gmr_gym.kalman import Look, Sensor
 from gmr_gym.mixture import Mixture
 
 CONVERSIONS = ("raw", "debiased", "unbiased", "modified-unbiased", "decorrelated", "debiased-at-prediction")
@@ -29,12 +29,7 @@ class Radar(NamedTuple):
 
     deviations: np.ndarray  # (3,): m, rad, rad
     update: str  # one of UPDATES: how a detection moves a Gaussian
-    states: int
-
-    @property
-    def H(self) -> np.ndarray:
-        """Position (3, d) of a state."""
-        return np.eye(3, self.states)
+    H: np.ndarray  # (3, d), position of a state
 
     @property
     def R(self) -> np.ndarray:
@@ -67,13 +62,16 @@ class Radar(NamedTuple):
 
     def density(self, density: float, at: np.ndarray) -> np.ndarray:
         """Density per m^3, at positions (n, 3), of clutter whose density per m rad^2 is given."""
-        return density * np.exp(-kernels.log_stretch_of(kernels.spherical_of(at)))
+        return kernels.density_of(density, at)
 
     def look(self, p: Mixture, expected: np.ndarray, S: np.ndarray, z: np.ndarray) -> Look:
         """The scan z (k, 3) as the components of p see it by this update. Raises ValueError for a range that
         is not positive or an elevation beyond a right angle."""
         which = UPDATES.index(self.update)
         return Look(*kernels.look_of(which, p.m, p.P, check_detections(z), self.deviations))
+
+
+AnySensor = Sensor | Radar
 
 
 def radar(deviations, states: int = 6, update: str = "debiased") -> Radar:
@@ -83,7 +81,7 @@ def radar(deviations, states: int = 6, update: str = "debiased") -> Radar:
         raise ValueError(f"update must be one of {', '.join(UPDATES)}, got {update!r}")
     if states < 3:
         raise ValueError(f"states must be at least 3, a position, got {states}")
-    return Radar(check_deviations(deviations), update, states)
+    return Radar(check_deviations(deviations), update, np.eye(3, states))
 
 
 class Converted(NamedTuple):

@@ -1,4 +1,4 @@
-"""Range, azimuth and elevation in loops: coordinates, scatter, conversions, and how a scan looks to Gaussians.
+"""Range, azimuth and elevation in loops: coordinates, scatter, conversions, how a scan looks to Gaussians.
 
 Arrays are of float64; nothing is checked here. `radar` says what is what, and checks.
 """
@@ -8,7 +8,8 @@ from numba import njit
 
 from gmr_gym.mixture import cholesky_into
 
-RAW, DEBIASED, UNBIASED, MODIFIED_UNBIASED, DECORRELATED, DEBIASED_AT, EXTENDED, UNSCENTED, CUBATURE = range(9)
+RAW, DEBIASED, UNBIASED, MODIFIED_UNBIASED, DECORRELATED, DEBIASED_AT = range(6)
+EXTENDED, UNSCENTED, CUBATURE = range(6, 9)
 
 
 @njit(cache=True, error_model="numpy")
@@ -58,6 +59,12 @@ def log_stretch_of(z):
     for i in range(len(z)):
         out[i] = 2 * np.log(max(z[i, 0], least)) + np.log(max(np.cos(z[i, 2]), least))
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def density_of(density, at):
+    """Density per m^3 at positions (n, 3) of what has a density per m rad^2."""
+    return density * np.exp(-log_stretch_of(spherical_of(at)))
 
 
 @njit(cache=True, error_model="numpy")
@@ -206,7 +213,8 @@ def gates_of(m, P, noise):
 
 @njit(cache=True, error_model="numpy")
 def look_of(update, m, P, z, noise):
-    """What a `Look` holds, of the scan z (k, 3) by Gaussians of means m (n, d) and covariances P (n, d, d)."""
+    """What a `Look` holds, of the scan z (k, 3) by Gaussians of means m (n, d) and covariances P (n, d, d),
+    by the update of that place in `radar.UPDATES`."""
     n, k = len(m), len(z)
     at, P_at = np.ascontiguousarray(m[:, :3]), np.ascontiguousarray(P[:, :3, :3])
     C = np.ascontiguousarray(P[:, :3])
@@ -257,8 +265,8 @@ def _spread_of(place, P):
 
 @njit(cache=True, error_model="numpy")
 def _linearised(expected, PH):
-    """Covariances of what is expected with the state (n, 3, d) and with itself (n, 3, 3), to first order about
-    the prediction; PH (n, 3, d) the position's covariance with the state."""
+    """Covariances of what is expected with the state (n, 3, d) and with itself (n, 3, 3), to first order
+    about the prediction; PH (n, 3, d) the position's covariance with the state."""
     J = inverse_jacobian_of(expected)
     C, S = np.zeros(PH.shape), np.zeros((len(PH), 3, 3))
     for i in range(len(PH)):
@@ -276,9 +284,9 @@ def _linearised(expected, PH):
 
 @njit(cache=True, error_model="numpy")
 def _by_points(expected, m, P, PH, update):
-    """The same by points of the position, the radar sees nothing else: cubature (Arasaratnam and Haykin 2009),
-    or unscented with kappa = 3 - n = 0 raised to 1, so that the middle counts (Julier and Uhlmann 1997).
-    `expected` is the middle's, and becomes the points' mean."""
+    """The same by points of the position, the radar sees nothing else: cubature (Arasaratnam and Haykin
+    2009), or unscented with kappa = 3 - n = 0 raised to 1, so that the middle counts (Julier and Uhlmann
+    1997). `expected` is the middle's, and becomes the points' mean."""
     n, d = m.shape
     reach, weight, middle_weight = np.sqrt(3.0), 1 / 6, 0.0
     if update == UNSCENTED:

@@ -9,7 +9,7 @@ import numpy as np
 
 from gmr_gym.association import Gates
 from gmr_gym.mixture import Mixture
-from gmr_gym.model import Model
+from gmr_gym.model import Model, told_by
 
 GROUP = "gmr_gym.trackers"
 ALL = 10**9  # hypotheses, for what costs no more than they are many
@@ -54,7 +54,8 @@ def trackers() -> dict[str, str]:
 
 def make_tracker(name: str, model: Model, **parameters) -> Tracker:
     """The tracker of that name, told `model`. A number at the end of the name is its number of
-    components: `runnalls-30` is `runnalls` with components=30.
+    components: `runnalls-30` is `runnalls` with components=30. Every tracker takes an `update`, by which
+    it is told another update of its radar, one of `gmr_gym.radar.UPDATES`.
 
     Raises ValueError for a name that no installed package offers, with the nearest that one does,
     and for a parameter the tracker does not take, with those it does.
@@ -69,6 +70,8 @@ def make_tracker(name: str, model: Model, **parameters) -> Tracker:
         raise ValueError(f"unknown tracker {name!r}{hint} (installed: {', '.join(sorted(known))})")
     factory = known[name].load()
     takes = list(inspect.signature(factory).parameters)[1:]
+    if "update" in parameters:
+        model = told_by(model, parameters.pop("update"))
     for parameter in parameters:
         if parameter not in takes:
             raise ValueError(

@@ -11,11 +11,12 @@ from gmr_gym.association import (
     gate_size,
     gated_distances,
     gates,
-    in_any_gate,
+    look_together,
     volumes,
 )
-from gmr_gym.kalman import sensor
-from gmr_gym.mixture import Mixture, gaussian, mixture
+from gmr_gym.kalman import motion, sensor
+from gmr_gym.mixture import Mixture, gaussian, mixture, normalised
+from gmr_gym.model import model
 
 
 def random_case(seed, n=4, k=7, d=4, p=2):
@@ -77,16 +78,18 @@ def test_volume_is_that_of_the_interval_the_ellipse_and_the_ellipsoid():
 @pytest.mark.parametrize("p", [1, 2, 3])
 def test_a_detection_is_listed_when_at_least_one_gate_holds_it(p):
     predicted, see, z = random_case(p, k=200, p=p)
+    predicted = normalised(predicted)
+    told = model(motion(np.eye(4), np.eye(4)), see, 0.9, 0.6, 1e-3, predicted)
     looked = gates(predicted, see, 0.6)
-    got = in_any_gate(looked, z)
+    _, listed, used, alive = look_together(predicted, told, z, np.inf)
     held = [
-        [reference.mahalanobis_squared(row, c, S) <= looked.size for c, S in zip(*looked[:2], strict=True)]
+        any(reference.mahalanobis_squared(row, c, S) <= looked.size for c, S in zip(*looked[:2], strict=True))
         for row in z
     ]
-    assert got.shape == (200,) and got.tolist() == [any(row) for row in held]
-    assert 0 < got.mean() < 1 and any(any(row) and not all(row) for row in held)
-    assert in_any_gate(looked, np.empty((0, p))).shape == (0,)
-    assert in_any_gate(looked._replace(size=np.inf), z).all()
+    np.testing.assert_array_equal(listed, z[held])
+    assert alive and used.size == looked.size and 0 < np.mean(held) < 1
+    assert look_together(predicted, told, np.empty((0, p)), np.inf)[1].shape == (0, p)
+    assert not look_together(predicted, told, z, 0.0)[3]
 
 
 @pytest.mark.parametrize(("p", "ball"), [(1, 2), (2, np.pi), (3, 4 / 3 * np.pi)])

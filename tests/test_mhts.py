@@ -8,7 +8,8 @@ import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baselines.banks import imm_pda, mmae_pda
+from baselines.banks import mmae_pda
+from baselines.imm_pda import ImmPda
 from baselines.mht import Mht
 from baselines.mhts import Mhts, equivalent_residual, imm_of_mhts, mmae_of_mhts, of_one_motion
 from gmr_gym.association import Gates, expand, gates
@@ -99,7 +100,7 @@ def test_unreduced_but_by_mixing_it_is_maybecks_filter_written_out(mixing, resta
 
 
 @pytest.mark.parametrize(
-    ("of_mhts", "alone"), [(mmae_of_mhts, mmae_pda), (imm_of_mhts, imm_pda)], ids=["mmae", "imm"]
+    ("of_mhts", "alone"), [(mmae_of_mhts, mmae_pda), (imm_of_mhts, ImmPda)], ids=["mmae", "imm"]
 )
 @pytest.mark.parametrize("reduction", ["runnalls", "ise"])
 def test_without_clutter_it_is_the_filter_bank_alone(of_mhts, alone, reduction):
@@ -172,7 +173,7 @@ def test_the_equivalent_residual_is_that_of_the_hypotheses_with_a_detection(seed
     S = sensor.H @ predicted.P @ sensor.H.T + sensor.R
     gates = Gates(predicted.m @ sensor.H.T, S, np.inf)
     expansion = expand(predicted, gates, sensor, z, 0.7, 1.0, 0.1)
-    log_density = equivalent_residual(predicted, expansion, gates, z)
+    log_density = equivalent_residual(predicted, expansion, sensor.look(predicted, *gates[:2], z))
     w = [
         predicted.w[i] * reference.gaussian_density(point, gates.z[i], S[i]) for i in range(n) for point in z
     ]
@@ -192,9 +193,10 @@ def test_a_filter_that_has_lost_its_target_is_not_taken_for_the_best():
     expansion = expand(predicted, gates, told.sensor, z, 1.0, 0.99, 1e-4)
     assert expansion.mixture.w[expansion.detection >= 0].sum() < 1e-300
     wanted = -0.5 * 1000.0**2 / S[0, 0, 0] - np.log(2 * np.pi * S[0, 0, 0])
-    assert equivalent_residual(predicted, expansion, gates, z) == pytest.approx(wanted)
+    look = told.sensor.look(predicted, *gates[:2], z)
+    assert equivalent_residual(predicted, expansion, look) == pytest.approx(wanted)
     nothing = expand(predicted, gates, told.sensor, z[:0], 1.0, 0.99, 1e-4)
-    assert equivalent_residual(predicted, nothing, gates, z[:0]) == 0.0
+    assert equivalent_residual(predicted, nothing, told.sensor.look(predicted, *gates[:2], z[:0])) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -236,4 +238,4 @@ def told_density(told, mode, p, z):
     predicted = predict(p, told.motions[mode])
     looked = gates(predicted, told.sensor, told.gate_probability)._replace(size=np.inf)
     expansion = expand(predicted, looked, told.sensor, z, 0.9, told.gate_probability, told.clutter_density)
-    return equivalent_residual(predicted, expansion, looked, z)
+    return equivalent_residual(predicted, expansion, told.sensor.look(predicted, *looked[:2], z))

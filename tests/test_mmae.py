@@ -5,7 +5,8 @@ import pytest
 import reference
 from scipy.stats import multivariate_normal
 
-from baselines.banks import Banks, imm_mht, imm_pda, mmae_mht, mmae_pda
+from baselines.banks import Banks, imm_mht, mmae_mht, mmae_pda
+from baselines.imm_pda import ImmPda
 from baselines.mht import Mht
 from gmr_gym.mixture import Mixture, moments
 from gmr_gym.modes import banked, fused, leave_alone, tended
@@ -101,7 +102,7 @@ def test_without_switching_floor_and_restarts_it_is_the_imm():
     told = told._replace(switching=np.eye(3))
     z = reference.flown(told, 6, np.random.default_rng(5), clutter=3)
     for mine, theirs in (
-        (mmae_pda(told, floor=0.0, restart=0.0), imm_pda(told)),
+        (mmae_pda(told, floor=0.0, restart=0.0), ImmPda(told)),
         (mmae_mht(told, 8, floor=0.0, restart=0.0), imm_mht(told, 8)),
     ):
         for (_, a), (_, b) in zip(flight(mine, z), flight(theirs, z), strict=True):

@@ -11,8 +11,9 @@ import reference
 from filterpy.kalman import IMMEstimator, KalmanFilter
 from scipy.stats import chi2
 
-from baselines.banks import Banks, imm_mht, imm_pda
+from baselines.banks import Banks, imm_mht
 from baselines.clairvoyant import Clairvoyant
+from baselines.imm_pda import ImmPda
 from baselines.mht import Mht
 from baselines.mmg import Mmg, b_best, gpb1, gpb2, mmg
 from baselines.pda import Pda
@@ -29,7 +30,7 @@ from gmr_gym.tracker import make_tracker
 
 imm_engine = partial(Banks, before=mixed, after=leave_alone)
 WITH_MODES = {
-    "imm-pda": imm_pda,
+    "imm-pda": ImmPda,
     "imm-mht": imm_mht,
     "mmg": mmg,
     "gpb1": gpb1,
@@ -163,7 +164,7 @@ def test_modes_switch_before_the_first_scan_and_empty_scans_tell_nothing_of_them
         np.testing.assert_allclose(mode_weights(belief), wanted, rtol=1e-12)
 
 
-@pytest.mark.parametrize("build", [imm_pda, imm_mht, gpb2])
+@pytest.mark.parametrize("build", [ImmPda, imm_mht, gpb2])
 def test_filters_that_merge_mode_by_mode_coast_with_the_exact_mean_and_covariance(build):
     # the moments of each mode are all that the moments one scan on depend on
     told = reference.jumping_model(6, 3, parents=2, detection_probability=0.8)
@@ -193,7 +194,7 @@ def test_imm_is_bar_shaloms_four_steps(count, axes):
     told = reference.jumping_model(count, count, axes)
     scans = reference.flown(told, 12, np.random.default_rng(axes))
     w, m, P = told.mode_prior, np.repeat(told.prior.m, count, 0), np.repeat(told.prior.P, count, 0)
-    for z, (belief, report) in zip(scans, flight(imm_pda(told), scans), strict=True):
+    for z, (belief, report) in zip(scans, flight(ImmPda(told), scans), strict=True):
         w, m, P = reference.imm_step(w, m, P, told, partial(reference.kalman, told=told, z=z[0]))
         w /= w.sum()
         assert_bank(belief, report, w, m, P)
@@ -216,7 +217,7 @@ def test_imm_pda_has_a_pda_for_each_mode_over_one_list_of_detections(count, axes
     told = told._replace(clutter_density=2 / 16**axes)
     scans = reference.flown(told, 8, np.random.default_rng(axes), clutter=2, reach=8.0)
     w, m, P = told.mode_prior, np.repeat(told.prior.m, count, 0), np.repeat(told.prior.P, count, 0)
-    unlike, tracker = 0, imm_pda(told)
+    unlike, tracker = 0, ImmPda(told)
     belief = tracker.init()
     for z in scans:
         belief, report = tracker.step(belief, z)
@@ -238,7 +239,7 @@ def gated_by_hand(gates, z):
     ]).reshape(len(gates.z), len(z))  # fmt: skip
 
 
-@pytest.mark.parametrize("build", [lambda told: Mmg(told, everything_kept, 0.0), gpb2, imm_pda, imm_mht])
+@pytest.mark.parametrize("build", [lambda told: Mmg(told, everything_kept, 0.0), gpb2, ImmPda, imm_mht])
 def test_a_detection_in_any_gate_is_weighed_by_every_model_and_one_in_none_by_none(build):
     still, fast = (Motion(np.eye(2), np.eye(2), np.array([x, 0.0])) for x in (0.0, 3.0))
     told = reference.jumping_model(0, 2, detection_probability=0.9, gate_probability=0.5)
@@ -295,7 +296,7 @@ def test_imm_is_filterpys_step_by_step():
     imm = IMMEstimator(filters, told.mode_prior, switching.T)  # rows are where a mode goes
     scans = [z[None] for z in draw(scenario, 3).z]
     assert len(scans) == 45
-    for z, (belief, report) in zip(scans, flight(imm_pda(told), scans), strict=True):
+    for z, (belief, report) in zip(scans, flight(ImmPda(told), scans), strict=True):
         imm.predict(np.ones(1))
         imm.update(z[0])
         # coordinates of 2.5e5 m are rounded at 6e-11 m, and a likelihood at as much of a deviation
@@ -341,7 +342,7 @@ def one_of_many(m, P, told, z):
 def test_imm_that_never_switches_weighs_its_first_scan_as_an_mmae_does():
     told = reference.jumping_model(8, 3)._replace(switching=np.eye(3))
     ((z,),) = reference.flown(told, 1, np.random.default_rng(8))
-    ((belief, _),) = flight(imm_pda(told), [z[None]])
+    ((belief, _),) = flight(ImmPda(told), [z[None]])
     likelihood = [
         reference.kalman(*reference.kalman_predict(told.prior.m[0], told.prior.P[0], *move), told, z)[0]
         for move in told.motions
@@ -377,7 +378,7 @@ def test_with_one_model_mmg_is_imm_mht_is_the_mht(components):
     same_estimates(flight(imm_mht(told, components, prune_weight=1e-5), scans), mht)
 
 
-@pytest.mark.parametrize("build", [imm_pda, gpb1, gpb2, partial(mmg, components=1, prune_weight=0.0)])
+@pytest.mark.parametrize("build", [ImmPda, gpb1, gpb2, partial(mmg, components=1, prune_weight=0.0)])
 def test_with_one_model_and_one_hypothesis_all_are_the_pda(build):
     told = reference.jumping_model(3, 1, axes=2, detection_probability=0.9, gate_probability=0.99)
     scans = reference.flown(told, 15, np.random.default_rng(3), clutter=6)
@@ -395,7 +396,7 @@ def test_without_clutter_imm_mht_and_imm_pda_are_the_imm():
     scenario = jump_markov("clear")
     scans = [z[None] for z in draw(scenario, 0).z]
     told = scenario.model
-    imm = list(flight(imm_pda(told), scans))
+    imm = list(flight(ImmPda(told), scans))
     many = list(flight(imm_mht(told), scans))
     named = list(flight(make_tracker("imm", told), scans))
     for others in (many, named):

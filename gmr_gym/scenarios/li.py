@@ -1,6 +1,6 @@
 """Li, Wu and Zhang, "An interacting multiple models probabilistic data association algorithm for maneuvering
-target tracking in clutter", section 4: a highly manoeuvring target seen by an aircraft's radar. The paper gives
-no numbers beyond the period and the models; all others are ours."""
+target tracking in clutter", section 4: a highly manoeuvring target seen by an aircraft's radar. The paper
+gives no numbers beyond the period and the models; all others are ours."""
 
 from functools import partial
 from typing import NamedTuple
@@ -10,17 +10,18 @@ import numpy as np
 from gmr_gym.kalman import constant_velocity, singer, with_accelerations
 from gmr_gym.metrics import truth_outside_gates
 from gmr_gym.mixture import gaussian
-from gmr_gym.model import check_probability, model
+from gmr_gym.model import Model, check_probability, model
 from gmr_gym.modes import staying
-from gmr_gym.radar import check_deviations, radar, spherical
-from gmr_gym.scenarios.planar import scripted, shortened
-from gmr_gym.simulate import Scenario, Window
+from gmr_gym.radar import check_deviations, radar
+from gmr_gym.scenarios.planar import moving_as_told, scripted, shortened
+from gmr_gym.simulate import Scenario, Truth, Window
 
-PERIOD = 0.1  # s
-SCANS = 600
+DURATION = 60.0  # s, of the legs
+SCANS = 600  # of a drawn target
 SPEED = 298.0  # m/s, of the target
-HEADING = -0.1  # rad, from x towards y, at first
-PLATFORM = (250.0, 0.0, 0.0)  # m/s, of the radar's aircraft, which flies straight
+AHEAD = np.array([np.cos(0.1), -np.sin(0.1), 0.0])  # where it heads at first
+WANDERING = 2.0  # m/s^2, deviation of the acceleration of a target that flies straight, a scan
+PLATFORM = np.array([250.0, 0.0, 0.0])  # m/s, of the radar's aircraft, which flies straight
 GRAVITY = 9.80665  # m/s^2
 # seconds, turn about the vertical and pull out of the horizontal, g, with which the target flies: straight, a
 # turn of 5.5 g, straight, a turn back at 6 g, straight, a climb and a dive at 5 g, straight
@@ -29,8 +30,8 @@ LEGS = (
     (8.0, 0.0, -5.0), (4.0, 0.0, 5.0), (6.0, 0.0, 0.0),
 )  # fmt: skip
 JERK_TIME = 0.5  # s, in which a load comes on
-SIGHT = 12.0  # deviations of an angle, half the window's width
-DEPTH = 1000.0  # m, half the window's depth
+SIGHT = 8.0  # deviations of an angle, half the window's width
+DEPTH = 500.0  # m, half the window's depth
 PATIENCE = 10  # scans in a row
 
 
@@ -51,7 +52,7 @@ REGIMES = {
 
 def airborne_radar(
     regime: str = "far",
-    clutter_rate: float = 100.0,
+    clutter_rate: float = 25.0,
     detection_probability: float = 0.9,
     range_deviation: float | None = None,
     angle_deviation: float | None = None,
@@ -59,6 +60,7 @@ def airborne_radar(
     time_constant: float = 5.0,
     acceleration: float = 30.0,
     stay: float = 0.95,
+    period: float = 0.1,
     trajectory=None,
     platform=None,
     horizon: int | None = None,
@@ -71,7 +73,13 @@ def airborne_radar(
     update: what a tracker's detections do to its Gaussians, one of `gmr_gym.radar.UPDATES`.
     time_constant (s) and acceleration (m/s^2): of the Singer model that trackers are told beside nearly
     constant velocity; stay: probability that a motion lasts from scan to scan.
-    trajectory, platform: (T, 3) positions or (T, 6) with velocities of target and radar, ten a second.
+    period: s, of a scan.
+    trajectory, platform: (T, 3) positions or (T, 6) with velocities of target and radar, a row a scan. What
+    is tracked is the target relative to the platform, whose own turns a tracker is not told. trajectory
+    "drawn": a target that does as the tracker is told, anew in every episode, nearly constant velocity alone.
+
+    Raises ValueError naming the argument, also where target and platform come within 10 range deviations of
+    each other: a bearing then means nothing.
     """
     if regime not in REGIMES:
         raise ValueError(f"regime must be one of {', '.join(REGIMES)}, got {regime!r}")
@@ -82,8 +90,19 @@ def airborne_radar(
     check_probability("detection_probability", detection_probability)
     if not 0 <= clutter_rate <= 1e5:
         raise ValueError(f"clutter_rate must lie between 0 and 1e5 a scan, got {clutter_rate}")
-    target = flight(np.array(chosen.start)) if trajectory is None else _states("trajectory", trajectory)
-    radars = _straight(len(target)) if platform is None else _states("platform", platform)
+    if not 0.01 <= period <= 10:
+        raise ValueError(f"period must lie between 0.01 and 10 s, got {period}")
+    drawn = isinstance(trajectory, str) and trajectory == "drawn"
+    if drawn:
+        target = _straight(chosen.start, SPEED * AHEAD, horizon or SCANS, period)
+    elif trajectory is None:
+        target = flight(np.array(chosen.start), period)
+    else:
+        target = _states("trajectory", trajectory, period)
+    if platform is None:
+        radars = _straight(np.zeros(3), PLATFORM, len(target), period)
+    else:
+        radars = _states("platform", platform, period)
     if len(radars) != len(target):
         raise ValueError(f"platform must have as many scans as the target, {len(target)}, got {len(radars)}")
     x = shortened(target - radars, horizon)
@@ -96,56 +115,60 @@ def airborne_radar(
     window = Window(-half, half, follows=True)
     density = clutter_rate / window.volume
     start = x[0].copy()
-    start[:3] -= PERIOD * start[3:6]
+    start[:3] -= period * start[3:6]
     start[6:] = 0.0
-    cross = np.linalg.norm(start[:3]) * angle
-    prior = np.concatenate([np.full(3, max(sharp, cross) ** 2), np.full(3, 50.0**2), np.full(3, 10.0**2)])
+    cross = float(np.linalg.norm(start[:3])) * angle
+    unsure = np.repeat([max(deviations[0], cross), 50.0, 10.0], 3)
+    motions = [with_accelerations(constant_velocity(period, WANDERING, 3))]
+    if not drawn:
+        motions.append(singer(period, time_constant, acceleration, 3))
     told = model(
-        (
-            with_accelerations(constant_velocity(PERIOD, 2.0, 3)),
-            singer(PERIOD, time_constant, acceleration, 3),
-        ),
+        tuple(motions),
         radar(deviations, 9, update),
         detection_probability,
         gate_probability=0.999 if clutter_rate > 0 else 1.0,
         clutter_density=max(density, np.finfo(float).tiny),
-        prior=gaussian(start, np.diag(prior)),
-        switching=staying(stay, 2),
+        prior=gaussian(start, np.diag(unsure**2)),
+        switching=staying(stay, len(motions)),
     )  # fmt: skip
     return Scenario(
         model=told,
-        truth=partial(scripted, x),
+        truth=partial(_wandering, told, len(x)) if drawn else partial(scripted, x),
         sensor=told.sensor,
         detection_probability=detection_probability,
         clutter_rate=float(clutter_rate),
         window=window,
         horizon=len(x),
-        period=PERIOD,
+        period=period,
         position=(0, 1, 2),
         velocity=(3, 4, 5),
         off_target=partial(truth_outside_gates, told.sensor.H),
         patience=PATIENCE,
-        cutoff=float(5 * cross),
+        cutoff=5 * cross,
     )
 
 
-def flight(start: np.ndarray) -> np.ndarray:
-    """States (600, 9) of the target at the scans, from its position half a second before the first: what the
+def _wandering(told: Model, horizon: int, rng: np.random.Generator) -> Truth:
+    return moving_as_told(told, np.zeros(horizon, int), rng)
+
+
+def flight(start: np.ndarray, period: float) -> np.ndarray:
+    """States (T, 9) of the target at the scans of a minute, from its position before the first: what the
     legs command, each load coming on and off within `JERK_TIME`, integrated in steps of a millisecond."""
     step = 1e-3
-    times = np.arange(0, SCANS * PERIOD, step)
+    times = np.arange(0, DURATION, step)
     ends = np.cumsum([seconds for seconds, _, _ in LEGS])
     leg = np.minimum(np.searchsorted(ends, times, side="right"), len(LEGS) - 1)
     load = np.array([[turn, pull] for _, turn, pull in LEGS])[leg] * GRAVITY
     smooth = np.ones(int(JERK_TIME / step)) * step / JERK_TIME
     load = np.stack([np.convolve(one, smooth)[: len(times)] for one in load.T], axis=1)
-    p, v = start.copy(), SPEED * np.array([np.cos(HEADING), np.sin(HEADING), 0.0])
-    states = []
+    p, v = start.copy(), SPEED * AHEAD
+    states, every = [], round(period / step)
     for i, (turn, pull) in enumerate(load):
         level = np.array([-v[1], v[0], 0.0]) / max(np.hypot(v[0], v[1]), 1e-9)
         up = np.cross(v, level) / SPEED
         a = turn * level + pull * up
-        if i % round(PERIOD / step) == round(PERIOD / step) - 1:
+        if (i + 1) % every == 0:
             states.append(np.concatenate([p, v, a]))
         # the speed is kept: the velocity turns about the axis that the load commands
         v = v + step * a
@@ -154,14 +177,13 @@ def flight(start: np.ndarray) -> np.ndarray:
     return np.array(states)
 
 
-def _straight(scans: int) -> np.ndarray:
-    """States (T, 9) of a platform that starts at the origin and flies straight."""
-    t = PERIOD * np.arange(1, scans + 1)[:, None]
-    velocity = np.array(PLATFORM)
-    return np.hstack([t * velocity, np.tile(velocity, (scans, 1)), np.zeros((scans, 3))])
+def _straight(start, velocity: np.ndarray, scans: int, period: float) -> np.ndarray:
+    """States (T, 9) of what flies straight from `start`, one period before the first."""
+    t = period * np.arange(1, scans + 1)[:, None]
+    return np.hstack([start + t * velocity, np.tile(velocity, (scans, 1)), np.zeros((scans, 3))])
 
 
-def _states(name: str, path) -> np.ndarray:
+def _states(name: str, path, period: float) -> np.ndarray:
     """Positions (T, 3), or with velocities (T, 6), as states (T, 9); what is not given by differences."""
     try:
         x = np.array(path, float)
@@ -172,5 +194,5 @@ def _states(name: str, path) -> np.ndarray:
     if not (np.abs(x) <= 1e6).all():
         raise ValueError(f"{name} must be finite and within a million metres, and m/s, of zero")
     if x.shape[1] == 3:
-        x = np.hstack([x, np.gradient(x, PERIOD, axis=0)])
-    return np.hstack([x, np.gradient(x[:, 3:], PERIOD, axis=0)])
+        x = np.hstack([x, np.gradient(x, period, axis=0)])
+    return np.hstack([x, np.gradient(x[:, 3:], period, axis=0)])

@@ -1,0 +1,53 @@
+"""Interacting multiple models with one Gaussian each, a scan in three calls: what `modes` and `association`
+say of banks of many hypotheses, put together in loops for one."""
+
+import numpy as np
+from numba import njit
+
+from gmr_gym.association import expand_into_hypotheses, gated
+from gmr_gym.kalman import predict_all
+from gmr_gym.mixture import match, root_determinants
+
+
+@njit(cache=True, error_model="numpy")
+def mixed_ahead(w, m, P, switching, F, Q, offset):
+    """Probabilities (r,), means (r, d) and covariances (r, d, d) of r modes, mixed by the switching
+    matrix and carried forward by F, Q (r, d, d) and offset (r, d)."""
+    r, d = m.shape
+    one = np.zeros(r, np.int64)
+    w_out, m_out, P_out = np.zeros(r), np.empty((r, d)), np.empty((r, d, d))
+    for q in range(r):
+        total, mean, covariance = match(switching[q] * w, m, P, one, 1)
+        mean, covariance = predict_all(mean, covariance, F[q], Q[q], offset[q])
+        w_out[q], m_out[q], P_out[q] = total[0], mean[0], covariance[0]
+    return w_out, m_out, P_out
+
+
+@njit(cache=True, error_model="numpy")
+def associated(
+    w, m, P, gate_S, density, ball, expected, S, C, z, R, log_stretch, size, log_miss, log_detect, given_up
+):
+    """The scan taken in by all modes, one list of detections for all, and merged to one Gaussian each; their
+    probabilities; what they fuse to; and whether there was hope. ball is the volume of the unit ball in the
+    space of the gates, whose innovation covariances are gate_S; the rest is a `Look`."""
+    n, k = len(w), len(log_stretch)
+    alive = ball * (w * density * root_determinants(gate_S)).sum() / w.sum() <= given_up
+    near = np.zeros(k, np.bool_)
+    if alive:
+        d2 = gated(expected, S, z, R, size)
+        for j in range(k):
+            for i in range(n):
+                near[j] |= w[i] > 0 and d2[i, j] < np.inf
+    listed = np.flatnonzero(near)
+    z_near = np.empty((len(z), len(listed), z.shape[2]))
+    R_near = np.empty((len(listed) if len(R) else 0, *R.shape[1:]))
+    for at in range(len(listed)):
+        z_near[:, at] = z[:, listed[at]]
+        if len(R):
+            R_near[at] = R[listed[at]]
+    w, m, P, parent, _, _ = expand_into_hypotheses(
+        w, m, P, expected, S, C, z_near, R_near, np.inf, log_miss, log_detect + log_stretch[listed]
+    )
+    w, m, P = match(w, m, P, parent, n)
+    _, mean, covariance = match(w, m, P, np.zeros(n, np.int64), 1)
+    return w, m, P, mean, covariance, alive
