@@ -2,7 +2,9 @@
 
 import ast
 import sys
+from collections.abc import Iterator
 from difflib import get_close_matches
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -28,13 +30,14 @@ from gmr_gym.output import (
 )
 from gmr_gym.play import play
 from gmr_gym.reducers import REDUCERS
-from gmr_gym.reproduce import Table, table_record
+from gmr_gym.reproduce import Map, Table, table_record
 from gmr_gym.simulate import Scenario, draw
 from gmr_gym.summary import differences, summary
 from gmr_gym.tracker import Tracker, make_tracker, trackers
 
 PAPERS = {
     "dortenzio": "adaptive reduction of a single target's hypotheses: Tables 1-4, Fig. 1",
+    "li": "a radar's converted measurements, models and data association: Figs. 1-4, three regimes, a map",
     "maybeck": "an F-16 in clutter, filter banks and hypotheses: Table I, Figs. 3-7",
     "maybeck-zhang": "models in the mixture or in filter banks: either paper's trackers in either's world",
     "zhang": "models and hypotheses of a manoeuvring target reduced jointly: cases 1 and 2, Figs. 1-2",
@@ -121,13 +124,18 @@ def reproduce(
     if paper not in PAPERS:
         raise ValueError(f"unknown paper {paper!r}; choose one of {', '.join(PAPERS)}")
     module = import_module(f"gmr_gym.reproduce.{paper.replace('-', '_')}")
-    known = {entry.name: entry for entry in module.TABLES}
+    known = {entry.name: entry for entry in (*module.TABLES, *getattr(module, "MAPS", ()))}
     for name in table:
         if name not in known:
             raise ValueError(f"{paper} has no table {name!r}; choose from {', '.join(known)}")
     out = out or Path("results") / paper
     screen, records, evidence = console(), [], {}
     for name in table or known:
+        if isinstance(known[name], Map):
+            record = _mapped(module, known[name], runs, seed, jobs, out)
+            screen.print(comparison(f"{paper}, {name}: {known[name].title}", record, known[name].columns))
+            records.append(record)
+            continue
         (first, *paired), kept = _reproduced(module, known[name], runs, seed, jobs, out)
         title = f"{paper}, table {name}: {known[name].title}; {runs} runs"
         screen.print(comparison(title, first, known[name].columns))
@@ -150,10 +158,7 @@ def _reproduced(module, entry: Table, runs, seed, jobs, out) -> tuple[list[dict[
     """Runs a table and leaves its files; the records of it, and the evidence its paper's claims need. The
     results are gone by then: a table of a thousand runs is a hundred megabytes."""
     scenario = _scenario(entry.env_id, entry.settings)
-    candidates = {}
-    for spec, parameters in entry.trackers.items():
-        tracker, further = _spec(spec)
-        candidates[spec] = make_tracker(tracker, scenario.model, **parameters, **further)
+    candidates = _candidates(entry, scenario)
     results = _run(f"table {entry.name}", scenario, candidates, runs, seed, jobs, out)
     rows = entry.summarise(scenario, results)
     write_runs(out / f"runs-{entry.name}.csv", scenario, results)
@@ -164,6 +169,28 @@ def _reproduced(module, entry: Table, runs, seed, jobs, out) -> tuple[list[dict[
         name = f"{entry.name}, paired differences"
         records.append(table_record(name, entry.settings, entry.paired(scenario, results)))
     return records, evidence
+
+
+def _mapped(module, entry: Map, runs, seed, jobs, out) -> dict[str, Any]:
+    """Runs every cell of a map and leaves its drawing; the record of it."""
+    scenarios = {name: _scenario(entry.env_id, settings) for name, settings in entry.cells().items()}
+    work = [(scenario, _candidates(entry, scenario)) for scenario in scenarios.values()]
+    runs = max(2, runs // entry.share)
+    results = _runs(entry.name, work, runs, seed, jobs, out)
+    rows = {
+        name: entry.summarise(scenario, found)
+        for (name, scenario), found in zip(scenarios.items(), results, strict=True)
+    }
+    module.map_figures(entry, rows, out)
+    return table_record(entry.name, entry.settings | {"runs": runs}, rows)
+
+
+def _candidates(entry: Table | Map, scenario: Scenario) -> dict[str, Tracker]:
+    found = {}
+    for spec, parameters in entry.trackers.items():
+        name, further = _spec(spec)
+        found[spec] = make_tracker(name, scenario.model, **parameters, **further)
+    return found
 
 
 @app.command()
@@ -195,17 +222,18 @@ def record(
     out: Annotated[Path, typer.Option("--out", help="CSV of detections")] = Path("detections.csv"),
     truth: Annotated[Path | None, typer.Option("--truth", help="also a CSV of the truth")] = None,
 ) -> None:
-    """One episode's detections in a file, as `track` reads them."""
+    """One episode's detections in a file, as `track` reads them; of a radar in range and angles, which it
+    does not."""
     scenario = _scenario(env_id, dict(map(_key_value, settings)))
     tracker = tracker or ("imm-pda" if len(scenario.model.motions) > 1 else "pda")
     episode = draw(scenario, seed)
     z = [played.scan.z for played in play(scenario, _tracker(tracker, scenario), episode)]
     times = scenario.period * np.arange(1, len(z) + 1)
-    names = "xyz"[: z[0].shape[1]]
-    detections.write_scans(out, times, z, [f"{name}_m" for name in names])
+    detections.write_scans(out, times, z, scenario.sensor.coordinates)
     if truth:
         positions = episode.x[:, list(scenario.position)]
-        detections.write_scans(truth, times, list(positions[:, None]), [f"{name}_m" for name in names])
+        names = [f"{axis}_m" for axis in "xyz"[: positions.shape[1]]]
+        detections.write_scans(truth, times, list(positions[:, None]), names)
     console().print(f"written to {out}", highlight=False)
 
 
@@ -231,6 +259,7 @@ def track_(
     if bool(prior) != bool(prior_deviations):
         raise ValueError("give prior and prior_deviations together, or neither")
     scans = detections.read_scans(file)
+    detections.check_positions(file, scans)
     if prior:
         state = _numbers("prior", prior), _numbers("prior_deviations", prior_deviations)
         start, prior_time = detections.prior_given(*state), None
@@ -317,11 +346,23 @@ def _numbers(name: str, text: str) -> list[float]:
         raise ValueError(f"{name} must be numbers with commas between, got {text!r}") from None
 
 
+def _so_far(report, before: int, parts: int, done: int, total: int) -> None:
+    report(before * total + done, parts * total)
+
+
 def _run(label, scenario, candidates, runs, seed, jobs, out) -> dict[str, Runs]:
+    (results,) = _runs(label, [(scenario, candidates)], runs, seed, jobs, out)
+    return results
+
+
+def _runs(label, work, runs, seed, jobs, out) -> Iterator[dict[str, Runs]]:
+    """The results of each scenario with its trackers, one after the other under one bar."""
     folder = out / "blocks"
     try:
         with progress(label) as report:
-            return run(scenario, candidates, runs, seed, jobs=jobs, folder=folder, progress=report)
+            for i, (scenario, candidates) in enumerate(work):
+                tell = partial(_so_far, report, i, len(work))
+                yield run(scenario, candidates, runs, seed, jobs=jobs, folder=folder, progress=tell)
     except KeyboardInterrupt:
         Console(stderr=True, soft_wrap=True).print(
             f"stopped: finished blocks of runs are kept in {folder}; the same command goes on from there",

@@ -1,7 +1,8 @@
 """Detections recorded elsewhere: a file of scans in, a tracker over them, a file of its track out.
 
 A file of scans is CSV in seconds and metres: the header `time,x,y`, say, then one row `0.5,12.5,-3.0` for
-each detection. Rows of equal time make one scan, and `1.0,,` is a scan that detected nothing.
+each detection. Rows of equal time make one scan, and `1.0,,` is a scan that detected nothing. A radar's
+columns are `time,range_m,azimuth_rad,elevation_rad`.
 """
 
 import csv
@@ -26,7 +27,7 @@ class Scans(NamedTuple):
     """Detections by scan."""
 
     times: np.ndarray  # (T,), s, increasing
-    z: list[np.ndarray]  # T arrays (k, p), m; (0, p) where nothing was detected
+    z: list[np.ndarray]  # T arrays (k, p), m and rad; (0, p) where nothing was detected
     coordinates: tuple[str, ...]  # p names
 
 
@@ -60,6 +61,16 @@ def read_scans(path: Path | str) -> Scans:
         raise ValueError(f"{path}, line {line}, column {names[0]}: no rows follow the header")
     z = [np.array(points).reshape(-1, len(names) - 1) for points in scans.values()]
     return Scans(np.array(list(scans)), z, names[1:])
+
+
+def check_positions(path: Path | str, scans: Scans) -> None:
+    """ValueError naming the file and the column whose name ends in _rad or _deg: an angle, no position."""
+    for name in scans.coordinates:
+        if name.endswith(("_rad", "_deg")):
+            raise ValueError(
+                f"{path}, column {name}: an angle, but only positions in metres are tracked; convert them "
+                "with gmr_gym.radar.cartesian, or track it from Python with a gmr_gym.radar.radar as sensor"
+            )
 
 
 def write_scans(path: Path | str, times, z: Sequence, coordinates: Sequence[str]) -> None:

@@ -39,6 +39,11 @@ class Sensor(NamedTuple):
     H: np.ndarray  # (p, d)
     R: np.ndarray  # (p, p)
 
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names (p,), with units, of what it detects: a position in the plane or in space."""
+        return tuple(f"{axis}_m" for axis in "xyz"[: len(self.H)])
+
     def observed(self, x: np.ndarray) -> np.ndarray:
         """What it would say of states x (..., d), without noise (..., p)."""
         return x @ self.H.T

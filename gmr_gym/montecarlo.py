@@ -88,8 +88,9 @@ def run(
         done += len(result.x)
         if progress:
             progress(done, total)
+    # blocks are let go as they are joined: the covariances of many runs are gigabytes
     return {
-        name: _joined(np.concatenate, [results[task] for task in tasks if task[0] == name])
+        name: _joined(np.concatenate, [results.pop(task) for task in tasks if task[0] == name])
         for name in trackers
     }
 
@@ -103,9 +104,11 @@ def run_once(
     """One run of all scans, or of the first few; the arrays of Runs without their first axis."""
     episode = draw(scenario, seed)
     rows = []
+    unseen = np.full(len(scenario.sensor.R), np.nan)
     for t, (z, origin), report, seconds in islice(play(scenario, tracker, episode), scans):
         gates, x = report.gates, episode.x[t]
-        target = z[origin == 0][0] if (origin == 0).any() else np.full(z.shape[1], np.nan)
+        own = z[origin == 0]
+        target = own[0] if len(own) else unseen
         rows.append((
             x, report.x[0], report.P[0], len(report.mixture.w), volumes(gates).mean(),
             np.isfinite(gated_distances(gates, tracker.model.sensor.placed(z))).sum() / len(gates.z),

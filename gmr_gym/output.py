@@ -32,6 +32,9 @@ HEADINGS = {
     "level_velocity_rmse_common": "level velocity RMSE common, m/s", "nci_all": "NCI all, dB",
     "nci_common": "NCI common, dB", "inclination_all": "inclination all, dB",
     "inclination_common": "inclination common, dB",
+    **{f"{axis}_rmse_{over}": f"{axis} RMSE {over}, m" for axis in "xyz" for over in ("own", "common")},
+    "sight_bias_own": "bias along the line of sight, m", "position_anees_own": "ANEES of position",
+    "gate_volume": "gate volume, m³",
 }  # fmt: skip
 LEFT_TO_FILES = {"rmse_common", "error_own", "inclination_own"}  # a screen is only so wide
 SCALE = {"track_loss": 100, "time_per_scan": 1e3, "time_worst": 1e3}
@@ -82,7 +85,7 @@ def claims_grid(records: list[dict[str, Any]]) -> Grid:
 
 
 def _empty_grid(title: str, metrics: Sequence[str]) -> Grid:
-    return _titled_grid(title, ["tracker", *(HEADINGS[metric] for metric in metrics)])
+    return _titled_grid(title, ["", *(HEADINGS.get(metric, metric) for metric in metrics)])
 
 
 def _titled_grid(title: str, headings: list[str]) -> Grid:

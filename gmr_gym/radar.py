@@ -36,6 +36,11 @@ class Radar(NamedTuple):
         """Covariance of the noise of range, azimuth and elevation (3, 3)."""
         return np.diag(self.deviations**2)
 
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names (3,), with units, of what it detects."""
+        return "range_m", "azimuth_rad", "elevation_rad"
+
     def observed(self, x: np.ndarray) -> np.ndarray:
         """Range, azimuth and elevation (..., 3) of states x (..., d)."""
         return spherical(x[..., :3])

@@ -16,14 +16,16 @@ from gmr_gym.data import flight_names
 from gmr_gym.envs import ENVIRONMENTS
 from gmr_gym.montecarlo import run
 from gmr_gym.output import RUN_COLUMNS, write_runs
+from gmr_gym.play import play
 from gmr_gym.reducers import REDUCERS
 from gmr_gym.scenarios.dortenzio import turning_target
+from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
 from gmr_gym.simulate import draw, scan
 from gmr_gym.summary import summary
 from gmr_gym.tracker import make_tracker, trackers
 
-JUMP, TURNING = "gmr_gym/JumpMarkov-v0", "gmr_gym/TurningTarget-v0"
+JUMP, TURNING, RADAR = (f"gmr_gym/{name}-v0" for name in ("JumpMarkov", "TurningTarget", "AirborneRadar"))
 
 
 @pytest.fixture
@@ -213,6 +215,43 @@ def test_what_a_following_window_records_is_what_its_tracker_saw(call):
     # on the same ground, so of two windows that overlap some detections are the same
     np.testing.assert_array_equal(mine.z[0], other.z[0])
     assert any(not np.array_equal(a, b) for a, b in zip(mine.z, other.z, strict=True))
+
+
+# a target that flies past a radar which stands still
+PASSING, STILL = [[20_000.0, 30.0 * t, 2_000.0] for t in range(5)], [[0.0, 0.0, 0.0]] * 5
+SEEN_BY_RADAR = RADAR, "--set", f"trajectory={PASSING}", "--set", f"platform={STILL}"
+
+
+def test_watch_films_what_a_radar_sees(call):
+    code, _, errors = call("watch", *SEEN_BY_RADAR, "--out", "f.gif")
+    assert code == 0 and "drawing: 5 of 5" in errors
+    with Image.open("f.gif") as film:
+        assert film.n_frames == 5 and min(film.size) > 500
+        assert len(film.convert("RGB").getcolors()) > 10
+
+
+def test_record_names_what_a_radar_detects_and_track_refuses_angles(call):
+    assert call("record", *SEEN_BY_RADAR, "--seed", 5, "--out", "z.csv", "--truth", "x.csv")[0] == 0
+    scenario = airborne_radar(trajectory=PASSING, platform=STILL)
+    tracker = make_tracker("imm-pda", scenario.model)
+    seen, truth = detections.read_scans("z.csv"), detections.read_scans("x.csv")
+    assert seen.coordinates == ("range_m", "azimuth_rad", "elevation_rad")
+    assert truth.coordinates == ("x_m", "y_m", "z_m")
+    for z, played in zip(seen.z, play(scenario, tracker, draw(scenario, 5)), strict=True):
+        np.testing.assert_array_equal(z, played.scan.z)
+    np.testing.assert_allclose(np.concatenate(truth.z), PASSING, rtol=1e-12)
+    code, printed, errors = call("track", "z.csv", "--sensor-deviation", 10, "--clutter-density", 1e-6)
+    assert code == 2 and printed == "" and len(errors.splitlines()) == 1
+    assert errors.startswith("error: z.csv, column azimuth_rad: an angle, but only positions in metres are")
+    assert "gmr_gym.radar.cartesian" in errors and not Path("track.csv").exists()
+
+
+def test_what_a_radar_recorded_is_tracked_from_python(call):
+    assert call("record", *SEEN_BY_RADAR, "--set", "detection_probability=1", "--out", "z.csv")[0] == 0
+    scenario = airborne_radar(trajectory=PASSING, platform=STILL, detection_probability=1)
+    tracker = make_tracker("imm-pda", scenario.model)
+    track = detections.track(detections.read_scans("z.csv"), lambda interval: tracker)
+    assert np.linalg.norm(track.x[:, :3] - PASSING, axis=1).max() < 4 * 0.025 * 2e4  # of a look's deviations
 
 
 def recorded(call):

@@ -15,17 +15,23 @@ from gymnasium.utils.env_checker import check_env
 import gmr_gym  # noqa: F401  registers the environments
 from baselines.mht import runnalls
 from baselines.nearest_neighbour import NearestNeighbour
+from gmr_gym.envs.render import Canvas
 from gmr_gym.envs.tracking import EXTENT, STRAYED, TrackingEnv
 from gmr_gym.mixture import mixture, moments
 from gmr_gym.montecarlo import run_once
+from gmr_gym.play import play as play_scans
 from gmr_gym.policy import Policy
 from gmr_gym.scenarios.dortenzio import turning_target
-from gmr_gym.simulate import Truth
+from gmr_gym.simulate import Truth, draw
 from gmr_gym.tracker import make_tracker
 
 IDS = sorted(env_id for env_id in gym.registry if env_id.startswith("gmr_gym/"))
-TURNING, FLIGHT, JUMP = (f"gmr_gym/{name}-v0" for name in ("TurningTarget", "RecordedFlight", "JumpMarkov"))
+TURNING, FLIGHT, JUMP, RADAR = (
+    f"gmr_gym/{name}-v0" for name in ("TurningTarget", "RecordedFlight", "JumpMarkov", "AirborneRadar")
+)
 FAR = np.array([1e6, 0.0, 0.0, 0.0])
+# m, of a target that flies past a radar which stands still, in steps of 30 m
+PASSING, STILL = [[20_000.0, 30.0 * t, 2_000.0] for t in range(8)], [[0.0, 0.0, 0.0]] * 8
 
 
 def make(env_id=TURNING, **world):
@@ -142,6 +148,7 @@ def test_without_a_seed_the_episodes_of_one_seed_follow_one_another(env_id):
         (TURNING, "runnalls-10", {"horizon": 25, "window": (400, 400)}),
         (FLIGHT, "runnalls-10", {"horizon": 25}),
         (JUMP, "mmg-5", {}),
+        (RADAR, "imm-pda", {"horizon": 25}),
     ],
 )
 def test_a_policy_in_the_environment_and_its_tracker_in_the_harness_do_the_same(env_id, name, world):
@@ -158,9 +165,9 @@ def test_a_policy_in_the_environment_and_its_tracker_in_the_harness_do_the_same(
     runs = run_once(env.scenario, tracker, 1)
     np.testing.assert_array_equal(estimates, runs.x)
     np.testing.assert_array_equal([info["truth"] for info in infos[:-1]], runs.truth)
-    error = np.linalg.norm((runs.x - runs.truth)[:, :2], axis=1)
+    error = np.linalg.norm((runs.x - runs.truth)[:, list(env.scenario.position)], axis=1)
     np.testing.assert_allclose([info["error"] for info in infos[1:]], error, rtol=1e-12)
-    np.testing.assert_allclose(rewards, -np.minimum(error, 100), rtol=1e-12)
+    np.testing.assert_allclose(rewards, -np.minimum(error, env.scenario.cutoff), rtol=1e-12)
     assert ended == (False, True)
 
 
@@ -229,9 +236,18 @@ def test_the_mode_in_info_is_a_motion_of_the_model_or_minus_one(env_id):
     modes = [info["mode"] for info in infos[:-1]]
     assert {type(mode) for mode in modes} == {int}
     # a scripted target follows none of the motions that a tracker is told
-    motions = 0 if env_id in (TURNING, FLIGHT) else len(env.scenario.model.motions)
+    motions = 0 if env_id in (TURNING, FLIGHT, RADAR) else len(env.scenario.model.motions)
     assert set(modes) <= set(range(-1, motions))
     assert "mode" not in infos[-1]
+
+
+def test_observation_of_a_radar_that_looks_seldom_stays_in_its_space():
+    env = make(RADAR, trajectory=PASSING, platform=STILL, period=10)
+    env.reset(seed=0)
+    for action in (env.action_space.high, env.action_space.low):
+        observation = env.step(action)[0]
+        assert env.observation_space.contains(observation) and observation["mask"].any()
+    assert observation["scan"].max() > 1e8  # carried one period on
 
 
 def test_prior_in_the_observation_is_the_priors_mean_and_covariance():
@@ -353,6 +369,121 @@ def test_a_trajectory_of_positions_or_of_states_is_flown(columns):
         np.testing.assert_array_equal([info["truth"][:columns] for info in infos[:-1]], rows)
 
 
+@pytest.mark.parametrize("columns", [3, 6])
+def test_a_radar_sees_a_given_trajectory_relative_to_a_given_platform(columns):
+    target, platform = np.cumsum(np.random.default_rng(columns).standard_normal((2, 9, columns)), axis=1)
+    target[:, 0] += 9_000.0
+    env = make(RADAR, trajectory=target.tolist(), platform=platform.tolist())
+    _, infos, _, _ = play(env, lambda observation: observation["prior_mean"], seed=0)
+    truth = np.array([info["truth"] for info in infos[:-1]])
+    np.testing.assert_allclose(truth[:, :columns], target - platform, rtol=1e-9, atol=1e-9)
+
+
+def test_a_drawn_target_is_another_in_every_episode_and_told_of_one_motion():
+    env = make(RADAR, trajectory="drawn", horizon=3)
+    truths = [env.reset(seed=seed)[1]["truth"] for seed in (0, 0, 1)]
+    np.testing.assert_array_equal(truths[0], truths[1])
+    assert not np.array_equal(truths[1], truths[2]) and len(env.scenario.model.motions) == 1
+
+
+def above(z):
+    """Where detections (k, 3) of a radar lie, seen from above (k, 2)."""
+    ground = z[:, 0] * np.cos(z[:, 2])
+    return np.stack([ground * np.cos(z[:, 1]), ground * np.sin(z[:, 1])], axis=1)
+
+
+def seen_truly(path):
+    """All detections of a radar that stands still, its window following the truth, and the target's own."""
+    env = make(RADAR, trajectory=path, platform=STILL, detection_probability=1.0)
+    truths = iter(env.scenario.truth(None).x)
+    observations, infos, _, _ = play(env, lambda _: next(truths), seed=0)
+    z = np.concatenate([o["scan"] for o in observations[:-1]])
+    origin = np.concatenate([info["origin"] for info in infos[:-1]])
+    return z[origin > -2], z[origin == 0]
+
+
+def test_a_radar_sees_a_target_whose_azimuth_passes_half_a_turn():
+    path = [[-20_000.0, 200.0 - 50.0 * t, 2_000.0] for t in range(8)]
+    z, mine = seen_truly(path)
+    assert len(mine) == 8 and mine[:, 1].max() > 3 and mine[:, 1].min() < -3
+    assert (np.abs(z[:, 1]) <= np.pi).all()
+    assert np.linalg.norm(above(mine) - np.array(path)[:, :2], axis=1).max() < 4 * 0.025 * 2e4
+
+
+def test_a_radar_sees_nothing_beyond_the_zenith():
+    z, _ = seen_truly([[100.0, 30.0 * t, 5_000.0] for t in range(8)])
+    assert (np.abs(z[:, 2]) <= np.pi / 2).all() and z[:, 2].max() > 1.5
+    # about half of the window lies there
+    assert 0.3 * 25 * 8 < len(z) < 0.8 * 25 * 8
+
+
+def test_clutter_of_a_radar_goes_no_further_than_once_round():
+    env = make(RADAR, trajectory=PASSING, platform=STILL, angle_deviation=0.5)
+    low, high = env.scenario.window.low, env.scenario.window.high
+    assert high[1] - low[1] == pytest.approx(2 * np.pi) and high[2] - low[2] == pytest.approx(8.0)
+
+
+def inside(axes, points):
+    low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+    return (points >= low).all(axis=1) & (points <= high).all(axis=1)
+
+
+@pytest.mark.parametrize(
+    ("bearing", "angle"), [(0.0, 0.025), (0.8, 0.025), (1.7, 0.025), (3.14, 0.025), (0.0, 0.1)]
+)
+def test_a_radars_picture_is_a_view_from_above_of_all_that_it_sees(bearing, angle):
+    c, s = np.cos(bearing), np.sin(bearing)
+    path = PASSING @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    env = make(
+        RADAR, trajectory=path, platform=STILL, angle_deviation=angle, clutter_rate=300,
+        detection_probability=1.0, render_mode="rgb_array",
+    )  # fmt: skip
+    observation, info = env.reset(seed=1)
+    picture = env.render()
+    assert picture.shape == (640, 640, 3) and picture.dtype == np.uint8
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 10
+    (axes,) = env._canvas.figure.axes
+    k = observation["mask"].sum()
+    shown, path, mine = (line.get_xydata() for line in axes.lines)
+    np.testing.assert_allclose(shown, above(observation["scan"][:k]), rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(mine, above(observation["scan"][info["origin"] == 0]), rtol=1e-9, atol=1e-6)
+    np.testing.assert_array_equal(path, info["truth"][None, :2])
+    assert inside(axes, shown).all() and inside(axes, path).all() and k > 200
+    # and hardly more: a window of eight deviations to either side, 20 km off
+    sides, across = np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1), 2 * 20_000 * np.sin(8 * angle)
+    assert 0.8 * across < sides.max() < 1.3 * across and sides.min() > 0.3 * sides.max()
+    assert axes.get_aspect() == 1 and (axes.get_xlabel(), axes.get_ylabel()) == ("x, m", "y, m")
+
+
+def test_a_radars_picture_follows_the_estimate_and_stands_an_empty_scan():
+    env = make(
+        RADAR, trajectory=PASSING, platform=STILL, clutter_rate=0, detection_probability=1e-12,
+        render_mode="rgb_array",
+    )  # fmt: skip
+    _, info = env.reset(seed=1)
+    away = info["truth"] + np.repeat([30_000.0, 0.0], [3, 6])
+    env.step(away)
+    env.render()
+    (axes,) = env._canvas.figure.axes
+    assert inside(axes, away[None, :2]).all() and not inside(axes, info["truth"][None, :2]).any()
+
+
+def test_a_radars_gates_and_hypotheses_are_drawn_as_their_shadows_on_the_plane():
+    aslant = [[15_000.0, 12_000.0 + 30.0 * t, 8_000.0] for t in range(8)]
+    scenario = make(RADAR, trajectory=aslant, platform=STILL).scenario
+    tracker = make_tracker("mmg-5", scenario.model)
+    episode, canvas = draw(scenario, 0), Canvas(scenario)
+    _, seen, report, _ = next(iter(play_scans(scenario, tracker, episode)))
+    canvas.draw(episode, seen, 0, [report.x[0]], report)
+    gates, p = report.gates, report.mixture
+    drawn = (gates.z, gates.S * gates.size), (p.m, 5.99 * p.P)
+    axes = next(axes for axes in canvas.figure.axes if axes.collections)
+    for shapes, (centres, S) in zip(axes.collections, drawn, strict=True):
+        np.testing.assert_array_equal(shapes.get_offsets(), centres[:, :2])
+        stretch = shapes.get_transforms()[:, :2, :2]  # of the unit circle
+        np.testing.assert_allclose(stretch @ stretch.transpose(0, 2, 1), S[:, :2, :2], rtol=1e-6)
+
+
 def test_without_clutter_the_scan_is_the_targets_detection_or_nothing():
     env = make(clutter_rate=0, horizon=50)
     observations, infos, _, _ = play(env, Policy(runnalls(env.scenario.model)), seed=0)
@@ -385,6 +516,21 @@ def test_without_clutter_the_scan_is_the_targets_detection_or_nothing():
         (JUMP, {"horizon": 5}, ValueError, "unknown argument 'horizon'; .*takes case, clutter_density, "),
         (JUMP, {"case": "3"}, ValueError, "case must be one of 1, 2, stress, clear, got '3'"),
         (JUMP, {"process_variance": "one"}, ValueError, "cannot make a scenario of .*process_variance"),
+        (RADAR, {"regime": "close"}, ValueError, "regime must be one of near, far, extreme, got 'close'"),
+        (RADAR, {"range_deviation": 0}, ValueError, "range_deviation must be positive and finite, got 0"),
+        (RADAR, {"angle_deviation": 0.6}, ValueError, "angle_deviation must be positive and at most 0.5 rad"),
+        (RADAR, {"angle_deviation": -0.1}, ValueError, "angle_deviation must be positive"),
+        (RADAR, {"update": "biased"}, ValueError, "update must be one of raw, debiased, .*, got 'biased'"),
+        (RADAR, {"trajectory": PASSING, "platform": PASSING}, ValueError, "keep 10 range deviations apart"),
+        (RADAR, {"trajectory": PASSING, "platform": STILL[1:]}, ValueError, "platform must have as many"),
+        (RADAR, {"trajectory": [[0, 0]] * 5}, ValueError, r"trajectory must have shape \(T, 3\) or \(T, 6\)"),
+        (RADAR, {"trajectory": "circle"}, ValueError, "trajectory must be numbers"),
+        (RADAR, {"trajectory": PASSING, "platform": [[0, 0, np.inf]] * 8}, ValueError, "platform must be fi"),
+        (RADAR, {"detection_probability": 0}, ValueError, "detection_probability must lie in"),
+        (RADAR, {"clutter_rate": -1}, ValueError, "clutter_rate must lie between 0 and"),
+        (RADAR, {"period": 0}, ValueError, "period must lie between 0.01 and 10 s, got 0"),
+        (RADAR, {"trajectory": "drawn", "horizon": 0}, ValueError, "horizon must be between 1"),
+        (RADAR, {"trajectory": PASSING, "horizon": 9}, ValueError, "horizon must be between 1 and the 8 sc"),
         (TURNING, {"render_mode": "ascii"}, ValueError, "render_mode must be one of"),
     ],
 )

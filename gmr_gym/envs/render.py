@@ -1,4 +1,5 @@
-"""Drawing, beside the environments and not inside: one canvas for render() and for `watch`."""
+"""Drawing, beside the environments and not inside: one canvas for render() and for `watch`. What a radar
+sees is drawn from above, in metres about it."""
 
 from typing import Any
 
@@ -7,6 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
+from gmr_gym.radar import Radar
 from gmr_gym.simulate import Episode, Scan, Scenario
 from gmr_gym.tracker import Report
 
@@ -51,7 +53,7 @@ class Canvas:
         if report is not None:
             self._hypotheses(axes, report)
         if estimates:
-            path = np.array(estimates)[:, list(self.scenario.position)]
+            path = np.array(estimates)[:, list(self.scenario.position[:2])]
             axes.plot(*path.T, color=ESTIMATE, lw=1.4, label="estimate")
         self._frame(axes, episode, t, estimates)
         if self._window is not None:
@@ -66,18 +68,20 @@ class Canvas:
             self._window.close(self.figure)
 
     def _scan(self, axes, episode, scan, t):
-        axes.plot(*scan.z.T, ".", color=CLUTTER, ms=4, label="detections")
+        z = self.scenario.model.sensor.placed(scan.z)[:, :2]
+        axes.plot(*z.T, ".", color=CLUTTER, ms=4, label="detections")
         seen = min(t + 1, len(episode.x))
-        axes.plot(*episode.x[:seen, list(self.scenario.position)].T, color=TRUTH, lw=1.4, label="truth")
-        mine = scan.z[scan.origin == 0]
-        axes.plot(*mine.T, "o", color=TRUTH, ms=6, mfc="none")
+        axes.plot(*episode.x[:seen, list(self.scenario.position[:2])].T, color=TRUTH, lw=1.4, label="truth")
+        axes.plot(*z[scan.origin == 0].T, "o", color=TRUTH, ms=6, mfc="none")
 
     def _hypotheses(self, axes, report):
         gates, p = report.gates, report.mixture
         if np.isfinite(gates.size):
-            outlines = _ellipses(axes, gates.z, gates.S * gates.size, edgecolors="#d0d7de", linewidths=0.8)
+            # the shadow of an ellipsoid is the ellipse of the block of its covariance
+            shapes = gates.S[:, :2, :2] * gates.size
+            outlines = _ellipses(axes, gates.z[:, :2], shapes, edgecolors="#d0d7de", linewidths=0.8)
             axes.add_collection(outlines)
-        at = list(self.scenario.position)
+        at = list(self.scenario.position[:2])
         opacity = np.clip(np.sqrt(p.w / p.w.max()), 0.04, 1)
         # 95 % of each hypothesis
         spread = p.P[:, at][:, :, at] * 5.99
@@ -85,19 +89,35 @@ class Canvas:
         axes.add_collection(_ellipses(axes, p.m[:, at], spread, edgecolors=colours, linewidths=1.2))
 
     def _frame(self, axes, episode, t, estimates):
-        low, high, follows, _ = self.scenario.window
-        if follows:
-            here = episode.x[min(t, len(episode.x) - 1)]
-            at = self.scenario.model.sensor.H @ (estimates[-1] if estimates else here)
-            low, high = at + low, at + high
+        low, high = self._view(estimates[-1] if estimates else episode.x[min(t, len(episode.x) - 1)])
         margin = 0.06 * (high - low)
         axes.set_xlim(low[0] - margin[0], high[0] + margin[0])
         axes.set_ylim(low[1] - margin[1], high[1] + margin[1])
         axes.set_aspect("equal")
+        if isinstance(self.scenario.model.sensor, Radar):
+            axes.locator_params(axis="x", nbins=4)  # labels of six figures under a narrow box would overlap
         axes.set_xlabel("x, m")
         axes.set_ylabel("y, m")
         axes.set_title(f"{self._title}  t = {(t + 1) * self.scenario.period:g} s", loc="left")
         axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
+
+    def _view(self, estimate):
+        """Lower and upper corner (2,), m, of what the window about the estimate (d,) covers."""
+        sensor = self.scenario.model.sensor
+        low, high, follows, _ = self.scenario.window
+        if follows:
+            at = sensor.observed(estimate)
+            low, high = at + low, at + high
+        if not isinstance(sensor, Radar):
+            return low, high
+        # its edges are bent: the box about a grid of its points
+        sides = np.linspace(low, high, 9).T
+        points, possible = sensor.settled(np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, len(low)))
+        placed = sensor.placed(points[possible])[:, :2]
+        low, high = placed.min(axis=0), placed.max(axis=0)
+        # one scale for both axes even where the window is a thin strip: the box is then drawn wider
+        half = np.maximum(high - low, (high - low).max() / 3) / 2
+        return (low + high) / 2 - half, (low + high) / 2 + half
 
     def _strip(self, t, count):
         del self._counts[t:]

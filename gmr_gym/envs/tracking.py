@@ -26,11 +26,11 @@ class TrackingEnv(gym.Env):
     scan 1; `step(estimate)` scores the estimate of the scan just seen and emits the next.
 
     ## Observation space
-    A flat `Dict` of float64 boxes (and one of int8), metres and seconds:
+    A flat `Dict` of float64 boxes (and one of int8), metres, radians and seconds:
 
     | key | shape | meaning |
     |---|---|---|
-    | `scan` | (capacity, p) | detections in random order, padded with zeros |
+    | `scan` | (capacity, p) | detections in random order, padded with zeros; the sensor's own coordinates |
     | `mask` | (capacity,) | 1 where a row of `scan` is a detection |
     | `time` | (1,) | time of the scan, s; the prior is at 0 |
     | `prior_mean` | (d,) | the prior the tracker starts from, one period before scan 1 |
@@ -42,7 +42,9 @@ class TrackingEnv(gym.Env):
     `Box(-1e7, 1e7, (d,), float64)`: the estimated state.
 
     ## Reward
-    Minus the position error in metres, no worse than minus the scenario's cutoff (100 m).
+    Minus the position error in metres, no worse than minus the scenario's cutoff (100 m for
+    TurningTarget, RecordedFlight and JumpMarkov, 500 m for AgileFlight, five deviations of the prior's
+    position for AirborneRadar).
 
     ## Starting state
     The prior of the scenario's model; truth, detections and clutter come from separate streams of
@@ -75,10 +77,12 @@ class TrackingEnv(gym.Env):
         self.scenario = _build(scenario, world)
         self.render_mode = render_mode
         p, d = self.scenario.model.sensor.H.shape
+        reach = 2 * EXTENT * (1 + max(1.0, self.scenario.period))
         self._capacity = int(poisson.ppf(1 - 1e-12, self.scenario.clutter_rate)) + 1
         self.observation_space = gym.spaces.Dict({
-            # wider than the action: a window may be centred on an estimate carried one period on
-            "scan": gym.spaces.Box(-4 * EXTENT, 4 * EXTENT, (self._capacity, p), np.float64),
+            # wider than the action: a window may be centred on an estimate carried one period on, and a range
+            # is up to the root of three times longer than a coordinate
+            "scan": gym.spaces.Box(-reach, reach, (self._capacity, p), np.float64),
             "mask": gym.spaces.Box(0, 1, (self._capacity,), np.int8),
             "time": gym.spaces.Box(0.0, (self.scenario.horizon + 1) * self.scenario.period, (1,), np.float64),
             "prior_mean": gym.spaces.Box(-EXTENT, EXTENT, (d,), np.float64),

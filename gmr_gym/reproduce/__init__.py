@@ -1,12 +1,14 @@
 """Published tables, run again: the paper's figures beside ours, with a verdict on each; and what a paper
 says of its curves, as numbers.
 
-A paper's module holds TABLES; `figures(table, scenario, results, rows, out)` for its plots; and, where a
-table keeps evidence, `claims(evidence by table)`.
+A paper's module holds TABLES; `figures(table, scenario, results, rows, out)` for its plots; where a table
+keeps evidence, `claims(evidence by table)`; and, for grids of settings, MAPS and `map_figures(map, rows,
+out)`.
 """
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,6 +34,26 @@ class Table:
     columns: tuple[str, ...] = COLUMNS  # the metrics shown on a screen
     evidence: Callable | None = None  # (scenario, results) -> what the paper's claims need of them
     paired: Callable | None = None  # (scenario, results) -> rows of differences from the first tracker
+
+
+@dataclass(frozen=True)
+class Map:
+    """The same trackers over a grid of settings, a cell of it as a table is, with fewer runs."""
+
+    name: str
+    title: str
+    env_id: str
+    settings: dict[str, Any]  # of the environment, everywhere
+    axes: dict[str, tuple[float, ...]]  # setting -> what it takes on
+    trackers: dict[str, dict[str, Any]]
+    share: int  # a cell has one in so many of the runs asked for
+    summarise: Callable  # (scenario, results) -> a row of figures, one row a cell
+    columns: tuple[str, ...]
+
+    def cells(self) -> dict[str, dict[str, Any]]:
+        """What the settings of each cell are, by the cell's name."""
+        named = [dict(zip(self.axes, values, strict=True)) for values in product(*self.axes.values())]
+        return {", ".join(f"{k}={v:g}" for k, v in cell.items()): self.settings | cell for cell in named}
 
 
 class Claim(NamedTuple):

@@ -12,14 +12,14 @@ from gmr_gym.metrics import truth_outside_gates
 from gmr_gym.mixture import gaussian
 from gmr_gym.model import Model, check_probability, model
 from gmr_gym.modes import staying
-from gmr_gym.radar import check_deviations, radar
+from gmr_gym.radar import WIDEST, modified_unbiased, radar, spherical
 from gmr_gym.scenarios.planar import moving_as_told, scripted, shortened
 from gmr_gym.simulate import Scenario, Truth, Window
 
 DURATION = 60.0  # s, of the legs
 SCANS = 600  # of a drawn target
 SPEED = 298.0  # m/s, of the target
-AHEAD = np.array([np.cos(0.1), -np.sin(0.1), 0.0])  # where it heads at first
+HEADING = -0.1  # rad, from x towards y, at first
 WANDERING = 2.0  # m/s^2, deviation of the acceleration of a target that flies straight, a scan
 PLATFORM = np.array([250.0, 0.0, 0.0])  # m/s, of the radar's aircraft, which flies straight
 GRAVITY = 9.80665  # m/s^2
@@ -31,7 +31,9 @@ LEGS = (
 )  # fmt: skip
 JERK_TIME = 0.5  # s, in which a load comes on
 SIGHT = 8.0  # deviations of an angle, half the window's width
-DEPTH = 500.0  # m, half the window's depth
+DEPTH = 500.0  # m, half the window's depth, or
+BENT = 4.0  # times r s^2 where that is more: by so much angles bend the range of a mean
+UNSURE = (0.0, 50.0, 10.0)  # m/s and m/s^2, deviations of the prior's velocity and acceleration
 PATIENCE = 10  # scans in a row
 
 
@@ -65,7 +67,8 @@ def airborne_radar(
     platform=None,
     horizon: int | None = None,
 ) -> Scenario:
-    """A target that flies straight, turns at 5 to 6 g, climbs and dives, seen from a moving aircraft.
+    """A target that flies straight, turns at 5 to 6 g, climbs and dives, seen from a moving aircraft; in
+    every episode elsewhere by as much as a first detection, which is all that the prior knows, may be wrong.
 
     regime: "near", "far" or "extreme", where the target starts and how sharp the radar is, unless
     range_deviation (m) and angle_deviation (rad, azimuth and elevation) are given.
@@ -86,7 +89,10 @@ def airborne_radar(
     chosen = REGIMES[regime]
     sharp = chosen.range_deviation if range_deviation is None else range_deviation
     angle = chosen.angle_deviation if angle_deviation is None else angle_deviation
-    deviations = check_deviations((sharp, angle, angle))
+    if not 0 < sharp < np.inf:
+        raise ValueError(f"range_deviation must be positive and finite, got {sharp}")
+    if not 0 < angle <= WIDEST:
+        raise ValueError(f"angle_deviation must be positive and at most {WIDEST} rad, got {angle}")
     check_probability("detection_probability", detection_probability)
     if not 0 <= clutter_rate <= 1e5:
         raise ValueError(f"clutter_rate must lie between 0 and 1e5 a scan, got {clutter_rate}")
@@ -94,7 +100,8 @@ def airborne_radar(
         raise ValueError(f"period must lie between 0.01 and 10 s, got {period}")
     drawn = isinstance(trajectory, str) and trajectory == "drawn"
     if drawn:
-        target = _straight(chosen.start, SPEED * AHEAD, horizon or SCANS, period)
+        velocity = SPEED * np.array([np.cos(HEADING), np.sin(HEADING), 0.0])
+        target = _straight(chosen.start, velocity, horizon or SCANS, period)
     elif trajectory is None:
         target = flight(np.array(chosen.start), period)
     else:
@@ -111,29 +118,37 @@ def airborne_radar(
         raise ValueError(
             f"platform and target must keep 10 range deviations apart, but come within {nearest:g} m"
         )
-    half = np.array([DEPTH, SIGHT * angle, SIGHT * angle])
+    # no further than once round, where clutter would fall twice
+    bend = float(np.linalg.norm(x[0, :3])) * angle**2
+    half = np.array([max(DEPTH, BENT * bend), min(SIGHT * angle, np.pi), SIGHT * angle])
     window = Window(-half, half, follows=True)
     density = clutter_rate / window.volume
     start = x[0].copy()
     start[:3] -= period * start[3:6]
     start[6:] = 0.0
-    cross = float(np.linalg.norm(start[:3])) * angle
-    unsure = np.repeat([max(deviations[0], cross), 50.0, 10.0], 3)
+    prior = np.diag(np.repeat(UNSURE, 3) ** 2)
+    # of the position what a detection would tell
+    prior[:3, :3] = modified_unbiased(spherical(start[None, :3]), (sharp, angle, angle)).R[0]
     motions = [with_accelerations(constant_velocity(period, WANDERING, 3))]
     if not drawn:
         motions.append(singer(period, time_constant, acceleration, 3))
     told = model(
         tuple(motions),
-        radar(deviations, 9, update),
+        radar((sharp, angle, angle), 9, update),
         detection_probability,
         gate_probability=0.999 if clutter_rate > 0 else 1.0,
         clutter_density=max(density, np.finfo(float).tiny),
-        prior=gaussian(start, np.diag(unsure**2)),
+        prior=gaussian(start, prior),
         switching=staying(stay, len(motions)),
     )  # fmt: skip
+    truth = partial(scripted, x)
+    if drawn:
+        truth = partial(_wandering, told, len(x))
+    elif trajectory is None:
+        truth = partial(_displaced, x, prior[:3, :3])
     return Scenario(
         model=told,
-        truth=partial(_wandering, told, len(x)) if drawn else partial(scripted, x),
+        truth=truth,
         sensor=told.sensor,
         detection_probability=detection_probability,
         clutter_rate=float(clutter_rate),
@@ -144,7 +159,7 @@ def airborne_radar(
         velocity=(3, 4, 5),
         off_target=partial(truth_outside_gates, told.sensor.H),
         patience=PATIENCE,
-        cutoff=5 * cross,
+        cutoff=5 * float(np.sqrt(np.trace(prior[:3, :3]))),
     )
 
 
@@ -152,29 +167,31 @@ def _wandering(told: Model, horizon: int, rng: np.random.Generator) -> Truth:
     return moving_as_told(told, np.zeros(horizon, int), rng)
 
 
+def _displaced(x: np.ndarray, P: np.ndarray, rng: np.random.Generator) -> Truth:
+    """The path x (T, 9), all of it shifted by one draw of covariance P (3, 3)."""
+    shifted = x.copy()
+    shifted[:, :3] += np.linalg.cholesky(P) @ rng.standard_normal(3)
+    return scripted(shifted, rng)
+
+
 def flight(start: np.ndarray, period: float) -> np.ndarray:
-    """States (T, 9) of the target at the scans of a minute, from its position before the first: what the
-    legs command, each load coming on and off within `JERK_TIME`, integrated in steps of a millisecond."""
+    """States (T, 9) of the target at the scans of a minute, from its position one period before the first:
+    what the legs command, each load coming on and off within `JERK_TIME`, at constant speed."""
     step = 1e-3
-    times = np.arange(0, DURATION, step)
+    times = step * np.arange(1, round(DURATION / step) + 1)
     ends = np.cumsum([seconds for seconds, _, _ in LEGS])
-    leg = np.minimum(np.searchsorted(ends, times, side="right"), len(LEGS) - 1)
-    load = np.array([[turn, pull] for _, turn, pull in LEGS])[leg] * GRAVITY
+    leg = np.minimum(np.searchsorted(ends, times, side="left"), len(LEGS) - 1)
     smooth = np.ones(int(JERK_TIME / step)) * step / JERK_TIME
-    load = np.stack([np.convolve(one, smooth)[: len(times)] for one in load.T], axis=1)
-    p, v = start.copy(), SPEED * AHEAD
-    states, every = [], round(period / step)
-    for i, (turn, pull) in enumerate(load):
-        level = np.array([-v[1], v[0], 0.0]) / max(np.hypot(v[0], v[1]), 1e-9)
-        up = np.cross(v, level) / SPEED
-        a = turn * level + pull * up
-        if (i + 1) % every == 0:
-            states.append(np.concatenate([p, v, a]))
-        # the speed is kept: the velocity turns about the axis that the load commands
-        v = v + step * a
-        v *= SPEED / np.linalg.norm(v)
-        p = p + step * v
-    return np.array(states)
+    loads = GRAVITY * np.array([load for _, *load in LEGS])[leg]
+    turn, pull = (np.convolve(load, smooth)[: len(times)] for load in loads.T)
+    climb = np.cumsum(pull) * step / SPEED
+    heading = HEADING + np.cumsum(turn / np.cos(climb)) * step / SPEED
+    v = SPEED * np.stack([np.cos(climb) * np.cos(heading), np.cos(climb) * np.sin(heading), np.sin(climb)], 1)
+    level = np.stack([-np.sin(heading), np.cos(heading), 0 * heading], 1)
+    up = np.stack([-np.sin(climb) * np.cos(heading), -np.sin(climb) * np.sin(heading), np.cos(climb)], 1)
+    states = np.hstack([start + np.cumsum(v, axis=0) * step, v, turn[:, None] * level + pull[:, None] * up])
+    scans = period * np.arange(1, int(DURATION / period + 1e-9) + 1)
+    return np.stack([np.interp(scans, times, state) for state in states.T], axis=1)
 
 
 def _straight(start, velocity: np.ndarray, scans: int, period: float) -> np.ndarray:

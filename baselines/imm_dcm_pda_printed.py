@@ -1,0 +1,96 @@
+"""IMM with debiased converted measurements and PDA, its formulas taken as they are printed: to see what they
+do, not to be used."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmr_gym.association import Gates, distances_seen, gates, volumes
+from gmr_gym.imm import mixed_ahead
+from gmr_gym.kalman import Look
+from gmr_gym.mixture import Mixture, collapsed
+from gmr_gym.model import Model, told_by
+from gmr_gym.modes import Bank
+from gmr_gym.tracker import Report, check_scan
+
+
+@dataclass(frozen=True)
+class Printed:
+    """Li's filter with the covariance of eq. 14 or PDA's, and the likelihood printed after eq. 16 or PDA's;
+    with both of PDA's it is imm-pda with update="debiased-at-prediction".
+
+    What the print leaves open: the bias and covariance of a conversion carry the index of a model and not of
+    a detection, so they are those at the model's prediction. With no detection in a model's gate the printed
+    likelihood divides by nothing: it is then 1 - P_D P_G.
+    """
+
+    model: Model
+    covariance_as_printed: bool
+    likelihood_as_printed: bool
+
+    def init(self) -> Bank:
+        _, m, P = collapsed(self.model.prior)
+        r = len(self.model.motions)
+        return Bank(self.model.mode_prior[:, None], np.repeat(m[None], r, 0), np.repeat(P[None], r, 0))
+
+    def step(self, belief: Bank, z: np.ndarray) -> tuple[Bank, Report]:
+        model = self.model
+        z = check_scan(z, len(model.sensor.H))
+        w, m, P = belief.w[:, 0], belief.m[:, 0], belief.P[:, 0]
+        moves = map(np.array, zip(*model.motions, strict=True))
+        predicted = Mixture(*mixed_ahead(w, m, P, model.switching, *moves))
+        looked = gates(predicted, model.sensor, model.gate_probability)
+        d2 = distances_seen(predicted, looked, model.sensor, z)
+        near = np.isfinite(d2)
+        if not self.likelihood_as_printed:  # models can be weighed against each other by one list alone
+            near[:] = near.any(axis=0)
+            d2 = distances_seen(predicted, looked._replace(size=np.inf), model.sensor, z)
+        look = model.sensor.look(predicted, looked.z, looked.S, z)
+        volume = volumes(Gates(look.expected, look.S, looked.size))
+        clutter = model.sensor.density(model.clutter_density, looked.z)
+        updated = [
+            self._updated(j, predicted, look, near[j], d2[j], volume[j], clutter[j]) for j in range(len(w))
+        ]
+        likelihood, m, P = (np.array(part) for part in zip(*updated, strict=True))
+        w = predicted.w * likelihood
+        w /= w.sum()
+        fused = collapsed(Mixture(w, m, P))
+        return Bank(w[:, None], m[:, None], P[:, None]), Report(fused.m, fused.P, looked, fused, modes=w)
+
+    def _updated(self, j, predicted: Mixture, look: Look, near, d2, volume: float, expected: float):
+        """Likelihood, mean and covariance of model j; `expected` is clutter's density in space where the
+        prediction is."""
+        model, S = self.model, look.S[j]
+        own = look.z[j] if len(look.z) > 1 else look.z[0]
+        innovations = (own - look.expected[j])[near]
+        missed = 1 - model.detection_probability * model.gate_probability
+        scale = np.sqrt(np.linalg.det(2 * np.pi * S))
+        # b(k) over the density of clutter, which is each detection's own in the space of the innovations
+        clutter = model.clutter_density * np.exp(-look.log_stretch[near])
+        b = scale * missed / model.detection_probability
+        e = np.exp(-0.5 * d2[near])
+        beta = e / clutter / (b + (e / clutter).sum())
+        K = np.linalg.solve(S, look.C[j]).T
+        innovation = beta @ innovations
+        mean = predicted.m[j] + K @ innovation
+        certain = K @ S @ K.T
+        if self.covariance_as_printed:
+            covariance = predicted.P[j] - certain
+        else:
+            scatter = (beta * innovations.T) @ innovations - np.outer(innovation, innovation)
+            covariance = predicted.P[j] - beta.sum() * certain + K @ scatter @ K.T
+        count = len(e)
+        likelihood = missed
+        if not self.likelihood_as_printed:
+            likelihood += model.detection_probability * (e / clutter).sum() / scale
+        elif count:
+            share = model.detection_probability * volume ** (1 - count) / count
+            likelihood = share * (expected * b + e.sum())
+        return likelihood, mean, (covariance + covariance.T) / 2
+
+
+def imm_dcm_pda_printed(
+    model: Model, covariance_as_printed: bool = True, likelihood_as_printed: bool = True
+) -> Printed:
+    """IMMDCMPDA with the formulas of the paper as printed (Li, eqs. 8-19), to see what they do."""
+    return Printed(told_by(model, "debiased-at-prediction"), covariance_as_printed, likelihood_as_printed)
