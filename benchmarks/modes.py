@@ -1,4 +1,4 @@
-"""Rows on targets that switch between motions: trackers with modes, and clutter on the ground."""
+"""Rows on targets that switch between motions: trackers with modes, a radar, and clutter on the ground."""
 
 from collections.abc import Iterator
 
@@ -14,6 +14,7 @@ from gmr_gym.dissimilarity import dissimilarity
 from gmr_gym.mixture import Mixture, matched
 from gmr_gym.play import play
 from gmr_gym.reduction import Reduced
+from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.scenarios.maybeck import agile_flight
 from gmr_gym.scenarios.zhang import MARGIN, SCANS, START, jump_markov
 from gmr_gym.simulate import Scenario, draw, scan
@@ -31,6 +32,7 @@ def mode_rows(plan: Plan) -> Iterator[Row]:
     yield from _scan_rows(plan)
     yield from _architecture_rows(plan)
     yield from _imm_rows(plan)
+    yield from _radar_rows(plan)
     yield from _clustering_rows(plan)
     yield from _ground_rows(plan)
 
@@ -132,6 +134,29 @@ def _filterpy(scenario: Scenario):
         one.H, one.R = told.sensor
         filters.append(one)
     return IMMEstimator(filters, told.mode_prior, told.switching.T)  # its rows are our columns
+
+
+def _radar_rows(plan: Plan) -> Iterator[Row]:
+    scenario = airborne_radar("far", horizon=60 if plan.quick else 300)
+    same = make_tracker("imm-pda", scenario.model, update="debiased-at-prediction")
+    in_numpy = make_tracker(
+        "imm-dcm-pda-printed", scenario.model, covariance_as_printed=False, likelihood_as_printed=False
+    )
+    given = _acquired(scenario, same, 1)
+    apart = max(np.abs(same.step(*one)[1].x - in_numpy.step(*one)[1].x).max() for one in given)
+    trackers = {name: make_tracker(name, scenario.model) for name in ("imm-dcm-pda", "imm-ekf-pda")}
+    trackers |= {"imm-pda:update=debiased-at-prediction": same, "NumPy": in_numpy}
+    watches = {
+        name: timed(lambda one, tracker=tracker: tracker.step(*one), *given, clock=plan.clock)
+        for name, tracker in trackers.items()
+    }
+    timings = interleaved(watches, len(given), rounds=1 if plan.quick else 3)
+    theirs = timings.pop("NumPy")
+    for name, ours in timings.items():
+        note = f"estimates at most {apart:.0e} m apart" if trackers[name] is same else "another update"
+        yield Row(
+            f"scan, {name}, two models, clutter 25", ours, "NumPy, debiased at the prediction", theirs, note
+        )
 
 
 def _clustering_rows(plan: Plan) -> Iterator[Row]:

@@ -121,6 +121,11 @@ def volumes(gates: Gates) -> np.ndarray:
     return unit_ball(p) * gates.size ** (p / 2) * root_determinants(gates.S)
 
 
+def crowding(gates: Gates, z: np.ndarray) -> tuple[float, float]:
+    """Volume of a gate, and how many of the points z (k, p) of the gates' space lie in it, on average."""
+    return _crowding(gates.z, gates.S, gates.size, unit_ball(gates.z.shape[1]), z)
+
+
 @lru_cache
 def unit_ball(p: int) -> float:
     """Volume of the ball of radius 1 in p dimensions."""
@@ -152,6 +157,13 @@ def expand(
         np.log(detection_probability) - np.log(clutter_density) + look.log_stretch,
     )  # fmt: skip
     return Expansion(Mixture(w, m, P), parent, detection, log_density)
+
+
+@njit(cache=True, error_model="numpy")
+def _crowding(centres, S, size, ball, z):
+    p = S.shape[1]
+    d2 = gated(centres, S, z.reshape(1, len(z), p), np.empty((0, p, p)), size)
+    return ball * size ** (p / 2) * root_determinants(S).mean(), np.isfinite(d2).sum() / len(centres)
 
 
 @njit(cache=True, error_model="numpy")

@@ -15,7 +15,7 @@ import joblib
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from gmr_gym.association import gated_distances, volumes
+from gmr_gym.association import crowding
 from gmr_gym.play import play
 from gmr_gym.simulate import Scenario, draw
 from gmr_gym.tracker import Tracker
@@ -110,8 +110,8 @@ def run_once(
         own = z[origin == 0]
         target = own[0] if len(own) else unseen
         rows.append((
-            x, report.x[0], report.P[0], len(report.mixture.w), volumes(gates).mean(),
-            np.isfinite(gated_distances(gates, tracker.model.sensor.placed(z))).sum() / len(gates.z),
+            x, report.x[0], report.P[0], len(report.mixture.w),
+            *crowding(gates, tracker.model.sensor.placed(z)),
             not report.alive or scenario.off_target(gates, x, target), report.modes, seconds,
         ))  # fmt: skip
     return _joined(np.array, rows)

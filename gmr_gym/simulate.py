@@ -127,7 +127,8 @@ def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Sc
         z += centre
         low, high = low + centre, high + centre
     z, possible = scenario.sensor.settled(z)
-    z = z[possible]
+    if not possible.all():
+        z = z[possible]
     slot = int(episode.slot[t] * (len(z) + 1))
     if scenario.region is not None:
         low, high = np.maximum(low, scenario.region.low), np.minimum(high, scenario.region.high)

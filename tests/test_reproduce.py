@@ -21,6 +21,7 @@ from gmr_gym.reproduce import (
     dortenzio,
     drawings,
     judged,
+    li,
     maybeck,
     maybeck_zhang,
     table_record,
@@ -34,9 +35,9 @@ from gmr_gym.summary import Figure
 from gmr_gym.tracker import make_tracker
 
 PAPER_MODULES = {
-    "dortenzio": dortenzio, "maybeck": maybeck, "maybeck-zhang": maybeck_zhang, "zhang": zhang
+    "dortenzio": dortenzio, "li": li, "maybeck": maybeck, "maybeck-zhang": maybeck_zhang, "zhang": zhang
 }  # fmt: skip
-PRINTED_RUNS = {"dortenzio": 1000, "maybeck": 50, "maybeck-zhang": 1000, "zhang": 1000}
+PRINTED_RUNS = {"dortenzio": 1000, "li": 300, "maybeck": 50, "maybeck-zhang": 1000, "zhang": 1000}
 TABLES = [
     pytest.param(table, id=f"{name}-{table.name}")
     for name, paper in PAPER_MODULES.items()

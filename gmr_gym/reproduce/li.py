@@ -225,22 +225,22 @@ def figures(
     """Of a regime the paper's Fig. 1, and Figs. 2-4 in one; of every table errors by time."""
     time = scenario.period * np.arange(1, scenario.horizon + 1)
     if table.name in REGIMES:
-        _trajectory(results).savefig(out / f"figure-1-{table.name}.png", dpi=120)
+        _trajectory(results, time).savefig(out / f"figure-1-{table.name}.png", dpi=120)
         two = {name: results[name] for name in (DCM, EKF)}
         _errors_by_axis(scenario, two, time).savefig(out / f"figures-2-4-{table.name}.png", dpi=120)
     _errors(scenario, results, time).savefig(out / f"errors-{table.name}.png", dpi=120)
 
 
-def _trajectory(results: Mapping[str, Runs]) -> Drawing:
-    """Of the first run, relative to the radar: from above, and height against distance."""
+def _trajectory(results: Mapping[str, Runs], time: np.ndarray) -> Drawing:
+    """Of the first run, relative to the radar: from above, and height by time."""
     drawing = Drawing(figsize=(10, 4.5), layout="constrained")
     above, side = drawing.subplots(1, 2)
     paths = {name: results[name].x[0] / 1e3 for name in (DCM, EKF)} | {"truth": results[DCM].truth[0] / 1e3}
     for (name, path), colour in zip(paths.items(), ("C0", "C1", "k"), strict=True):
         above.plot(path[:, 0], path[:, 1], colour, lw=0.9, label=name)
-        side.plot(np.hypot(path[:, 0], path[:, 1]), path[:, 2], colour, lw=0.9)
+        side.plot(time, path[:, 2], colour, lw=0.9)
     above.set(xlabel="x, km", ylabel="y, km", title="target relative to the aircraft")
-    side.set(xlabel="level distance, km", ylabel="z, km")
+    side.set(xlabel="time, s", ylabel="z, km")
     above.legend(fontsize=8)
     return drawing
 
