@@ -17,7 +17,7 @@ from gmr_gym.tracker import Report, check_limits, check_scan
 class ImmPda:
     """A Gaussian for each motion, mixed before each scan; every detection in the gate of any of them moves
     all by its probability (Blom and Bar-Shalom 1988; Zhang, IMM+PDA; Li, section 3). With one motion it is
-    PDA, without clutter IMM.
+    PDA, without clutter IMM. A prior of several Gaussians is merged at the start.
 
     Departs: Li's eq. 14 is the covariance of a certain association, his likelihoods weigh motions by gates of
     their own; this is PDA's covariance, and one list of detections for all motions.

@@ -70,17 +70,21 @@ def make_tracker(name: str, model: Model, **parameters) -> Tracker:
         raise ValueError(f"unknown tracker {name!r}{hint} (installed: {', '.join(sorted(known))})")
     factory = known[name].load()
     takes = list(inspect.signature(factory).parameters)[1:]
-    if "update" in parameters:
-        model = told_by(model, parameters.pop("update"))
+    update = parameters.pop("update", None)
+    if update is not None:
+        model = told_by(model, update)
     for parameter in parameters:
         if parameter not in takes:
             raise ValueError(
                 f"tracker {name!r} takes no parameter {parameter!r}; it takes {', '.join(takes) or 'none'}"
             )
     try:
-        return factory(model, **parameters)
+        tracker = factory(model, **parameters)
     except TypeError as error:  # text where a number belongs
         raise ValueError(f"tracker {name!r} cannot be made with {parameters}: {error}") from None
+    if update is not None and getattr(tracker.model.sensor, "update", None) != update:
+        raise ValueError(f"tracker {name!r} has an update of its own and takes no {update!r}")
+    return tracker
 
 
 def check_scan(z, p: int) -> np.ndarray:

@@ -5,6 +5,7 @@ from functools import partial
 from itertools import product
 
 import numpy as np
+from scipy.stats import chi2
 
 from gmr_gym.kalman import constant_velocity, motion, position_sensor
 from gmr_gym.metrics import truth_outside_gates
@@ -320,3 +321,64 @@ def _truth_of(told, horizon, rng):
         x = rng.multivariate_normal(told.motions[0].F @ x, told.motions[0].Q)
         states.append(x)
     return Truth(np.array(states), np.zeros(horizon, int))
+
+
+# ---- a radar, detection by detection ----
+
+
+def stretched(z, deviations):
+    """Mean (3,) of a position whose range, azimuth and elevation scatter about z with these deviations."""
+    (r, azimuth, elevation), (_, wide, high) = z, deviations
+    level = r * np.cos(elevation) * np.exp(-(high**2) / 2)
+    shrunk = np.exp(-(wide**2) / 2)
+    up = r * np.sin(elevation) * np.exp(-(high**2) / 2)
+    return np.array([level * np.cos(azimuth) * shrunk, level * np.sin(azimuth) * shrunk, up])
+
+
+def second_moment(z, deviations):
+    """E[x x'] (3, 3) of such a position."""
+    (r, b, t), (long, wide, high) = z, deviations
+    cb, sb, ct, st = (
+        np.exp(-2 * s**2) * f(2 * a) for a, s in ((b, wide), (t, high)) for f in (np.cos, np.sin)
+    )
+    halves = np.array([[(1 + cb) / 2, sb / 2], [sb / 2, (1 - cb) / 2]])  # cosine and sine of azimuth
+    out = np.empty((3, 3))
+    out[:2, :2] = (1 + ct) / 2 * halves
+    out[2, :2] = out[:2, 2] = st / 2 * np.exp(-(wide**2) / 2) * np.array([np.cos(b), np.sin(b)])
+    out[2, 2] = (1 - ct) / 2
+    return (r**2 + long**2) * out
+
+
+def debiased(z, deviations):
+    """The detection (3,) as a position less its average true bias, and the average true covariance: of what
+    is detected of a truth that itself scatters about the detection (Li, eq. 6)."""
+    deviations, none = np.array(deviations), np.zeros(3)
+    twice = np.sqrt(2) * deviations
+    bias = stretched(z, twice) - stretched(z, deviations)
+    shrunk = np.exp(-(deviations[1:] ** 2) / 2)
+    left = np.array([shrunk.prod(), shrunk.prod(), shrunk[1]])
+    scatter = second_moment(z, twice) - np.outer(left, left) * second_moment(z, deviations)
+    return stretched(z, none) - bias, scatter
+
+
+def radar_near(m, P, told, z):
+    """Which detections z (k, 3) of a radar lie in the gate of a prediction, each with its own noise."""
+    limit = chi2.ppf(told.gate_probability, 3)
+    seen = [debiased(row, told.sensor.deviations) for row in z]
+    return np.array([mahalanobis_squared(at, m[:3], P[:3, :3] + R) <= limit for at, R in seen], bool)
+
+
+def radar_pda(m, P, told, z):
+    """As `pda` with a radar's debiased detections z (k, 3): each has a noise, an innovation covariance and
+    a gain of its own, and clutter of density L per m rad^2 is of L / (r^2 cos elevation) per m^3 there."""
+    H = np.eye(3, len(m))
+    w, means, covariances = [1 - told.detection_probability * told.gate_probability], [m], [P]
+    for row in z:
+        at, R = debiased(row, told.sensor.deviations)
+        false = told.clutter_density / (row[0] ** 2 * np.cos(row[2]))
+        density = gaussian_density(at, m[:3], P[:3, :3] + R)
+        m_hit, P_hit = kalman_update(m, P, H, R, at)
+        w.append(told.detection_probability * density / false)
+        means.append(m_hit)
+        covariances.append(P_hit)
+    return moment_match(np.array(w), np.array(means), np.array(covariances))

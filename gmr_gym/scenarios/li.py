@@ -32,7 +32,7 @@ LEGS = (
 JERK_TIME = 0.5  # s, in which a load comes on
 SIGHT = 8.0  # deviations of an angle, half the window's width
 DEPTH = 500.0  # m, half the window's depth, or
-BENT = 4.0  # times r s^2 where that is more: by so much angles bend the range of a mean
+BENT = 8.0  # times r s^2 where that is more: by so much angles bend the range of a mean
 UNSURE = (0.0, 50.0, 10.0)  # m/s and m/s^2, deviations of the prior's velocity and acceleration
 PATIENCE = 10  # scans in a row
 
