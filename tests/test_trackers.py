@@ -13,12 +13,13 @@ from baselines.mht import Mht, runnalls
 from baselines.nearest_neighbour import NearestNeighbour
 from baselines.pda import Pda
 from gmr_gym import reduction
-from gmr_gym.kalman import Motion, constant_velocity, position_sensor
+from gmr_gym.kalman import Motion, position_sensor
 from gmr_gym.metrics import nees
 from gmr_gym.mixture import gaussian, mixture, moments
 from gmr_gym.model import model
 from gmr_gym.modes import leave_alone, staying
 from gmr_gym.montecarlo import run, run_once
+from gmr_gym.motions import constant_velocity
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.tracker import Report, make_tracker, trackers
 
