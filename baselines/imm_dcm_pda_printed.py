@@ -53,7 +53,7 @@ class Printed:
         ]
         likelihood, m, P = (np.array(part) for part in zip(*updated, strict=True))
         w = predicted.w * likelihood
-        w /= w.sum()
+        w = w / w.sum() if w.sum() > 0 else predicted.w  # no model has anything to say of an empty scan
         fused = collapsed(Mixture(w, m, P))
         return Bank(w[:, None], m[:, None], P[:, None]), Report(fused.m, fused.P, looked, fused, modes=w)
 
@@ -65,11 +65,12 @@ class Printed:
         innovations = (own - look.expected[j])[near]
         missed = 1 - model.detection_probability * model.gate_probability
         scale = np.sqrt(np.linalg.det(2 * np.pi * S))
-        # b(k) over the density of clutter, which is each detection's own in the space of the innovations
-        clutter = model.clutter_density * np.exp(-look.log_stretch[near])
-        b = scale * missed / model.detection_probability
         e = np.exp(-0.5 * d2[near])
-        beta = e / clutter / (b + (e / clutter).sum())
+        # b(k) and e(k) per unit of the radar's own space, where clutter is as dense everywhere
+        own_e = e * np.exp(look.log_stretch[near])
+        b = model.clutter_density * scale * missed / model.detection_probability
+        total = b + own_e.sum()
+        beta = own_e / total if total > 0 else own_e
         K = np.linalg.solve(S, look.C[j]).T
         innovation = beta @ innovations
         mean = predicted.m[j] + K @ innovation
@@ -80,12 +81,13 @@ class Printed:
             scatter = (beta * innovations.T) @ innovations - np.outer(innovation, innovation)
             covariance = predicted.P[j] - beta.sum() * certain + K @ scatter @ K.T
         count = len(e)
-        likelihood = missed
         if not self.likelihood_as_printed:
-            likelihood += model.detection_probability * (e / clutter).sum() / scale
+            likelihood = model.detection_probability * total / scale
         elif count:
             share = model.detection_probability * volume ** (1 - count) / count
-            likelihood = share * (expected * b + e.sum())
+            likelihood = share * (expected / model.clutter_density * b + e.sum())
+        else:
+            likelihood = missed
         return likelihood, mean, (covariance + covariance.T) / 2
 
 

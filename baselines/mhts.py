@@ -122,8 +122,10 @@ def equivalent_residual(predicted: Mixture, expansion: Expansion, look: Look) ->
     detection, seen = expansion.detection[hit], parent if len(look.z) > 1 else 0
     residuals = look.z[seen, detection] - look.expected[parent]
     S = look.S[parent] + (look.R[detection] if len(look.R) else 0.0)
-    r, A = moments(normalised(Mixture(np.exp(log_w - log_w.max()), residuals, S)))
-    return float(-0.5 * (r @ np.linalg.solve(A, r) + np.linalg.slogdet(2 * np.pi * A)[1]))
+    each = normalised(Mixture(np.exp(log_w - log_w.max()), residuals, S))
+    r, A = moments(each)
+    stretch = each.w @ look.log_stretch[detection]
+    return float(stretch - 0.5 * (r @ np.linalg.solve(A, r) + np.linalg.slogdet(2 * np.pi * A)[1]))
 
 
 def weighed(w: np.ndarray, each) -> Mixture:

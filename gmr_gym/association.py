@@ -8,7 +8,7 @@ from numba import njit
 from scipy.special import gamma
 from scipy.stats import chi2
 
-from gmr_gym.kalman import posterior_into, predict
+from gmr_gym.kalman import Sensing, posterior_into, predict
 from gmr_gym.mixture import (
     Mixture,
     cholesky_into,
@@ -19,7 +19,6 @@ from gmr_gym.mixture import (
     take,
 )
 from gmr_gym.model import Model
-from gmr_gym.radar import AnySensor
 
 
 class Gates(NamedTuple):
@@ -36,7 +35,8 @@ class Expansion(NamedTuple):
     mixture: Mixture  # N hypotheses, weights sum to 1
     parent: np.ndarray  # (N,), index of the predicted component
     detection: np.ndarray  # (N,), index of the detection it takes for the target's, -1 for a miss
-    log_density: np.ndarray  # (N,), log N(z; H m, S) of that detection, infinite for a miss
+    # (N,), log N(z; H m, S) of that detection per unit of the sensor's own space, infinite for a miss
+    log_density: np.ndarray
 
 
 @lru_cache
@@ -45,7 +45,7 @@ def gate_size(probability: float, p: int) -> float:
     return float(chi2.ppf(probability, p))
 
 
-def gates(predicted: Mixture, sensor: AnySensor, probability: float) -> Gates:
+def gates(predicted: Mixture, sensor: Sensing, probability: float) -> Gates:
     """Gates about every predicted component that hold its detection with `probability`."""
     z, S = sensor.gates(predicted)
     return Gates(z, S, gate_size(probability, z.shape[1]))
@@ -91,7 +91,7 @@ def look_together(
     return own._replace(size=np.inf), z[near], looked, alive
 
 
-def distances_seen(predicted: Mixture, gates: Gates, sensor: AnySensor, z: np.ndarray) -> np.ndarray:
+def distances_seen(predicted: Mixture, gates: Gates, sensor: Sensing, z: np.ndarray) -> np.ndarray:
     """Squared Mahalanobis distances (n, k) of the detections z (k, p), as the sensor's update has them, from
     what each component expects; infinite beyond the gates' size."""
     expected, S, _, seen, R, _ = sensor.look(predicted, gates.z, gates.S, z)
@@ -135,7 +135,7 @@ def unit_ball(p: int) -> float:
 def expand(
     predicted: Mixture,
     gates: Gates,
-    sensor: AnySensor,
+    sensor: Sensing,
     z: np.ndarray,
     detection_probability: float,
     gate_probability: float,
@@ -154,7 +154,7 @@ def expand(
     w, m, P, parent, detection, log_density = expand_into_hypotheses(
         *predicted, look.expected, look.S, look.C, look.z, look.R, gates.size,
         np.log(miss) if miss > 0 else -np.inf,
-        np.log(detection_probability) - np.log(clutter_density) + look.log_stretch,
+        np.log(detection_probability) - np.log(clutter_density), look.log_stretch,
     )  # fmt: skip
     return Expansion(Mixture(w, m, P), parent, detection, log_density)
 
@@ -195,7 +195,7 @@ def gated(expected, S, z, R, size):
 
 
 @njit(cache=True, error_model="numpy")
-def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_detect):
+def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_detect, log_stretch):
     n, d = m.shape
     seen, k, p = z.shape
     d2 = gated(expected, S, z, R, size)
@@ -233,8 +233,8 @@ def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_de
                     posterior_into(P_hit, K, W, L, P[i], C[i])
                     log_peak = log_gaussian_scale(L)
                     conditioned = len(R) == 0  # else the next detection has a noise of its own
-                log_w[at] = np.log(w[i]) + log_detect[j] + log_peak - 0.5 * d2[i, j]
-                log_density[at] = log_peak - 0.5 * d2[i, j]
+                log_density[at] = log_peak - 0.5 * d2[i, j] + log_stretch[j]
+                log_w[at] = np.log(w[i]) + log_detect + log_density[at]
                 for r in range(d):
                     m_out[at, r] = m[i, r]
                     for c in range(p):

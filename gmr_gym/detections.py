@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.kalman import constant_velocity, position_sensor
+from gmr_gym.kalman import position_sensor
 from gmr_gym.mixture import Mixture, gaussian, mixture, moments
 from gmr_gym.model import Model, model
+from gmr_gym.motions import constant_velocity
 from gmr_gym.tracker import Tracker, check_scan
 
 RESOLUTION = 9  # decimals of a second to which intervals are told apart

@@ -46,7 +46,7 @@ def associated(
         if len(R):
             R_near[at] = R[listed[at]]
     w, m, P, parent, _, _ = expand_into_hypotheses(
-        w, m, P, expected, S, C, z_near, R_near, np.inf, log_miss, log_detect + log_stretch[listed]
+        w, m, P, expected, S, C, z_near, R_near, np.inf, log_miss, log_detect, log_stretch[listed]
     )
     w, m, P = match(w, m, P, parent, n)
     _, mean, covariance = match(w, m, P, np.zeros(n, np.int64), 1)

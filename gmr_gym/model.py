@@ -4,17 +4,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.kalman import Motion
+from gmr_gym.kalman import Motion, Sensing
 from gmr_gym.mixture import Mixture
 from gmr_gym.modes import check_switching
-from gmr_gym.radar import AnySensor, Radar, radar
+from gmr_gym.radar import Radar, radar
 
 
 class Model(NamedTuple):
     """All that a tracker may know before the first scan; `model` checks one."""
 
     motions: tuple[Motion, ...]  # the modes the target may move in; one for most scenarios
-    sensor: AnySensor
+    sensor: Sensing
     detection_probability: float  # P_D
     gate_probability: float  # P_G
     clutter_density: float  # expected false detections per unit volume of the sensor's space
@@ -35,7 +35,7 @@ class Model(NamedTuple):
 
 def model(
     motions: tuple[Motion, ...] | Motion,
-    sensor: AnySensor,
+    sensor: Sensing,
     detection_probability: float,
     gate_probability: float,
     clutter_density: float,

@@ -107,11 +107,11 @@ def run_once(
     unseen = np.full(len(scenario.sensor.R), np.nan)
     for t, (z, origin), report, seconds in islice(play(scenario, tracker, episode), scans):
         gates, x = report.gates, episode.x[t]
-        own = z[origin == 0]
+        placed = tracker.model.sensor.placed(z)
+        own = placed[origin == 0]
         target = own[0] if len(own) else unseen
         rows.append((
-            x, report.x[0], report.P[0], len(report.mixture.w),
-            *crowding(gates, tracker.model.sensor.placed(z)),
+            x, report.x[0], report.P[0], len(report.mixture.w), *crowding(gates, placed),
             not report.alive or scenario.off_target(gates, x, target), report.modes, seconds,
         ))  # fmt: skip
     return _joined(np.array, rows)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym import spherical as kernels
-from gmr_gym.kalman import Look, Sensor
+from gmr_gym.kalman import Look
 from gmr_gym.mixture import Mixture
 
 CONVERSIONS = ("raw", "debiased", "unbiased", "modified-unbiased", "decorrelated", "debiased-at-prediction")
@@ -25,7 +25,9 @@ WIDEST = 0.5  # rad: with a wider angle the Gaussian has weight on the far side 
 class Radar(NamedTuple):
     """A radar as a tracker's sensor, of states whose first three are a position; `radar` checks one.
 
-    Its gates stand in space, whatever the update looks at. Clutter is told per m rad^2."""
+    Its gates stand in space and are the same for all updates: a yardstick by which tracks are called lost.
+    Where detections are looked for is what `look` says, for some updates in range and angles. Clutter is
+    told per m rad^2."""
 
     deviations: np.ndarray  # (3,): m, rad, rad
     update: str  # one of UPDATES: how a detection moves a Gaussian
@@ -71,12 +73,10 @@ class Radar(NamedTuple):
 
     def look(self, p: Mixture, expected: np.ndarray, S: np.ndarray, z: np.ndarray) -> Look:
         """The scan z (k, 3) as the components of p see it by this update. Raises ValueError for a range that
-        is not positive or an elevation beyond a right angle."""
+        is not positive, an elevation beyond a right angle and a component at the radar itself, where there
+        is no direction."""
         which = UPDATES.index(self.update)
         return Look(*kernels.look_of(which, p.m, p.P, check_detections(z), self.deviations))
-
-
-AnySensor = Sensor | Radar
 
 
 def radar(deviations, states: int = 6, update: str = "debiased") -> Radar:

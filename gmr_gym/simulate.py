@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.association import Gates
+from gmr_gym.kalman import Sensing
 from gmr_gym.model import Model
-from gmr_gym.radar import AnySensor
 
 Loss = Callable[[Gates, np.ndarray, np.ndarray], bool]
 CELL = 500.0  # m, side of the squares in which clutter on the ground is drawn
@@ -48,7 +48,7 @@ class Scenario:
 
     model: Model
     truth: Callable[[np.random.Generator], Truth]
-    sensor: AnySensor  # the world's own; model.sensor is what the tracker believes
+    sensor: Sensing  # the world's own; model.sensor is what the tracker believes
     detection_probability: float
     clutter_rate: float  # expected false detections in the window, a scan
     window: Window

@@ -219,8 +219,11 @@ def look_of(update, m, P, z, noise):
     at, P_at = np.ascontiguousarray(m[:, :3]), np.ascontiguousarray(P[:, :3, :3])
     C = np.ascontiguousarray(P[:, :3])
     R, points = np.empty((0, 3, 3)), np.empty((1, k, 3))
+    place = spherical_of(at)
+    if update >= DECORRELATED and not (place[:, 0] > 0).all():
+        raise ValueError("a predicted position is that of the radar itself, where there is no direction")
     if update >= EXTENDED:
-        expected = spherical_of(at)
+        expected = place
         C, S = _linearised(expected, C) if update == EXTENDED else _by_points(expected, m, P, C, update)
         points = np.empty((n, k, 3))
         for i in range(n):
@@ -230,24 +233,28 @@ def look_of(update, m, P, z, noise):
             for j in range(k):
                 points[i, j, 1] = expected[i, 1] + wrapped_angle(z[j, 1] - expected[i, 1])
         return expected, S, C, points, R, np.zeros(k)
-    S = P_at
+    S, D, scale = P_at, shrinking_of(noise), np.ones(3)
     if update == RAW:
         points[0], R = raw_of(z, noise)
     elif update == DEBIASED:
         points[0], R = debiased_of(z, noise)
+        scale = 1 + D - D**2
     elif update == UNBIASED:
         points[0], R = unbiased_of(z, noise)
+        scale = 1 / D
     elif update == MODIFIED_UNBIASED:
         points[0], R = modified_unbiased_of(z, noise)
+        scale = D
     else:
-        place = spherical_of(at)
         spread = _spread_of(place, P_at)
         if update == DECORRELATED:
             points[0], scatter = decorrelated_of(z, noise, place, spread)
+            scale = 1 / D
         else:
             points, scatter = debiased_at_of(z, noise, place, spread)
         S = P_at + scatter
-    return at, S, C, points, R, log_stretch_of(z)
+    # what a conversion stretches, its clutter fills
+    return at, S, C, points, R, log_stretch_of(z) + np.log(scale).sum()
 
 
 @njit(cache=True, error_model="numpy")

@@ -22,7 +22,7 @@ class Report(NamedTuple):
 
     x: np.ndarray  # (j, d), estimates: one for a single-target tracker
     P: np.ndarray  # (j, d, d), the covariances it claims for them
-    gates: Gates  # where it looked for the target's detection
+    gates: Gates  # where it looked for the target's detection; of a radar, a yardstick in space
     mixture: Mixture  # the hypotheses it kept
     alive: bool = True  # False when it has given the target up, and only coasts
     modes: np.ndarray = SURE  # (r,), probability of each of the model's motions

@@ -7,10 +7,11 @@ from itertools import product
 import numpy as np
 from scipy.stats import chi2
 
-from gmr_gym.kalman import constant_velocity, motion, position_sensor
+from gmr_gym.kalman import motion, position_sensor
 from gmr_gym.metrics import truth_outside_gates
 from gmr_gym.mixture import gaussian, mixture
 from gmr_gym.model import model
+from gmr_gym.motions import constant_velocity
 from gmr_gym.simulate import Scenario, Truth, Window
 
 
@@ -370,12 +371,21 @@ def radar_near(m, P, told, z):
 
 def radar_pda(m, P, told, z):
     """As `pda` with a radar's debiased detections z (k, 3): each has a noise, an innovation covariance and
-    a gain of its own, and clutter of density L per m rad^2 is of L / (r^2 cos elevation) per m^3 there."""
+    a gain of its own, and clutter of density L per m rad^2 is that over the volume a unit of it is
+    debiased into."""
     H = np.eye(3, len(m))
     w, means, covariances = [1 - told.detection_probability * told.gate_probability], [m], [P]
     for row in z:
         at, R = debiased(row, told.sensor.deviations)
-        false = told.clutter_density / (row[0] ** 2 * np.cos(row[2]))
+        J = [
+            (
+                debiased(row + step, told.sensor.deviations)[0]
+                - debiased(row - step, told.sensor.deviations)[0]
+            )
+            / 2
+            for step in np.diag([1.0, 1e-4, 1e-4])
+        ]
+        false = told.clutter_density * 1e-8 / abs(np.linalg.det(J))
         density = gaussian_density(at, m[:3], P[:3, :3] + R)
         m_hit, P_hit = kalman_update(m, P, H, R, at)
         w.append(told.detection_probability * density / false)

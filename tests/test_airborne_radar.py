@@ -27,18 +27,24 @@ world = cache(airborne_radar)
 
 
 def shift(scenario, x):
-    """By how much (3,) an episode's target is elsewhere than expected."""
+    """By how much (6,) an episode's target is elsewhere than expected before the first scan, and drifts."""
     start = scenario.model.prior.m[0]
-    return x[0, :3] - start[:3] - scenario.period * start[3:6]
+    return np.append(x[0, :3] - scenario.period * x[0, 3:6], x[0, 3:6]) - start[:6]
+
+
+def unshifted(scenario, x):
+    """The states without that."""
+    off, x = shift(scenario, x), x.copy()
+    x[:, :3] -= off[:3] + scenario.period * np.arange(1, len(x) + 1)[:, None] * off[3:]
+    x[:, 3:6] -= off[3:]
+    return x
 
 
 @cache
 def flown(regime="far", **parameters):
     """States (T, 9) of the target, relative to the radar, where it is expected to be."""
     scenario = world(regime, **parameters)
-    x = draw(scenario, 0).x
-    x[:, :3] -= shift(scenario, x)
-    return x
+    return unshifted(scenario, draw(scenario, 0).x)
 
 
 def angles(x):
@@ -140,15 +146,14 @@ def test_every_episode_flies_elsewhere_by_as_much_as_the_prior_allows(regime):
     scenario, runs = world(regime), 2000
     flights = np.array([scenario.truth(np.random.default_rng(seed)).x for seed in range(runs)])
     shifts = np.array([shift(scenario, x) for x in flights])
-    # the whole path, and nothing but its place
-    moved = flights[:10].copy()
-    moved[:, :, :3] -= shifts[:10, None]
-    np.testing.assert_allclose(moved, np.tile(flown(regime), (10, 1, 1)), rtol=1e-9, atol=1e-6)
-    scaled = np.linalg.solve(np.linalg.cholesky(scenario.model.prior.P[0, :3, :3]), shifts.T)
+    # the whole path, and nothing but its place and drift
+    still = [unshifted(scenario, x) for x in flights[:10]]
+    np.testing.assert_allclose(still, np.tile(flown(regime), (10, 1, 1)), rtol=1e-9, atol=1e-6)
+    scaled = np.linalg.solve(np.linalg.cholesky(scenario.model.prior.P[0, :6, :6]), shifts.T)
     for axis in scaled:
         assert kstest(axis, "norm").pvalue > 0.01
     assert np.abs(scaled.mean(axis=1)).max() < 4 / np.sqrt(runs)
-    assert np.abs(np.cov(scaled) - np.eye(3)).max() < 4 * np.sqrt(2 / runs)
+    assert np.abs(np.cov(scaled) - np.eye(6)).max() < 4 * np.sqrt(2 / runs)
 
 
 # ---- what is detected ----
@@ -211,10 +216,13 @@ def test_the_window_is_eight_deviations_of_an_angle_either_way_and_half_a_kilome
 
 
 def test_a_target_outside_the_window_of_the_estimate_is_not_detected():
-    scenario = world("near", clutter_rate=0.0, detection_probability=1.0)
+    # so little clutter that there is none
+    scenario = world("near", clutter_rate=1e-9, detection_probability=1.0)
     episode = draw(scenario, 0)
+    clear = world("near", clutter_rate=0.0, detection_probability=1.0)
     for t in range(0, 600, 60):
         at = episode.z[t]
+        assert len(scan(clear, draw(clear, 0), t, at + 5000.0).z) == 1  # which could betray nothing
         for off, seen in (([499.0, 0, 0], 1), ([501.0, 0, 0], 0), ([0, 0.017, 0], 0), ([0, 0, -0.015], 1)):
             assert len(scan(scenario, episode, t, at + off).z) == seen
 

@@ -403,7 +403,7 @@ def test_without_clutter_imm_mht_and_imm_pda_are_the_imm():
         for (a, x), (b, y) in zip(imm, others, strict=True):
             # 2.5e5 m are rounded at 6e-11 m
             np.testing.assert_allclose(x.x, y.x, rtol=0, atol=1e-8)
-            np.testing.assert_allclose(x.P, y.P, rtol=1e-8)
+            np.testing.assert_allclose(x.P, y.P, rtol=1e-8, atol=1e-9)
             np.testing.assert_allclose(a.w, b.w, rtol=1e-8, atol=1e-15)
             assert b.w.shape == (5, 1)
 

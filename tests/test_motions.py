@@ -11,16 +11,15 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 
 from gmr_gym.imm import mixed_ahead
-from gmr_gym.kalman import (
+from gmr_gym.kalman import motion, predict
+from gmr_gym.mixture import Mixture
+from gmr_gym.motions import (
     constant_acceleration,
     constant_velocity,
     coordinated_turn,
-    motion,
-    predict,
     singer,
     with_accelerations,
 )
-from gmr_gym.mixture import Mixture
 
 # period over time constant, on both sides of every change of formula
 RATIOS = [1e-8, 1e-6, 1e-4, 1e-2, 0.1, 0.5, 0.999, 1.0, 1.001, 2.0, 5.0, 7.999, 8.0, 8.001, 12.0, 25.0, 50.0]

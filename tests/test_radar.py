@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 from baselines.pda import Pda
 from gmr_gym import radar
 from gmr_gym import spherical as kernels
-from gmr_gym.kalman import constant_velocity, position_sensor
+from gmr_gym.association import expand, gates
+from gmr_gym.kalman import position_sensor
 from gmr_gym.mixture import Mixture, gaussian
 from gmr_gym.model import model
+from gmr_gym.motions import constant_velocity
 
 DRAWS = 1_000_000
 # range, azimuth, elevation, and deviations of the noise: near and sharp, far, extreme, steep and behind
@@ -61,7 +63,8 @@ def test_unbiased_is_so_given_the_truth_with_the_mean_square_error_given_the_det
     noise = np.array(deviations)
     # of draws beyond the zenith too, which no radar would report so
     found, _ = kernels.unbiased_of(drawn(z, deviations, 3), noise)
-    assert_moments(found - radar.cartesian(np.array(z)), 0.0, np.cov(found.T, bias=True))
+    off = found - radar.cartesian(np.array(z))
+    assert (np.abs(off.mean(axis=0)) < 4 * off.std(axis=0) / np.sqrt(DRAWS)).all()
     converted = radar.unbiased(np.array([z]), noise)
     error = radar.cartesian(drawn(z, deviations, 4)) - converted.z[0]
     squares = error[:, :, None] * error[:, None]
@@ -194,6 +197,87 @@ def test_points_find_the_moments_that_sampling_finds():
         joint = ((z - z.mean(axis=0))[:, :, None] * (x - m)[:, None]).mean(axis=0)
         scale = np.outer(spread, np.sqrt(np.diag(P)))
         np.testing.assert_allclose(look.C[0] / scale, joint / scale, atol=0.03)
+
+
+def test_unscented_covariances_are_sums_over_seven_points_weighed_a_quarter_and_eighths():
+    m, P = np.array([8_000.0, 3_000.0, 2_000.0]), np.diag([900.0, 500.0, 700.0]) ** 2 + 1e5
+    L = 2.0 * np.linalg.cholesky(P)
+    points = radar.spherical(np.vstack([m, m + L.T, m - L.T]))
+    weights = np.array([2, 1, 1, 1, 1, 1, 1]) / 8
+    mean = weights @ points
+    told = radar.radar([20.0, 0.01, 0.01], 3, "unscented")
+    p = Mixture(np.ones(1), m[None], P[None])
+    look = told.look(p, *told.gates(p), mean[None])
+    np.testing.assert_allclose(look.expected[0], mean, rtol=1e-12)
+    scatter = (weights[:, None] * (points - mean)).T @ (points - mean)
+    np.testing.assert_allclose(look.S[0] - told.R, scatter, rtol=1e-9, atol=1e-12)
+
+
+@each
+def test_gates_hold_positions_of_detections_about_predicted_truths(z, deviations):
+    place = radar.cartesian(np.array(z))
+    P = np.diag([30.0, 40.0, 20.0]) ** 2
+    told = radar.radar(deviations, 3)
+    (at,), (S,) = told.gates(Mixture(np.ones(1), place[None], P[None]))
+    np.testing.assert_allclose(at, place)
+    found = kernels.cartesian_of(drawn(z, deviations, 9))
+    found += np.random.default_rng(10).standard_normal((DRAWS, 3)) * [30.0, 40.0, 20.0]
+    error = found - found.mean(axis=0)
+    assert_moments(error, 0.0, S)
+
+
+@pytest.mark.parametrize("update", ["decorrelated", "debiased-at-prediction"])
+def test_what_is_predicted_spreads_in_range_and_angles_as_its_covariance_says(update):
+    """The covariance at the prediction, by the draws of a truth and of a detection of each."""
+    noise = np.array([20.0, 0.03, 0.02])
+    m, P = np.array([30_000.0, 9_000.0, 4_000.0]), np.diag([300.0, 900.0, 800.0]) ** 2
+    told, p = radar.radar(noise, 3, update), Mixture(np.ones(1), m[None], P[None])
+    truth = np.random.default_rng(11).multivariate_normal(m, P, DRAWS)
+    found = drawn(radar.spherical(truth), noise, 12)
+    look = told.look(p, *told.gates(p), radar.spherical(m[None]))
+    D = np.array([np.exp(-(noise[1] ** 2 + noise[2] ** 2) / 2)] * 2 + [np.exp(-(noise[2] ** 2) / 2)])
+    shrunk = radar.cartesian(found) - D * truth
+    R = np.cov(shrunk.T, bias=True) / (np.outer(D, D) if update == "decorrelated" else 1.0)
+    scale = np.sqrt(np.diag(R))
+    # 1 % for the draws; the spread of the prediction is taken to first order
+    unit = np.outer(scale, scale)
+    np.testing.assert_allclose((look.S[0] - P) / unit, R / unit, atol=0.01)
+
+
+def test_near_by_all_updates_weigh_and_measure_the_detections_alike():
+    """Densities are per unit of range, azimuth and elevation, whatever space an update works in."""
+    m = np.array([11_000.0, 4_000.0, 1_500.0])
+    p = Mixture(np.ones(1), m[None], np.diag([40.0, 40.0, 40.0])[None] ** 2)
+    z = radar.spherical(m) + np.array([[0.0, 0.0, 0.0], [15.0, 0.002, 0.001], [-30.0, -0.003, 0.002]])
+    weights, densities = [], []
+    for update in radar.UPDATES:
+        told = radar.radar([20.0, 0.002, 0.002], 3, update)
+        posterior = expand(p, gates(p, told, 1.0), told, z, 0.9, 0.999, 1e-3)
+        weights.append(posterior.mixture.w)
+        densities.append(posterior.log_density[1:])
+    np.testing.assert_allclose(weights, np.tile(weights[0], (9, 1)), rtol=0.02)
+    np.testing.assert_allclose(densities, np.tile(densities[0], (9, 1)), atol=0.02)
+
+
+@pytest.mark.parametrize("update", radar.UPDATES[4:])
+def test_a_prediction_at_the_radar_itself_is_refused(update):
+    told, p = radar.radar([20.0, 0.01, 0.01], 3, update), gaussian(np.zeros(3), 1e8 * np.eye(3))
+    with pytest.raises(ValueError, match="predicted position is that of the radar itself"):
+        told.look(p, *told.gates(p), np.array([[1000.0, 0.0, 0.0]]))
+
+
+def test_clutter_fills_what_a_conversion_stretches():
+    z, noise = np.array([[30_000.0, 0.4, -0.6]]), np.array([20.0, 0.3, 0.3])
+    p = gaussian(radar.cartesian(z)[0], 1e6 * np.eye(3))
+    for update in radar.CONVERSIONS[:5]:
+        told = radar.radar(noise, 3, update)
+        moved = [
+            told.look(p, *told.gates(p), z + step * np.eye(3)[i]).z[0, 0]
+            for i, step in enumerate((1e-2, 1e-6, 1e-6)) for step in (step, -step)
+        ]  # fmt: skip
+        J = (np.array(moved[::2]) - moved[1::2]) / np.array([2e-2, 2e-6, 2e-6])[:, None]
+        look = told.look(p, *told.gates(p), z)
+        assert look.log_stretch[0] == pytest.approx(np.log(abs(np.linalg.det(J))), abs=1e-4)
 
 
 def test_clutter_uniform_in_what_the_radar_says_thins_with_the_volume_in_space():

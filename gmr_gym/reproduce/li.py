@@ -65,7 +65,8 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str
     """One row per tracker: share of runs lost; root mean square errors (m) of the position and by axis, over
     all scans, `_own` over the runs the tracker kept and `_common` over those that no tracker of the table
     lost; and over the runs it kept mean error along the line of sight (m), normalised error squared of the
-    position by the dimension, 1 for a credible tracker, and gate volume (m^3); time a scan (s)."""
+    position by the dimension, 1 for a credible tracker, and volume (m^3) of the gates by which tracks are
+    called lost, the same for every update; time a scan (s)."""
     every = {name: tracked(scenario, runs) for name, runs in results.items()}
     common = np.logical_and.reduce([one.kept for one in every.values()])
     rows = {}
@@ -180,9 +181,9 @@ TABLES = (
     _regime("extreme", "145-147 km, 5 m, 40 mrad"),
     Table(
         name="printed",
-        title="the first 30 s of far, the formulas as they are printed",
+        title="the first 20 s of far, the formulas as they are printed",
         env_id="gmr_gym/AirborneRadar-v0",
-        settings={"regime": "far", "horizon": 300},
+        settings={"regime": "far", "horizon": 200},
         trackers={
             "imm-pda:update=debiased-at-prediction": {},
             f"{PRINTED}:likelihood_as_printed=False": {},

@@ -3,7 +3,7 @@ section 4: one turning target, a fixed field of view, a filter that is told a li
 
 import numpy as np
 
-from gmr_gym.kalman import constant_velocity
+from gmr_gym.motions import constant_velocity
 from gmr_gym.scenarios.planar import along, bounding_box, fixed_box, following_box, path, shortened
 from gmr_gym.simulate import Scenario
 

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.kalman import constant_velocity, singer, with_accelerations
 from gmr_gym.metrics import truth_outside_gates
 from gmr_gym.mixture import gaussian
 from gmr_gym.model import Model, check_probability, model
 from gmr_gym.modes import staying
+from gmr_gym.motions import constant_velocity, singer, with_accelerations
 from gmr_gym.radar import WIDEST, modified_unbiased, radar, spherical
 from gmr_gym.scenarios.planar import moving_as_told, scripted, shortened
 from gmr_gym.simulate import Scenario, Truth, Window
@@ -33,7 +33,7 @@ JERK_TIME = 0.5  # s, in which a load comes on
 SIGHT = 8.0  # deviations of an angle, half the window's width
 DEPTH = 500.0  # m, half the window's depth, or
 BENT = 8.0  # times r s^2 where that is more: by so much angles bend the range of a mean
-UNSURE = (0.0, 50.0, 10.0)  # m/s and m/s^2, deviations of the prior's velocity and acceleration
+UNSURE = (0.0, 20.0, 10.0)  # m/s and m/s^2, deviations of the prior's velocity and acceleration
 PATIENCE = 10  # scans in a row
 
 
@@ -68,7 +68,8 @@ def airborne_radar(
     horizon: int | None = None,
 ) -> Scenario:
     """A target that flies straight, turns at 5 to 6 g, climbs and dives, seen from a moving aircraft; in
-    every episode elsewhere by as much as a first detection, which is all that the prior knows, may be wrong.
+    every episode elsewhere, and drifting, by one draw of what the prior does not know: of the position what
+    one detection would leave open, of the velocity 20 m/s on each axis.
 
     regime: "near", "far" or "extreme", where the target starts and how sharp the radar is, unless
     range_deviation (m) and angle_deviation (rad, azimuth and elevation) are given.
@@ -121,7 +122,8 @@ def airborne_radar(
     # no further than once round, where clutter would fall twice
     bend = float(np.linalg.norm(x[0, :3])) * angle**2
     half = np.array([max(DEPTH, BENT * bend), min(SIGHT * angle, np.pi), SIGHT * angle])
-    window = Window(-half, half, follows=True)
+    # no clutter, nothing that a lone point outside could betray
+    window = Window(-half, half, follows=True, ends_sight=clutter_rate > 0)
     density = clutter_rate / window.volume
     start = x[0].copy()
     start[:3] -= period * start[3:6]
@@ -145,7 +147,7 @@ def airborne_radar(
     if drawn:
         truth = partial(_wandering, told, len(x))
     elif trajectory is None:
-        truth = partial(_displaced, x, prior[:3, :3])
+        truth = partial(_displaced, x, period, prior[:6, :6])
     return Scenario(
         model=told,
         truth=truth,
@@ -167,11 +169,15 @@ def _wandering(told: Model, horizon: int, rng: np.random.Generator) -> Truth:
     return moving_as_told(told, np.zeros(horizon, int), rng)
 
 
-def _displaced(x: np.ndarray, P: np.ndarray, rng: np.random.Generator) -> Truth:
-    """The path x (T, 9), all of it shifted by one draw of covariance P (3, 3)."""
-    shifted = x.copy()
-    shifted[:, :3] += np.linalg.cholesky(P) @ rng.standard_normal(3)
-    return scripted(shifted, rng)
+def _displaced(x: np.ndarray, period: float, P: np.ndarray, rng: np.random.Generator) -> Truth:
+    """The path x (T, 9), its first position and all of its velocities off by one draw of covariance P (6, 6),
+    one period before the first scan."""
+    off = np.linalg.cholesky(P) @ rng.standard_normal(6)
+    time = period * np.arange(1, len(x) + 1)[:, None]
+    displaced = x.copy()
+    displaced[:, :3] += off[:3] + time * off[3:]
+    displaced[:, 3:6] += off[3:]
+    return scripted(displaced, rng)
 
 
 def flight(start: np.ndarray, period: float) -> np.ndarray:
