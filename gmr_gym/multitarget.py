@@ -1,0 +1,126 @@
+"""Many targets: what a tracker of them is told, what it says, and the intensity of clutter.
+
+An intensity is a density whose integral is an expected number; its weights are never normalised.
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from gmr_gym.association import unit_ball
+from gmr_gym.kalman import Motion, Sensor
+from gmr_gym.mixture import Mixture, check_covariance, log_density
+from gmr_gym.model import check_probability
+
+
+class Clutter(NamedTuple):
+    """Intensity of false detections in a scan, over a box: uniform, Gaussian and elliptic parts."""
+
+    low: np.ndarray  # (p,), m
+    high: np.ndarray  # (p,), m
+    uniform: float  # expected number, uniform in the box
+    gaussians: Mixture  # weights are expected numbers; may hold none, shapes (0,), (0, p), (0, p, p)
+    ellipses: Mixture  # likewise, each uniform where (z - m)' P^-1 (z - m) <= 1
+
+    @property
+    def expected(self) -> float:
+        """Number of false detections in a scan."""
+        return float(self.uniform + self.gaussians.w.sum() + self.ellipses.w.sum())
+
+    def density(self, z: np.ndarray) -> np.ndarray:
+        """kappa(z) (k,), per unit of the detections' space, at detections z (k, p): Gaussians are not cut off at
+        the box, and the uniform part is taken to go on beyond it, so that nothing has no explanation."""
+        kappa = np.full(len(z), self.uniform / np.prod(self.high - self.low))
+        if len(self.gaussians.w):
+            kappa += np.exp(log_density(self.gaussians, z))
+        for w, m, P in zip(*self.ellipses, strict=True):
+            inside = np.einsum("ki,ij,kj->k", z - m, np.linalg.inv(P), z - m) <= 1
+            kappa += inside * w / (unit_ball(len(m)) * np.sqrt(np.linalg.det(P)))
+        return kappa
+
+
+class Population(NamedTuple):
+    """What a tracker of many targets is told; `population` checks one."""
+
+    motion: Motion
+    sensor: Sensor
+    detection_probability: float  # P_D
+    survival_probability: float  # P_S, of a target from scan to scan
+    births: Mixture  # intensity of targets that appear in a scan, of themselves
+    spawn_weight: float  # expected number that each target spawns in a scan
+    spawn_covariance: np.ndarray  # (d, d), about the parent as it was
+    clutter: Clutter  # what it believes of false detections
+
+
+class Account(NamedTuple):
+    """What a tracker of many targets says of a scan."""
+
+    x: np.ndarray  # (j, d), the targets it is ready to name
+    existence: np.ndarray  # (j,), how sure it is of each, in [0, 1]
+    label: np.ndarray  # (j,), the same from scan to scan for what it takes to be the same target; -1 for none
+    expected: float  # number of targets
+    intensity: Mixture  # of targets, what it believes; weights sum to `expected`, but for rounding
+    clutter: Clutter  # what it believes of false detections, after the scan
+
+
+class ManyTracker(Protocol):
+    """As `tracker.Tracker`, for many targets: frozen parameters, a belief in and out."""
+
+    @property
+    def population(self) -> Population:
+        """What it was told."""
+
+    def init(self) -> object:
+        """The belief one period before the first scan."""
+
+    def step(self, belief, z: np.ndarray) -> tuple[object, Account]:
+        """The belief after the scan z (k, p) one period later, and the account of that scan."""
+
+
+def population(
+    motion: Motion,
+    sensor: Sensor,
+    detection_probability: float,
+    survival_probability: float,
+    births: Mixture,
+    clutter: Clutter,
+    spawn_weight: float = 0.0,
+    spawn_covariance=None,
+) -> Population:
+    """Checked Population. Raises ValueError naming the argument for a probability outside (0, 1], for shapes
+    that do not fit each other and for clutter that is nowhere."""
+    d = len(motion.F)
+    if sensor.H.shape[1] != d:
+        raise ValueError(f"sensor.H has {sensor.H.shape[1]} columns, but the motion has {d} states")
+    check_probability("detection_probability", detection_probability)
+    check_probability("survival_probability", survival_probability)
+    if births.m.shape[1] != d:
+        raise ValueError(f"births have {births.m.shape[1]} states, but the motion has {d}")
+    if not 0 <= spawn_weight < np.inf:
+        raise ValueError(f"spawn_weight must be an expected number, got {spawn_weight}")
+    spread = np.eye(d) if spawn_covariance is None else np.array(spawn_covariance, float)
+    if spread.shape != (d, d):
+        raise ValueError(f"spawn_covariance must have shape {(d, d)}, got {spread.shape}")
+    check_covariance("spawn_covariance", spread)
+    if len(clutter.low) != len(sensor.H) or not (clutter.low < clutter.high).all():
+        raise ValueError(f"clutter must be over a box of {len(sensor.H)} sides")
+    if not clutter.uniform > 0:
+        raise ValueError(
+            "clutter.uniform must be positive, got "
+            f"{clutter.uniform}: a detection far from all else needs an explanation"
+        )
+    return Population(
+        motion, sensor, float(detection_probability), float(survival_probability), births,
+        float(spawn_weight), spread, clutter,
+    )  # fmt: skip
+
+
+def uniform_clutter(low, high, expected: float) -> Clutter:
+    """`expected` false detections a scan, uniform between two opposite corners (p,)."""
+    low, high = np.array(low, float), np.array(high, float)
+    return Clutter(low, high, float(expected), nothing(len(low)), nothing(len(low)))
+
+
+def nothing(d: int) -> Mixture:
+    """The intensity of no component in d dimensions."""
+    return Mixture(np.empty(0), np.empty((0, d)), np.empty((0, d, d)))
