@@ -16,7 +16,7 @@ from rich.console import Console
 
 from gmr_gym import detections
 from gmr_gym.data import flight_names
-from gmr_gym.envs import ENVIRONMENTS
+from gmr_gym.envs import CROWDS, ENVIRONMENTS
 from gmr_gym.montecarlo import Runs, run
 from gmr_gym.output import (
     claims_grid,
@@ -322,10 +322,12 @@ def _scenario(env_id: str, world: dict[str, Any]) -> Scenario:
         near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
     ):
         raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
-    env = gym.make(env_id, **world).unwrapped
-    if not hasattr(env, "scenario"):
-        raise ValueError(f"{env_id} is not a tracking environment; choose from {', '.join(ENVIRONMENTS)}")
-    return env.scenario
+    scenario = getattr(gym.make(env_id, **world).unwrapped, "scenario", None)
+    if not isinstance(scenario, Scenario):
+        single = ", ".join(name for name in ENVIRONMENTS if name not in CROWDS)
+        what = "has many targets" if env_id in CROWDS else "is not a tracking environment"
+        raise ValueError(f"{env_id} {what}; choose from {single}")
+    return scenario
 
 
 def _tracker(text: str, scenario: Scenario) -> Tracker:

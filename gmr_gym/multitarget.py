@@ -28,8 +28,8 @@ class Clutter(NamedTuple):
         return float(self.uniform + self.gaussians.w.sum() + self.ellipses.w.sum())
 
     def density(self, z: np.ndarray) -> np.ndarray:
-        """kappa(z) (k,), per unit of the detections' space, at detections z (k, p): Gaussians are not cut off at
-        the box, and the uniform part is taken to go on beyond it, so that nothing has no explanation."""
+        """kappa(z) (k,), per unit of the detections' space, at detections z (k, p): Gaussians are not cut off
+        at the box, and the uniform part is taken to go on beyond it, so that nothing has no explanation."""
         kappa = np.full(len(z), self.uniform / np.prod(self.high - self.low))
         if len(self.gaussians.w):
             kappa += np.exp(log_density(self.gaussians, z))
@@ -48,7 +48,7 @@ class Population(NamedTuple):
     survival_probability: float  # P_S, of a target from scan to scan
     births: Mixture  # intensity of targets that appear in a scan, of themselves
     spawn_weight: float  # expected number that each target spawns in a scan
-    spawn_covariance: np.ndarray  # (d, d), about the parent as it was
+    spawn_covariance: np.ndarray  # (d, d), of the spawned about where their parent moves
     clutter: Clutter  # what it believes of false detections
 
 

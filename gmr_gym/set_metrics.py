@@ -74,7 +74,10 @@ def wasserstein(estimates, targets, order: float = 2.0) -> float:
 def _checked(estimates, targets, cutoff: float, order: float) -> tuple[np.ndarray, np.ndarray]:
     sets = []
     for name, points in (("estimates", estimates), ("targets", targets)):
-        points = np.asarray(points, float)
+        try:
+            points = np.asarray(points, float)
+        except (TypeError, ValueError):
+            raise ValueError(f"{name} must be numbers of shape (k, d), got {points!r}") from None
         if points.ndim != 2 or not np.isfinite(points).all():
             raise ValueError(f"{name} must be finite positions (k, d), got shape {points.shape}")
         sets.append(points)

@@ -92,17 +92,12 @@ class Scan(NamedTuple):
     """The detections of one scan, and whose they are."""
 
     z: np.ndarray  # (k, p)
-    origin: np.ndarray  # (k,), 0 the target's, -1 clutter
+    origin: np.ndarray  # (k,), index of the target, 0 where there is but one; -1 clutter
 
 
 def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
     """One episode; truth, detection and clutter each draw from their own stream."""
-    sequence = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
-    # not spawn(), which would give other streams when one sequence is drawn from twice
-    for_truth, for_detection, for_clutter = (
-        np.random.default_rng(np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, i)))
-        for i in range(3)
-    )
+    for_truth, for_detection, for_clutter = streams(seed)
     x, mode = scenario.truth(for_truth)
     R = scenario.sensor.R
     noise = for_detection.standard_normal((len(x), len(R))) @ np.linalg.cholesky(R).T
@@ -114,6 +109,16 @@ def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
     ground = for_clutter.integers(2**64, size=2, dtype=np.uint64)
     z, possible = scenario.sensor.settled(scenario.sensor.observed(x) + noise)
     return Episode(x, mode, z, detected & possible, slot, clutter, first, ground)
+
+
+def streams(seed: int | np.random.SeedSequence) -> list[np.random.Generator]:
+    """Three streams of one seed: for truth, detection and clutter."""
+    sequence = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+    # not spawn(), which would give other streams when one sequence is drawn from twice
+    return [
+        np.random.default_rng(np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, i)))
+        for i in range(3)
+    ]
 
 
 def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Scan:

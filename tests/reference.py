@@ -3,9 +3,10 @@ and models and a world, made of the package's own records, that keep their word 
 
 from functools import partial
 from itertools import product
+from math import factorial, perm
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, poisson
 
 from gmr_gym.kalman import motion, position_sensor
 from gmr_gym.metrics import truth_outside_gates
@@ -392,3 +393,75 @@ def radar_pda(m, P, told, z):
         means.append(m_hit)
         covariances.append(P_hit)
     return moment_match(np.array(w), np.array(means), np.array(covariances))
+
+
+# ---- many targets ----
+
+
+def phd_predicted(w, m, P, told):
+    """Survivors, spawned and born, one after another."""
+    moved = [kalman_predict(m[i], P[i], *told.motion) for i in range(len(w))]
+    born = list(zip(*told.births, strict=True))
+    out = [(told.survival_probability * a, x, A) for a, (x, A) in zip(w, moved, strict=True)]
+    out += [(told.spawn_weight * a, x, A + told.spawn_covariance) for a, (x, A) in zip(w, moved, strict=True)]
+    return tuple(map(np.array, zip(*(out + born), strict=True)))
+
+
+def phd_updated(w, m, P, told, kappa, z):
+    """Every component missed, then with every detection z (k, p); kappa (k,) of clutter there."""
+    H, R = told.sensor
+    density = np.array(
+        [[gaussian_density(row, H @ x, H @ A @ H.T + R) for row in z] for x, A in zip(m, P, strict=True)]
+    )
+    found = told.detection_probability * w[:, None] * density.reshape(len(w), len(z))
+    found = found / (kappa + found.sum(axis=0))
+    return _every_pair((1 - told.detection_probability) * w, found, m, P, told, z)
+
+
+def cphd_updated(w, m, P, p, told, kappa, clutter, z):
+    """The same, and p(n) after the scan, by the printed sums (Vo, Vo and Cantoni 2007, eqs. 13-19); `clutter`
+    is the expected number of false detections, Poisson."""
+    H, R = told.sensor
+    P_D, V, k = told.detection_probability, w.sum(), len(z)
+    density = np.array(
+        [[gaussian_density(row, H @ x, H @ A @ H.T + R) for row in z] for x, A in zip(m, P, strict=True)]
+    )
+    psi = (clutter / kappa * P_D * density.reshape(len(w), k)).T  # (k, n)
+
+    def upsilon(u, psi):
+        e = np.abs(np.poly(psi @ w))  # elementary symmetric functions
+        left = len(psi)
+        return np.array([
+            sum(
+                factorial(left - j) * poisson.pmf(left - j, clutter) * perm(n, j + u)
+                * ((1 - P_D) * V) ** (n - j - u) / V**n * e[j]
+                for j in range(min(left, n) + 1)
+                if n >= j + u
+            )
+            for n in range(len(p))
+        ])  # fmt: skip
+
+    whole = upsilon(0, psi) @ p
+    missed = (1 - P_D) * w * (upsilon(1, psi) @ p) / whole
+    found = np.array([w * psi[j] * (upsilon(1, np.delete(psi, j, 0)) @ p) / whole for j in range(k)])
+    mixture = _every_pair(missed, found.reshape(k, len(w)).T, m, P, told, z)
+    return mixture, upsilon(0, psi) * p / whole
+
+
+def _every_pair(missed, found, m, P, told, z):
+    out = []
+    for i in range(len(m)):
+        out.append((missed[i], m[i], P[i]))
+        out += [(found[i, j], *kalman_update(m[i], P[i], *told.sensor, z[j])) for j in range(len(z))]
+    return tuple(map(np.array, zip(*out, strict=True)))
+
+
+def vo_ma_groups(w, m, P, distance):
+    """Groups of Vo and Ma's merging, the heaviest first."""
+    left, groups = set(range(len(w))), []
+    while left:
+        j = max(left, key=lambda i: w[i])
+        near = {i for i in left if mahalanobis_squared(m[j], m[i], P[i]) <= distance}
+        groups.append(frozenset(near))
+        left -= near
+    return groups

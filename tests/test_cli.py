@@ -312,6 +312,10 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         (("evaluate", "gmr_gym/JumpMarkow-v0", "--tracker", "mmg"), f"did you mean '{JUMP}'?"),
         (("evaluate", "JumpMarkov", "--tracker", "mmg"), f"did you mean '{JUMP}'?"),
         (("evaluate", "CartPole-v1", "--tracker", "pda"), "CartPole-v1 is not a tracking environment"),
+        (
+            ("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "pda"),
+            "many targets; choose from gmr_gym/T",
+        ),
         (("watch", JUMP, "--tracker", "mmg", "--out", "f.png"), "out must end in .gif or .mp4, got 'f.png'"),
         (("track", "missing.csv", *TRACK[2:]), "No such file or directory: 'missing.csv'"),
         ((*TRACK, "--model", "turning"), "unknown model 'turning'; choose constant-velocity"),

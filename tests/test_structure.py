@@ -10,6 +10,7 @@ NUMERICS = [
     "mixture", "kalman", "association", "merging", "reduction", "ise", "distances", "model",
     "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
     "curves", "simulate", "play", "metrics", "montecarlo", "summary", "tracker", "scenarios",
+    "crowd", "multitarget", "set_metrics",
 ]  # fmt: skip
 LIBRARY, BASELINES = sorted((ROOT / "gmr_gym").rglob("*.py")), sorted((ROOT / "baselines").glob("*.py"))
 

@@ -2,12 +2,17 @@
 
 import gymnasium as gym
 
+# many targets, to be scored as a set
+CROWDS = {
+    "gmr_gym/UnknownClutter-v0": "gmr_gym.scenarios.lv:unknown_clutter",
+}
 ENVIRONMENTS = {
     "gmr_gym/TurningTarget-v0": "gmr_gym.scenarios.dortenzio:turning_target",
     "gmr_gym/RecordedFlight-v0": "gmr_gym.scenarios.recorded:recorded_flight",
     "gmr_gym/AgileFlight-v0": "gmr_gym.scenarios.maybeck:agile_flight",
     "gmr_gym/JumpMarkov-v0": "gmr_gym.scenarios.zhang:jump_markov",
     "gmr_gym/AirborneRadar-v0": "gmr_gym.scenarios.li:airborne_radar",
+    **CROWDS,
 }
 
 
@@ -15,4 +20,5 @@ def register_envs() -> None:
     """Make every id known to `gymnasium.make`; harmless when done twice."""
     for env_id, scenario in ENVIRONMENTS.items():
         if env_id not in gym.registry:
-            gym.register(env_id, "gmr_gym.envs.tracking:TrackingEnv", kwargs={"scenario": scenario})
+            made_by = "crowd:CrowdEnv" if env_id in CROWDS else "tracking:TrackingEnv"
+            gym.register(env_id, f"gmr_gym.envs.{made_by}", kwargs={"scenario": scenario})

@@ -15,14 +15,10 @@ from gmr_gym.tracker import Report
 INK, CLUTTER, TRUTH, ESTIMATE, HYPOTHESIS = "#222222", "#9aa0a6", "#1a7f37", "#c5221f", "#1967d2"
 
 
-class Canvas:
-    """Pictures of an episode, scan by scan; with a tracker's reports also its gates, its
-    hypotheses (weight as opacity) and how many there were."""
+class Sheet:
+    """A figure of 640 pixels by 640, in memory or in a window."""
 
-    def __init__(self, scenario: Scenario, on_screen: bool = False, title: str = ""):
-        self.scenario = scenario
-        self._title = title
-        self._counts: list[int] = []
+    def __init__(self, on_screen: bool = False):
         self._window: Any = None
         if on_screen:
             import matplotlib.pyplot as plt
@@ -32,6 +28,31 @@ class Canvas:
         else:
             self.figure = Figure(figsize=(6.4, 6.4), dpi=100)
             self._pixels = FigureCanvasAgg(self.figure)
+
+    def shown(self) -> np.ndarray | None:
+        """The picture (height, width, 3); in a window it is shown and None returned."""
+        if self._window is not None:
+            self._window.pause(1e-3)
+            return None
+        self._pixels.draw()
+        return np.asarray(self._pixels.buffer_rgba())[..., :3].copy()
+
+    def close(self):
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close(self.figure)
+
+
+class Canvas:
+    """Pictures of an episode, scan by scan; with a tracker's reports also its gates, its
+    hypotheses (weight as opacity) and how many there were."""
+
+    def __init__(self, scenario: Scenario, on_screen: bool = False, title: str = ""):
+        self.scenario = scenario
+        self._title = title
+        self._counts: list[int] = []
+        self._sheet = Sheet(on_screen)
+        self.figure = self._sheet.figure
 
     def draw(
         self,
@@ -56,16 +77,11 @@ class Canvas:
             path = np.array(estimates)[:, list(self.scenario.position[:2])]
             axes.plot(*path.T, color=ESTIMATE, lw=1.4, label="estimate")
         self._frame(axes, episode, t, estimates)
-        if self._window is not None:
-            self._window.pause(1e-3)
-            return None
-        self._pixels.draw()
-        return np.asarray(self._pixels.buffer_rgba())[..., :3].copy()
+        return self._sheet.shown()
 
     def close(self):
         """Close the window, if there is one."""
-        if self._window is not None:
-            self._window.close(self.figure)
+        self._sheet.close()
 
     def _scan(self, axes, episode, scan, t):
         z = self.scenario.model.sensor.placed(scan.z)[:, :2]
@@ -79,14 +95,14 @@ class Canvas:
         if np.isfinite(gates.size):
             # the shadow of an ellipsoid is the ellipse of the block of its covariance
             shapes = gates.S[:, :2, :2] * gates.size
-            outlines = _ellipses(axes, gates.z[:, :2], shapes, edgecolors="#d0d7de", linewidths=0.8)
+            outlines = ellipses(axes, gates.z[:, :2], shapes, edgecolors="#d0d7de", linewidths=0.8)
             axes.add_collection(outlines)
         at = list(self.scenario.position[:2])
         opacity = np.clip(np.sqrt(p.w / p.w.max()), 0.04, 1)
         # 95 % of each hypothesis
         spread = p.P[:, at][:, :, at] * 5.99
         colours = [(25 / 255, 103 / 255, 210 / 255, a) for a in opacity]
-        axes.add_collection(_ellipses(axes, p.m[:, at], spread, edgecolors=colours, linewidths=1.2))
+        axes.add_collection(ellipses(axes, p.m[:, at], spread, edgecolors=colours, linewidths=1.2))
 
     def _frame(self, axes, episode, t, estimates):
         low, high = self._view(estimates[-1] if estimates else episode.x[min(t, len(episode.x) - 1)])
@@ -130,7 +146,7 @@ class Canvas:
         strip.set_ylabel("hypotheses")
 
 
-def _ellipses(axes, centres, shapes, **style):
+def ellipses(axes, centres, shapes, **style):
     """Ellipses (x - centre)' shape^-1 (x - centre) = 1 of centres (n, 2) and shapes (n, 2, 2)."""
     values, vectors = np.linalg.eigh(shapes)
     axes_lengths = 2 * np.sqrt(values)

@@ -74,7 +74,7 @@ class TrackingEnv(gym.Env):
             raise ValueError(
                 f"render_mode must be one of {self.metadata['render_modes']}, got {render_mode!r}"
             )
-        self.scenario = _build(scenario, world)
+        self.scenario: Scenario = build(scenario, world)
         self.render_mode = render_mode
         p, d = self.scenario.model.sensor.H.shape
         reach = 2 * EXTENT * (1 + max(1.0, self.scenario.period))
@@ -185,7 +185,9 @@ class TrackingEnv(gym.Env):
         return estimate
 
 
-def _build(scenario: str, world: dict[str, Any]) -> Scenario:
+def build(scenario: str, world: dict[str, Any]) -> Any:
+    """What "module:function" returns for the keywords in `world`; ValueError for one that it does not take,
+    or that is of the wrong kind."""
     module, _, function = scenario.partition(":")
     factory = getattr(import_module(module), function)
     takes = list(signature(factory).parameters)

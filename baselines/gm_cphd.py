@@ -1,0 +1,80 @@
+"""The Gaussian-mixture cardinalised PHD filter (Vo, Vo and Cantoni 2007), with any reduction."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym import cardinality, phd
+from gmr_gym.mixture import Mixture
+from gmr_gym.multitarget import Account, Population
+from gmr_gym.phd import Labelled
+from gmr_gym.reduction import Reduced, check_reduced
+from gmr_gym.tracker import check_limits, check_scan
+
+
+class Census(NamedTuple):
+    """An intensity, and the probability of each number of targets."""
+
+    targets: Labelled
+    cardinality: np.ndarray  # (N + 1,)
+
+
+@dataclass(frozen=True)
+class GmCphd:
+    """As the GM-PHD filter, with the distribution of the number of targets beside the intensity. As many
+    targets are named as is most probable, from the heaviest components (Vo, Vo and Cantoni 2007).
+
+    The expected number of an account is the intensity's weight: the mean of the distribution, less what was
+    pruned."""
+
+    population: Population
+    reduce: Callable[[Mixture], Reduced]
+    prune_weight: float = 1e-5  # an expected number of targets
+    targets: int = 50  # N, the most there may be; beyond, the distribution is cut off and rescaled
+    most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
+
+    def __post_init__(self):
+        check_limits(self.prune_weight, self.most)
+        if not self.targets >= 1 or self.targets != int(self.targets):
+            raise ValueError(f"targets must be a whole number, at least 1, got {self.targets}")
+        # a wrong parameter is an error here, not in a scan
+        d = len(self.population.motion.F)
+        check_reduced(self.reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
+
+    def init(self) -> Census:
+        return Census(phd.nobody(self.population), np.eye(1, self.targets + 1)[0])
+
+    def step(self, belief: Census, z: np.ndarray) -> tuple[Census, Account]:
+        told = self.population
+        z = check_scan(z, len(told.sensor.H))
+        moves = cardinality.transitions(
+            told.survival_probability,
+            told.spawn_weight,
+            float(told.births.w.sum()),
+            len(belief.cardinality) - 1,
+        )
+        predicted = moves @ belief.cardinality
+        posterior, number = cardinality.update(
+            phd.ahead(belief.targets, told), predicted / predicted.sum(), told.sensor, z,
+            told.detection_probability, told.clutter.density(z), self.prune_weight,
+        )  # fmt: skip
+        kept = phd.reduced(posterior, self.reduce, self.most)
+        labelled, said = phd.account(kept, told.clutter, int(number.argmax()))
+        return Census(labelled, number), said
+
+
+def gm_cphd(
+    population: Population,
+    components: int = 100,
+    merging: float = 4.0,
+    prune_weight: float = 1e-5,
+    reduction: str = "vo-ma",
+    targets: int = 50,
+) -> GmCphd:
+    """GM-CPHD filter of at most `targets` targets, reduced to `components`: by Vo and Ma's merging of what
+    lies within the squared distance `merging` (U), or by any reduction that the single-target trackers
+    take, such as "runnalls" or "adaptive", which do not heed `merging`."""
+    reduce = phd.reduction_named(reduction, components, merging)
+    return GmCphd(population, reduce, prune_weight, targets)

@@ -1,0 +1,72 @@
+"""A GM-PHD filter that learns the clutter it is in."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym import phd
+from gmr_gym.clutter_learning import Learner, Lessons, first_lesson, learn, learner
+from gmr_gym.mixture import Mixture
+from gmr_gym.multitarget import Account, Population
+from gmr_gym.phd import Labelled
+from gmr_gym.reduction import Reduced, check_reduced
+from gmr_gym.tracker import check_limits, check_scan
+
+
+class Learning(NamedTuple):
+    """What is believed of the targets, and of the clutter."""
+
+    targets: Labelled
+    lessons: Lessons
+
+
+@dataclass(frozen=True)
+class LearningPhd:
+    """A GM-PHD filter whose intensity of clutter is fitted to the scans so far, every detection counted by the
+    probability that no target accounts for it. The scan is judged by what was learned before it."""
+
+    population: Population
+    reduce: Callable[[Mixture], Reduced]
+    how: Learner
+    prune_weight: float = 1e-5  # an expected number of targets
+    most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
+
+    def __post_init__(self):
+        check_limits(self.prune_weight, self.most)
+        # a wrong parameter is an error here, not in a scan
+        d = len(self.population.motion.F)
+        check_reduced(self.reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
+
+    def init(self) -> Learning:
+        return Learning(phd.nobody(self.population), first_lesson(self.population.clutter))
+
+    def step(self, belief: Learning, z: np.ndarray) -> tuple[Learning, Account]:
+        told, lessons = self.population, belief.lessons
+        z = check_scan(z, len(told.sensor.H))
+        predicted = phd.ahead(belief.targets, told)
+        kappa = lessons.clutter.density(z)
+        posterior = phd.update(predicted, told.sensor, z, told.detection_probability, kappa, self.prune_weight)
+        false = phd.false_probabilities(predicted, told.sensor, z, told.detection_probability, kappa)
+        lessons = learn(told.clutter, lessons, z, false, self.how)
+        reduced = phd.reduced(posterior, self.reduce, self.most)
+        targets, account = phd.account(reduced, lessons.clutter)
+        return Learning(targets, lessons), account
+
+
+def learning_phd(
+    population: Population,
+    components: int = 100,
+    merging: float = 4.0,
+    prune_weight: float = 1e-5,
+    reduction: str = "vo-ma",
+    memory: int = 20,
+    deviation: float = 15.0,
+    most: int = 12,
+    iterations: int = 2,
+) -> LearningPhd:
+    """GM-PHD filter of up to `components`, with clutter learned as a uniform and up to `most` Gaussians no narrower
+    than `deviation` (m), which forgets within `memory` scans."""
+    reduce = phd.reduction_named(reduction, components, merging)
+    return LearningPhd(population, reduce, learner(memory, deviation, most, iterations), prune_weight)
