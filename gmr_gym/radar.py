@@ -55,9 +55,7 @@ class Radar(NamedTuple):
 
     def settled(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Points (k, 3) with their azimuths wrapped, and which of them have a range and an elevation."""
-        z = z.copy()
-        z[:, 1] = wrapped(z[:, 1])
-        return z, (z[:, 0] > 0) & (np.abs(z[:, 2]) <= np.pi / 2)
+        return kernels.settled_of(z)
 
     def gates(self, p: Mixture) -> tuple[np.ndarray, np.ndarray]:
         """Predicted positions (n, 3) and the covariances (n, 3, 3) of converted detections about them."""

@@ -52,6 +52,16 @@ def wrapped_angle(angle):
 
 
 @njit(cache=True, error_model="numpy")
+def settled_of(z):
+    """Points (k, 3) with azimuths wrapped, and which of them have a range and an elevation (k,)."""
+    out, possible = z.copy(), np.empty(len(z), np.bool_)
+    for i in range(len(z)):
+        out[i, 1] = wrapped_angle(z[i, 1])
+        possible[i] = z[i, 0] > 0 and abs(z[i, 2]) <= np.pi / 2
+    return out, possible
+
+
+@njit(cache=True, error_model="numpy")
 def log_stretch_of(z):
     """log(r^2 cos t) (k,): the volume in space that a unit of range, azimuth and elevation fills."""
     least = 1e-300
