@@ -24,8 +24,8 @@ class Learning(NamedTuple):
 
 @dataclass(frozen=True)
 class LearningPhd:
-    """A GM-PHD filter whose intensity of clutter is fitted to the scans so far, every detection counted by the
-    probability that no target accounts for it. The scan is judged by what was learned before it."""
+    """A GM-PHD filter whose intensity of clutter is fitted to the scans so far, every detection counted by
+    the probability that no target accounts for it. The scan is judged by what was learned before it."""
 
     population: Population
     reduce: Callable[[Mixture], Reduced]
@@ -47,7 +47,9 @@ class LearningPhd:
         z = check_scan(z, len(told.sensor.H))
         predicted = phd.ahead(belief.targets, told)
         kappa = lessons.clutter.density(z)
-        posterior = phd.update(predicted, told.sensor, z, told.detection_probability, kappa, self.prune_weight)
+        posterior = phd.update(
+            predicted, told.sensor, z, told.detection_probability, kappa, self.prune_weight
+        )
         false = phd.false_probabilities(predicted, told.sensor, z, told.detection_probability, kappa)
         lessons = learn(told.clutter, lessons, z, false, self.how)
         reduced = phd.reduced(posterior, self.reduce, self.most)
@@ -66,7 +68,7 @@ def learning_phd(
     most: int = 12,
     iterations: int = 2,
 ) -> LearningPhd:
-    """GM-PHD filter of up to `components`, with clutter learned as a uniform and up to `most` Gaussians no narrower
-    than `deviation` (m), which forgets within `memory` scans."""
+    """GM-PHD filter of up to `components`, with clutter learned as a uniform and up to `most` Gaussians no
+    narrower than `deviation` (m), which forgets within `memory` scans."""
     reduce = phd.reduction_named(reduction, components, merging)
     return LearningPhd(population, reduce, learner(memory, deviation, most, iterations), prune_weight)

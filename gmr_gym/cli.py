@@ -15,15 +15,18 @@ import typer
 from rich.console import Console
 
 from gmr_gym import detections
+from gmr_gym.crowd import ManyScenario
+from gmr_gym.crowd_summary import crowd_differences, crowd_summary
 from gmr_gym.data import flight_names
 from gmr_gym.envs import CROWDS, ENVIRONMENTS
-from gmr_gym.montecarlo import Runs, run
+from gmr_gym.montecarlo import run
 from gmr_gym.output import (
     claims_grid,
     comparison,
     console,
     grid,
     progress,
+    write_crowd_runs,
     write_csv,
     write_json,
     write_runs,
@@ -33,7 +36,7 @@ from gmr_gym.reducers import REDUCERS
 from gmr_gym.reproduce import Map, Table, table_record
 from gmr_gym.simulate import Scenario, draw
 from gmr_gym.summary import differences, summary
-from gmr_gym.tracker import Tracker, make_tracker, trackers
+from gmr_gym.tracker import CROWD_GROUP, Tracker, make_tracker, trackers
 
 PAPERS = {
     "dortenzio": "adaptive reduction of a single target's hypotheses: Tables 1-4, Fig. 1",
@@ -70,6 +73,7 @@ def list_() -> None:
         ("environments", dict.fromkeys(ENVIRONMENTS, "")),
         ("segments of gmr_gym/RecordedFlight-v0", dict.fromkeys(flight_names(), "")),
         ("trackers", trackers()),
+        ("trackers of many targets", trackers(CROWD_GROUP)),
         ("reductions, as in mmg-15:reduction=runnalls", dict.fromkeys(REDUCERS, "")),
         ("papers", PAPERS),
     ):
@@ -91,16 +95,20 @@ def evaluate(
 ) -> None:
     """Trackers on the same episodes of an environment, with intervals and paired differences."""
     world = dict(map(_key_value, settings))
-    scenario = _scenario(env_id, world)
+    many = env_id in CROWDS
+    scenario = _scenario(env_id, world, ManyScenario if many else Scenario)
     candidates = {spec: _tracker(spec, scenario) for spec in tracker}
     results = _run(env_id, scenario, candidates, runs, seed, jobs, out)
-    rows = summary(scenario, results)
+    rows = (crowd_summary if many else summary)(scenario, results)
     screen = console()
     screen.print(grid(f"{env_id}: {runs} runs, seed {seed}", rows))
-    paired = differences(scenario, results)
+    paired = (crowd_differences if many else differences)(scenario, results)
     if paired:
         screen.print(grid("paired differences", paired))
-    write_runs(out / "runs.csv", scenario, results)
+    if many:
+        write_crowd_runs(out / "runs.csv", results)
+    else:
+        write_runs(out / "runs.csv", scenario, results)
     tables = [table_record(env_id, world, rows)]
     if paired:
         tables.append(table_record("paired differences", world, paired))
@@ -316,23 +324,24 @@ def _key_value(text: str) -> tuple[str, Any]:
     return key, value
 
 
-def _scenario(env_id: str, world: dict[str, Any]) -> Scenario:
+def _scenario(env_id: str, world: dict[str, Any], kind: type = Scenario) -> Any:
     bare = {name.partition("/")[2]: name for name in ENVIRONMENTS}
     if env_id not in gym.registry and (
         near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
     ):
         raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
     scenario = getattr(gym.make(env_id, **world).unwrapped, "scenario", None)
-    if not isinstance(scenario, Scenario):
+    if not isinstance(scenario, kind):
         single = ", ".join(name for name in ENVIRONMENTS if name not in CROWDS)
         what = "has many targets" if env_id in CROWDS else "is not a tracking environment"
         raise ValueError(f"{env_id} {what}; choose from {single}")
     return scenario
 
 
-def _tracker(text: str, scenario: Scenario) -> Tracker:
+def _tracker(text: str, scenario: Scenario | ManyScenario) -> Any:
     name, parameters = _spec(text)
-    return make_tracker(name, scenario.model, **parameters)
+    told = scenario.population if isinstance(scenario, ManyScenario) else scenario.model
+    return make_tracker(name, told, **parameters)
 
 
 def _spec(text: str) -> tuple[str, dict[str, Any]]:
@@ -352,12 +361,12 @@ def _so_far(report, before: int, parts: int, done: int, total: int) -> None:
     report(before * total + done, parts * total)
 
 
-def _run(label, scenario, candidates, runs, seed, jobs, out) -> dict[str, Runs]:
+def _run(label, scenario, candidates, runs, seed, jobs, out) -> dict[str, Any]:
     (results,) = _runs(label, [(scenario, candidates)], runs, seed, jobs, out)
     return results
 
 
-def _runs(label, work, runs, seed, jobs, out) -> Iterator[dict[str, Runs]]:
+def _runs(label, work, runs, seed, jobs, out) -> Iterator[dict[str, Any]]:
     """The results of each scenario with its trackers, one after the other under one bar."""
     folder = out / "blocks"
     try:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import joblib
@@ -16,6 +16,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from gmr_gym.association import crowding
+from gmr_gym.crowd import ManyScenario
+from gmr_gym.crowd_runs import CrowdRuns, crowd_once
 from gmr_gym.play import play
 from gmr_gym.simulate import Scenario, draw
 from gmr_gym.tracker import Tracker
@@ -41,16 +43,16 @@ class Runs(NamedTuple):
 
 
 def run(
-    scenario: Scenario,
-    trackers: Mapping[str, Tracker],
+    scenario: Scenario | ManyScenario,
+    trackers: Mapping[str, Any],
     runs: int,
     seed: int = 0,
     *,
     jobs: int = 1,
     folder: Path | str | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> dict[str, Runs]:
-    """Every tracker through the same `runs` episodes.
+) -> dict[str, Any]:
+    """Every tracker through the same `runs` episodes: what it did, as Runs, or of many targets as CrowdRuns.
 
     Run i draws its episode from (seed, i) alone, whatever the tracker and the number of runs or of
     workers; the results are the same to the last bit on any number of workers, `seconds` apart.
@@ -69,15 +71,15 @@ def run(
             (name, first): Path(folder) / f"{told[name]}-{first}-{min(first + BLOCK, runs)}.npz"
             for name, first in tasks
         }
-    results = {task: _load(file) for task, file in files.items() if file.exists()}
+    results = {task: _load(file, _kind(scenario)) for task, file in files.items() if file.exists()}
     total = runs * len(trackers)
-    done = sum(len(result.x) for result in results.values())
+    done = sum(len(result.seconds) for result in results.values())
     missing = [task for task in tasks if task not in results]
     if progress:
         progress(done, total)
     for name in {name for name, _ in missing}:
         # compiled here, once: every worker then finds it on disk
-        run_once(scenario, trackers[name], np.random.SeedSequence(seed), scans=3)
+        _once(scenario)(scenario, trackers[name], np.random.SeedSequence(seed), scans=3)
     calls = (
         joblib.delayed(_block)(scenario, trackers[name], seed, (name, first), runs) for name, first in missing
     )
@@ -85,12 +87,14 @@ def run(
         results[task] = result
         if task in files:
             _save(files[task], result)
-        done += len(result.x)
+        done += len(result.seconds)
         if progress:
             progress(done, total)
     # blocks are let go as they are joined: the covariances of many runs are gigabytes
     return {
-        name: _joined(np.concatenate, [results.pop(task) for task in tasks if task[0] == name])
+        name: _joined(
+            _kind(scenario), np.concatenate, [results.pop(task) for task in tasks if task[0] == name]
+        )
         for name in trackers
     }
 
@@ -114,7 +118,7 @@ def run_once(
             x, report.x[0], report.P[0], len(report.mixture.w), *crowding(gates, placed),
             not report.alive or scenario.off_target(gates, x, target), report.modes, seconds,
         ))  # fmt: skip
-    return _joined(np.array, rows)
+    return _joined(Runs, np.array, rows)
 
 
 def _block(scenario, tracker, seed, task, runs) -> tuple[tuple[str, int], Runs]:
@@ -122,15 +126,23 @@ def _block(scenario, tracker, seed, task, runs) -> tuple[tuple[str, int], Runs]:
     # several threads would change the last bits of a sum, and only slow small matrices down
     with threadpool_limits(1):
         rows = [
-            run_once(scenario, tracker, np.random.SeedSequence(seed, spawn_key=(i,)))
+            _once(scenario)(scenario, tracker, np.random.SeedSequence(seed, spawn_key=(i,)))
             for i in range(first, min(first + BLOCK, runs))
         ]
-    return task, _joined(np.array, rows)
+    return task, _joined(_kind(scenario), np.array, rows)
 
 
-def _joined(join: Callable, rows: list) -> Runs:
+def _once(scenario: Scenario | ManyScenario) -> Callable:
+    return crowd_once if isinstance(scenario, ManyScenario) else run_once
+
+
+def _kind(scenario: Scenario | ManyScenario) -> type:
+    return CrowdRuns if isinstance(scenario, ManyScenario) else Runs
+
+
+def _joined(kind: type, join: Callable, rows: list):
     """Runs of many rows, field by field."""
-    return Runs(*map(join, zip(*rows, strict=True)))
+    return kind(*map(join, zip(*rows, strict=True)))
 
 
 def _code(tracker: Tracker) -> str:
@@ -159,7 +171,7 @@ def _functions(part) -> Iterator[Callable]:
         yield part
 
 
-def _save(file: Path, result: Runs) -> None:
+def _save(file: Path, result) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     partial = file.with_suffix(f".{os.getpid()}.part")
     with partial.open("wb") as stream:
@@ -167,9 +179,9 @@ def _save(file: Path, result: Runs) -> None:
     partial.replace(file)
 
 
-def _load(file: Path) -> Runs:
+def _load(file: Path, kind):
     try:
         with np.load(file, allow_pickle=False) as stored:
-            return Runs(**{field: stored[field] for field in Runs._fields})
+            return kind(**{field: stored[field] for field in kind._fields})
     except (OSError, ValueError, KeyError, EOFError, zlib.error, BadZipFile) as error:
         raise ValueError(f"{file} is not a block of runs ({error}); delete it to have it run again") from None

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as Grid
 
+from gmr_gym.crowd_runs import CrowdRuns
 from gmr_gym.metrics import lost_at
 from gmr_gym.montecarlo import Runs
 from gmr_gym.simulate import Scenario
@@ -36,6 +37,9 @@ HEADINGS = {
     **{f"{axis}_rmse_{over}": f"{axis} RMSE {over}, m" for axis in "xyz" for over in ("own", "common")},
     "sight_bias_own": "bias along the line of sight, m", "position_anees_own": "ANEES of position",
     "gate_volume": "gate volume, m³",
+    "ospa": "OSPA, m", "gospa": "GOSPA, m", "localisation": "localisation, m²", "missed": "missed, m²",
+    "false": "false, m²", "cardinality_bias": "named less there", "cardinality_error": "number wrong by",
+    "wasserstein": "Wasserstein, m", "density_error": "clutter wrong by",
 }  # fmt: skip
 LEFT_TO_FILES = {"rmse_common", "error_own", "inclination_own"}  # a screen is only so wide
 SCALE = {"track_loss": 100, "time_per_scan": 1e3, "time_worst": 1e3}
@@ -117,6 +121,17 @@ def write_runs(file: Path, scenario: Scenario, results: dict[str, Runs]) -> None
         ], axis=1)  # fmt: skip
         rows += [[tracker, i, lost[i] or "", *row] for i, row in enumerate(figures.tolist())]
     write_rows(file, RUN_COLUMNS, rows)
+
+
+def write_crowd_runs(file: Path, results: dict[str, CrowdRuns]) -> None:
+    """One row per tracker and run of many targets, means over scans; nothing in it depends on the clock."""
+    fields = [field for field in CrowdRuns._fields if field not in ("seconds", "density_error")]
+    rows = [
+        [tracker, i, *row]
+        for tracker, runs in results.items()
+        for i, row in enumerate(np.stack([getattr(runs, f).mean(axis=1) for f in fields], axis=1).tolist())
+    ]
+    write_rows(file, ("tracker", "run", *fields), rows)
 
 
 def write_rows(file: Path, header: Sequence[str], rows: Iterable[Sequence]) -> None:

@@ -69,6 +69,17 @@ def update(
     return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent])
 
 
+def false_probabilities(
+    predicted: Labelled, sensor: Sensor, z: np.ndarray, detection_probability: float, kappa: np.ndarray
+) -> np.ndarray:
+    """Probability (k,) that no target accounts for a detection of z (k, p): kappa(z) as a share of what
+    `update` divides by."""
+    p = predicted.intensity
+    expected, S = sensor.gates(p)
+    ratios = log_ratios(p.w, expected, S, z, np.log(kappa), detection_probability)
+    return np.exp(-np.logaddexp.reduce(ratios, axis=0, initial=0.0))
+
+
 def vo_ma(p: Mixture, components: int, distance: float = 4.0) -> Reduced:
     """Merges into the heaviest component j every i with (m_i - m_j)' P_i^-1 (m_i - m_j) <= `distance`,
     then so with the heaviest of the rest until none is left; of these the `components` heaviest

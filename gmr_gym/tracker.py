@@ -10,8 +10,9 @@ import numpy as np
 from gmr_gym.association import Gates
 from gmr_gym.mixture import Mixture
 from gmr_gym.model import Model, told_by
+from gmr_gym.multitarget import Population
 
-GROUP = "gmr_gym.trackers"
+GROUP, CROWD_GROUP = "gmr_gym.trackers", "gmr_gym.crowd_trackers"
 ALL = 10**9  # hypotheses, for what costs no more than they are many
 SURE = np.ones(1)  # of the one motion there is
 SURE.setflags(write=False)
@@ -43,24 +44,26 @@ class Tracker(Protocol):
         """The belief after the scan z (k, p) one period later, and the report on that scan."""
 
 
-def trackers() -> dict[str, str]:
-    """Names of the installed trackers, each with the first paragraph of its description."""
+def trackers(group: str = GROUP) -> dict[str, str]:
+    """Names of the installed trackers, of one target or, with `CROWD_GROUP`, of many, each with the first
+    paragraph of its description."""
     found = {}
-    for name, point in sorted(_entry_points().items()):
+    for name, point in sorted(_entry_points(group).items()):
         doc = inspect.getdoc(point.load()) or ""
         found[name] = " ".join(doc.split("\n\n")[0].split())
     return found
 
 
-def make_tracker(name: str, model: Model, **parameters) -> Tracker:
-    """The tracker of that name, told `model`. A number at the end of the name is its number of
-    components: `runnalls-30` is `runnalls` with components=30. Every tracker takes an `update`, by which
-    it is told another update of its radar, one of `gmr_gym.radar.UPDATES`.
+def make_tracker(name: str, model: Model | Population, **parameters) -> Any:
+    """The tracker of that name, told `model`: a Tracker, or told a Population a ManyTracker. A number at
+    the end of the name is its number of components: `runnalls-30` is `runnalls` with components=30. Every
+    tracker of one target takes an `update`, by which it is told another update of its radar, one of
+    `gmr_gym.radar.UPDATES`.
 
     Raises ValueError for a name that no installed package offers, with the nearest that one does,
     and for a parameter the tracker does not take, with those it does.
     """
-    known = _entry_points()
+    known = _entry_points(CROWD_GROUP if isinstance(model, Population) else GROUP)
     base, _, number = name.rpartition("-")
     if name not in known and base in known and number.isdigit():
         name, parameters = base, {"components": int(number), **parameters}
@@ -72,6 +75,8 @@ def make_tracker(name: str, model: Model, **parameters) -> Tracker:
     takes = list(inspect.signature(factory).parameters)[1:]
     update = parameters.pop("update", None)
     if update is not None:
+        if isinstance(model, Population):
+            raise ValueError(f"tracker {name!r} of many targets takes no 'update'")
         model = told_by(model, update)
     for parameter in parameters:
         if parameter not in takes:
@@ -110,5 +115,5 @@ def check_limits(prune_weight: float, most: int, hopeless: float = np.inf) -> No
         raise ValueError(f"hopeless must be positive, got {hopeless}")
 
 
-def _entry_points() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=GROUP)}
+def _entry_points(group: str) -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=group)}

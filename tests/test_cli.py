@@ -23,7 +23,7 @@ from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
 from gmr_gym.simulate import draw, scan
 from gmr_gym.summary import summary
-from gmr_gym.tracker import make_tracker, trackers
+from gmr_gym.tracker import CROWD_GROUP, make_tracker, trackers
 
 JUMP, TURNING, RADAR = (f"gmr_gym/{name}-v0" for name in ("JumpMarkov", "TurningTarget", "AirborneRadar"))
 
@@ -60,7 +60,8 @@ def test_list_shows_every_environment_segment_tracker_reduction_and_paper(call):
     environments, segments, reductions = (
         dict.fromkeys(names, "") for names in (ENVIRONMENTS, flight_names(), REDUCERS)
     )
-    assert code == 0 and list(shown.values()) == [environments, segments, trackers(), reductions, PAPERS]
+    wanted = [environments, segments, trackers(), trackers(CROWD_GROUP), reductions, PAPERS]
+    assert code == 0 and list(shown.values()) == wanted
     assert {"environments", "trackers", "papers"} <= set(shown)
     assert all(trackers().values())
 
@@ -312,10 +313,8 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         (("evaluate", "gmr_gym/JumpMarkow-v0", "--tracker", "mmg"), f"did you mean '{JUMP}'?"),
         (("evaluate", "JumpMarkov", "--tracker", "mmg"), f"did you mean '{JUMP}'?"),
         (("evaluate", "CartPole-v1", "--tracker", "pda"), "CartPole-v1 is not a tracking environment"),
-        (
-            ("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "pda"),
-            "many targets; choose from gmr_gym/T",
-        ),
+        (("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "pda"), "unknown tracker 'pda'"),
+        (("watch", "gmr_gym/UnknownClutter-v0"), "many targets; choose from gmr_gym/T"),
         (("watch", JUMP, "--tracker", "mmg", "--out", "f.png"), "out must end in .gif or .mp4, got 'f.png'"),
         (("track", "missing.csv", *TRACK[2:]), "No such file or directory: 'missing.csv'"),
         ((*TRACK, "--model", "turning"), "unknown model 'turning'; choose constant-velocity"),

@@ -229,7 +229,7 @@ def test_vo_and_ma_measure_by_the_covariance_of_the_lighter():
 
 
 def test_of_too_many_merged_the_heaviest_stay_and_nothing_is_made_of_nothing():
-    p = Mixture(np.array([0.2, 0.0, 0.7, 0.1]), 100.0 * np.arange(4)[:, None], np.ones((4, 1, 1)))
+    p = Mixture(np.array([0.2, 0.0, 0.7, 0.1]), np.array([[0.0], [200], [200], [300]]), np.ones((4, 1, 1)))
     q, origin = vo_ma(p, 2)
     assert q.w.tolist() == [0.7, 0.2] and origin.tolist() == [1, -1, 0, -1]
 
@@ -276,6 +276,13 @@ def test_crossing_targets_are_told_apart_and_labels_last():
     for label in early:
         # x grows alike for both; each goes on to the other side
         assert np.sign(early[label][1]) == -np.sign(late[label][1])
+
+
+def test_no_label_is_given_twice_and_survivors_keep_theirs():
+    first = phd.ahead(phd.nobody(spawning()), spawning())
+    second = phd.ahead(first, spawning())
+    assert first.label.tolist() == [0, 1] and second.label.tolist() == [0, 1, 2, 3, 4, 5]
+    assert phd.ahead(second, spawning()).fresh == 6 + 6 + 2
 
 
 def test_labels_named_in_a_scan_differ():
@@ -408,6 +415,12 @@ def test_the_gate_leaves_out_nothing_that_counts():
     slow = reference.phd_updated(*reference.phd_predicted(*p, people), people, 1e-40 / 600.0**2, z)
     _, said = gm_phd(people).step(labelled(p), z)
     assert said.expected == pytest.approx(slow[0].sum(), rel=1e-9) and said.expected > 1
+
+
+def test_a_detection_that_clutter_cannot_explain_is_a_target_without_overflow():
+    p = gaussian(np.zeros(4), np.eye(4))
+    q = phd.update(labelled(p), told().sensor, np.zeros((1, 2)), 0.9, np.array([5e-324]), 1e-5)
+    assert q.intensity.w.sum() == pytest.approx(1.1, rel=1e-12)
 
 
 # ---- cardinality ----

@@ -10,7 +10,8 @@ NUMERICS = [
     "mixture", "kalman", "association", "merging", "reduction", "ise", "distances", "model",
     "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
     "curves", "simulate", "play", "metrics", "montecarlo", "summary", "tracker", "scenarios",
-    "crowd", "multitarget", "set_metrics",
+    "crowd", "crowd_runs", "crowd_summary", "multitarget", "set_metrics", "phd", "cardinality",
+    "clutter_learning",
 ]  # fmt: skip
 LIBRARY, BASELINES = sorted((ROOT / "gmr_gym").rglob("*.py")), sorted((ROOT / "baselines").glob("*.py"))
 

@@ -1,0 +1,43 @@
+"""From runs of many targets to figures with intervals: one row of a table per tracker."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from gmr_gym.crowd import ManyScenario
+from gmr_gym.crowd_runs import CrowdRuns
+from gmr_gym.summary import Figure, mean
+
+
+def crowd_summary(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> dict[str, dict[str, Figure]]:
+    """One row of figures per tracker, means over scans with intervals over runs: ospa and gospa (m), what
+    gospa is made of (m^2 with order 2), cardinality_bias (targets named less those there),
+    cardinality_error (its size), wasserstein (m), density_error, time_per_scan (s, median)."""
+    rows = {}
+    for name, runs in results.items():
+        surplus = (runs.named - runs.targets).astype(float)
+        fields = ("ospa", "gospa", "localisation", "missed", "false", "wasserstein")
+        rows[name] = {field: mean(getattr(runs, field).mean(axis=1)) for field in fields} | {
+            "cardinality_bias": mean(surplus.mean(axis=1)),
+            "cardinality_error": mean(np.abs(surplus).mean(axis=1)),
+            "density_error": mean(np.nanmean(runs.density_error, axis=1)),
+            "time_per_scan": Figure(float(np.median(runs.seconds))),
+        }
+    return rows
+
+
+def crowd_differences(
+    scenario: ManyScenario, results: Mapping[str, CrowdRuns]
+) -> dict[str, dict[str, Figure]]:
+    """Every tracker minus the first, run by run on the same episodes: ospa, gospa (m), cardinality_error."""
+    (reference, against), *others = results.items()
+    return {
+        f"{name} - {reference}": {
+            "ospa": mean((runs.ospa - against.ospa).mean(axis=1)),
+            "gospa": mean((runs.gospa - against.gospa).mean(axis=1)),
+            "cardinality_error": mean(
+                (abs(runs.named - runs.targets) - abs(against.named - against.targets)).mean(axis=1)
+            ),
+        }
+        for name, runs in others
+    }
