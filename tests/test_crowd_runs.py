@@ -7,6 +7,7 @@ import pytest
 
 from baselines.gm_phd import gm_phd
 from baselines.learning_phd import learning_phd
+from baselines.learning_pmb import learning_pmb
 from gmr_gym.crowd import draw
 from gmr_gym.crowd_runs import CrowdRuns, crowd_once, density_error
 from gmr_gym.crowd_summary import crowd_differences, crowd_summary
@@ -116,17 +117,20 @@ def test_learning_the_clutter_comes_near_to_being_told_it():
     built = {
         "uniform": gm_phd(world.population), "true": gm_phd(told), "learning": learning_phd(world.population),
     }  # fmt: skip
+    built |= {"tracks": learning_pmb(world.population)}
     rows = crowd_summary(world, run(world, built, 8, seed=1))
     assert rows["uniform"]["ospa"].value > rows["true"]["ospa"].value + 15
     # 1.2 m in measurement, with an interval of a metre over eight episodes
     assert rows["learning"]["ospa"].value < rows["true"]["ospa"].value + 3
     assert abs(rows["learning"]["cardinality_bias"].value) < 0.3 < rows["uniform"]["cardinality_bias"].value
+    # 16.6 +- 0.3 over twenty episodes
+    assert rows["tracks"]["ospa"].value < 18.0 and abs(rows["tracks"]["cardinality_bias"].value) < 0.1
     assert rows["learning"]["density_error"].value < 0.4 < rows["uniform"]["density_error"].value
 
 
 @pytest.mark.parametrize("name", trackers(CROWD_GROUP))
 def test_trackers_of_many_targets_are_found_by_name_and_others_are_not(name):
-    tracker = make_tracker(f"{name}-40", WORLD.population)
+    tracker = make_tracker(name, WORLD.population)
     assert tracker.population is WORLD.population
     _, account = tracker.step(tracker.init(), np.zeros((0, 2)))
     assert len(account.x) == 0 and account.clutter.expected > 0

@@ -1,0 +1,228 @@
+"""Targets and clutter fitted together, scan by scan, as one finite mixture (Lv, Lian and Han 2014)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym import phd
+from gmr_gym.finite_mixture import Management, Parts, check_whole, fit_em, fit_gibbs, initial, management
+from gmr_gym.kalman import predict
+from gmr_gym.mixture import Mixture, joined, take
+from gmr_gym.multitarget import Account, Clutter, Population, nothing
+from gmr_gym.tracker import check_scan
+
+
+class Tracks(NamedTuple):
+    """What is believed of the targets, and of the clutter."""
+
+    targets: Mixture  # weights are how sure it is of each
+    label: np.ndarray  # (n,)
+    found: np.ndarray  # (n,), scans in which it was
+    missed: np.ndarray  # (n,), scans since it was
+    fresh: int  # the next label to give
+    clutter: Clutter
+    scans: int  # so far: with the seed it makes the generator of the next
+
+
+class Lifetime(NamedTuple):
+    """When a target is begun, named and given up; `PRINTED` is the paper's."""
+
+    patience: int  # scans that a named target may be missed in
+    establishing: int  # scans in which it must be found, one after another, before it is named
+    spawn_distance: float  # deviations, of the spawned from their parent on either side along every axis
+    predicted: bool  # whether a target is looked for with covariance H P H' + R; else survivors with R
+    gate: float  # squared Mahalanobis distance from where it was expected, beyond which it is not found
+
+
+PRINTED = Lifetime(0, 1, 0.0, False, np.inf)
+
+
+@dataclass(frozen=True)
+class Fmm:
+    """Every scan a mixture of uniform clutter, Gaussians of clutter, survivors, births and spawned is fitted;
+    the mean of a target's part is the detection that updates its Kalman filter (Lv, section 6).
+
+    Of what is told, P_D, the expected number of births and of spawned (but that there are any) and the
+    expected clutter have no say: all parts begin alike (eq. 15). A target's existence is the number of
+    detections its part explains, at most 1, times P_S for every scan that it coasts."""
+
+    population: Population
+    fit: Callable[[np.ndarray, Parts, float, np.random.Generator], Parts]
+    how: Management
+    life: Lifetime = PRINTED
+    gaussians: int = 8  # g0, new of clutter in a scan
+    seed: int = 0
+
+    def __post_init__(self):
+        check_whole("gaussians", self.gaussians, 0)
+        check_whole("seed", self.seed, 0)
+        check_whole("patience", self.life.patience, 0)
+        check_whole("establishing", self.life.establishing, 1)
+        if not 0 <= self.life.spawn_distance < np.inf:
+            raise ValueError(f"spawn_distance must be non-negative, got {self.life.spawn_distance}")
+        if not self.life.gate > 0:
+            raise ValueError(f"gate must be positive, got {self.life.gate}")
+
+    def init(self) -> Tracks:
+        nobody, none = nothing(len(self.population.motion.F)), np.empty(0, np.int64)
+        return Tracks(nobody, none, none, none, 0, self.population.clutter, 0)
+
+    def step(self, belief: Tracks, z: np.ndarray) -> tuple[Tracks, Account]:
+        told, clutter = self.population, belief.clutter
+        z = check_scan(z, len(told.sensor.H))
+        moved = predict(belief.targets, told.motion)
+        candidates, looked = self._candidates(moved, belief.found >= self.life.establishing)
+        rng = np.random.default_rng((self.seed, belief.scans))
+        # Departs: the g0 places "in the region" are those of detections, drawn at random
+        places = z[rng.permutation(len(z))[: self.gaussians]]
+        parts = initial(clutter.gaussians, places, z, looked, self.how.deviation)
+        parts = self.fit(z, parts, 1 / np.prod(clutter.high - clutter.low), rng)
+        c, weight = parts.gaussians, len(z) * parts.w
+        if len(z):  # an empty scan tells nothing of where clutter is
+            gaussians = Mixture(weight[1 : c + 1], parts.m[:c], parts.P[:c])
+            uniform, ellipses = float(weight[0]), nothing(z.shape[1])
+            clutter = clutter._replace(uniform=uniform, gaussians=gaussians, ellipses=ellipses)
+            at = parts.origin
+        else:
+            at = np.empty(0, np.int64)
+        hit, d2 = _updated(take(candidates, at), parts.m[c:][: len(at)], told.sensor)
+        hit = hit._replace(w=np.minimum(weight[c + 1 :][: len(at)], 1.0))
+        hit, at = take(hit, d2 <= self.life.gate), at[d2 <= self.life.gate]
+        return self._lived(belief, moved, hit, at, clutter)
+
+    def _candidates(self, moved: Mixture, may_spawn: np.ndarray) -> tuple[Mixture, Mixture]:
+        """States of survivors, births and spawned, in this order, and what each is looked for with
+        (eqs. 12-14)."""
+        told, life = self.population, self.life
+        H, R = told.sensor
+        parts, seen = [moved, told.births], [np.tile(R, (len(moved.w), 1, 1)), H @ told.births.P @ H.T]
+        if told.spawn_weight > 0:
+            parents = take(moved, may_spawn)
+            around = H @ told.spawn_covariance @ H.T
+            steps = np.zeros((1, len(H)))
+            if life.spawn_distance > 0:
+                axes = life.spawn_distance * np.diag(np.sqrt(np.diag(around + R)))
+                steps = np.concatenate([axes, -axes])
+            for step in steps:
+                # an expected detection that is `step` off, by a state that is so
+                m = parents.m + step @ np.linalg.pinv(H).T
+                parts.append(Mixture(parents.w, m, parents.P + told.spawn_covariance))
+                seen.append(np.tile(around, (len(m), 1, 1)))
+        states = joined(parts)
+        expected, S = told.sensor.gates(states)
+        return states, Mixture(states.w, expected, S if life.predicted else np.concatenate(seen))
+
+    def _lived(
+        self, belief: Tracks, moved: Mixture, hit: Mixture, at: np.ndarray, clutter: Clutter
+    ) -> tuple[Tracks, Account]:
+        """The belief after targets `at` (h,) of the candidates were found, and what is said of it."""
+        n, life = len(moved.w), self.life
+        old, new = at < n, int((at >= n).sum())
+        lost = np.setdiff1d(np.arange(n), at)
+        coasting = (belief.found[lost] >= life.establishing) & (belief.missed[lost] < life.patience)
+        lost = lost[coasting]
+        label, found = np.empty(len(at), np.int64), np.ones(len(at), np.int64)
+        label[old], label[~old] = belief.label[at[old]], belief.fresh + np.arange(new)
+        found[old] += belief.found[at[old]]
+        waiting = take(moved, lost)
+        waiting = waiting._replace(w=self.population.survival_probability * waiting.w)
+        after = Tracks(
+            joined([hit, waiting]),
+            np.append(label, belief.label[lost]),
+            np.append(found, belief.found[lost]),
+            np.append(np.zeros(len(at), np.int64), belief.missed[lost] + 1),
+            belief.fresh + new,
+            clutter,
+            belief.scans + 1,
+        )
+        named = after.found >= life.establishing
+        targets = after.targets
+        said = Account(
+            targets.m[named], targets.w[named], after.label[named], float(targets.w.sum()), targets, clutter
+        )
+        return after, said
+
+
+def fmm_em(
+    population: Population,
+    repaired: bool = False,
+    gaussians: int = 8,
+    merging: float = 4.0,
+    clutter_least: float = 3.0,
+    target_least: float = 0.5,
+    deviation: float = 15.0,
+    tolerance: float = 1e-5,
+    iterations: int = 100,
+    patience: int = 3,
+    establishing: int = 5,
+    spawn_distance: float = 3.0,
+    gate: float = 9.21,
+    seed: int = 0,
+) -> Fmm:
+    """Clutter and targets fitted as a finite mixture by expectation maximisation (Lv, Algorithm 1), as
+    printed or, with `repaired`, with targets that coast, spawn aside and are named when established.
+
+    As printed a target that is pruned once is gone, survivors are looked for with covariance R, and the
+    spawned at their parent (p = 1, d = 0), with which they merge. Departs, if `repaired`: a target found in
+    `establishing` scans running is named, may spawn and may be missed in `patience` scans; the spawned are
+    looked for `spawn_distance` deviations aside along every axis, all targets with H P H' + R, and within the
+    squared distance `gate` alone, for the mean of a part wanders to what clutter there is. Either way a
+    Gaussian of clutter is no narrower than `deviation` (m)."""
+    how = management(merging, clutter_least, target_least, deviation, tolerance, iterations)
+    life = _life(repaired, patience, establishing, spawn_distance, gate)
+    return Fmm(population, partial(_by_em, how=how), how, life, gaussians, seed)
+
+
+def fmm_gibbs(
+    population: Population,
+    repaired: bool = False,
+    gaussians: int = 8,
+    merging: float = 4.0,
+    clutter_least: float = 3.0,
+    target_least: float = 0.5,
+    deviation: float = 15.0,
+    burn: int = 20,
+    sweeps: int = 40,
+    patience: int = 3,
+    establishing: int = 5,
+    spawn_distance: float = 3.0,
+    gate: float = 9.21,
+    seed: int = 0,
+) -> Fmm:
+    """As `fmm_em`, with the mixture drawn by Gibbs (Lv, section 5), averaged over `sweeps` draws."""
+    how = management(merging, clutter_least, target_least, deviation)
+    check_whole("burn", burn, 0)
+    check_whole("sweeps", sweeps, 1)
+    life = _life(repaired, patience, establishing, spawn_distance, gate)
+    fit = partial(_by_gibbs, how=how, burn=burn, sweeps=sweeps)
+    return Fmm(population, fit, how, life, gaussians, seed)
+
+
+def _life(repaired: bool, patience: int, establishing: int, spawn_distance: float, gate: float) -> Lifetime:
+    # checked either way: a wrong parameter is one even where it is not heeded
+    given = Lifetime(patience, establishing, spawn_distance, True, gate)
+    return given if repaired else PRINTED
+
+
+def _by_em(z, parts: Parts, flat: float, rng: np.random.Generator, how: Management) -> Parts:
+    return fit_em(z, parts, flat, how)[0]
+
+
+def _by_gibbs(z, parts: Parts, flat: float, rng, how: Management, burn: int, sweeps: int) -> Parts:
+    return fit_gibbs(z, parts, flat, how, rng, burn, sweeps)
+
+
+def _updated(p: Mixture, z: np.ndarray, sensor) -> tuple[Mixture, np.ndarray]:
+    """Each of n components conditioned on its own equivalent detection z (n, p) with noise R (eq. 32), and
+    the squared Mahalanobis distance (n,) at which that was.
+
+    Departs: R is added to H P H', which the print leaves out, and it is the target's mean, not a clutter's,
+    that updates."""
+    expected, S = sensor.gates(p)
+    C = sensor.look(p, expected, S, z).C
+    n, off = len(p.w), z - expected
+    d2 = np.einsum("ni,ni->n", off, np.linalg.solve(S, off[:, :, None])[:, :, 0])
+    return Mixture(*phd.posteriors(np.zeros(n), np.eye(n), p.m, p.P, expected, S, C, z, 0.0)[:3]), d2

@@ -1,0 +1,122 @@
+"""Track-oriented Poisson multi-Bernoulli trackers (Williams 2015, TOMB/P), one of which learns the clutter it
+is in."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym import multi_bernoulli
+from gmr_gym.clutter_learning import Learner, Lessons, first_lesson, learn, learner
+from gmr_gym.model import check_probability
+from gmr_gym.multi_bernoulli import MultiBernoulli
+from gmr_gym.multitarget import Account, Population
+from gmr_gym.tracker import check_limits, check_scan
+
+
+class Learning(NamedTuple):
+    """What is believed of the targets, and of the clutter."""
+
+    targets: MultiBernoulli
+    lessons: Lessons
+
+
+class Limits(NamedTuple):
+    """What is kept and what is named; `limits` checks one."""
+
+    prune_existence: float  # a track less probable goes
+    prune_weight: float  # expected number, of a component of the undetected
+    tracks: int  # at most, and as many components of the undetected
+    naming: float  # a track more probable is named
+
+
+def limits(prune_existence: float, prune_weight: float, tracks: int, naming: float) -> Limits:
+    """Checked Limits; ValueError naming the one that is none."""
+    check_limits(prune_weight, 1)
+    if not tracks >= 1 or tracks != int(tracks):
+        raise ValueError(f"tracks must be a whole number, at least 1, got {tracks}")
+    check_probability("naming", naming)
+    if not 0 <= prune_existence < naming:
+        raise ValueError(
+            f"prune_existence must be a probability less than naming {naming}, got {prune_existence}"
+        )
+    return Limits(float(prune_existence), float(prune_weight), int(tracks), float(naming))
+
+
+@dataclass(frozen=True)
+class Pmb:
+    """Bernoulli tracks over a Poisson intensity of undetected targets, in the clutter it was told of."""
+
+    population: Population
+    limits: Limits
+
+    def init(self) -> MultiBernoulli:
+        return multi_bernoulli.nobody(self.population)
+
+    def step(self, belief: MultiBernoulli, z: np.ndarray) -> tuple[MultiBernoulli, Account]:
+        told = self.population
+        z = check_scan(z, len(told.sensor.H))
+        targets, _ = _scanned(belief, told, z, told.clutter.density(z), self.limits)
+        return targets, multi_bernoulli.account(targets, told.clutter, self.limits.naming)
+
+
+@dataclass(frozen=True)
+class LearningPmb:
+    """As Pmb, but the intensity of clutter is fitted to the scans so far, every detection counted by the
+    probability that it is of no track, old or new. The scan is judged by what was learned before it."""
+
+    population: Population
+    how: Learner
+    limits: Limits
+
+    def init(self) -> Learning:
+        return Learning(multi_bernoulli.nobody(self.population), first_lesson(self.population.clutter))
+
+    def step(self, belief: Learning, z: np.ndarray) -> tuple[Learning, Account]:
+        told, lessons = self.population, belief.lessons
+        z = check_scan(z, len(told.sensor.H))
+        targets, false = _scanned(belief.targets, told, z, lessons.clutter.density(z), self.limits)
+        lessons = learn(told.clutter, lessons, z, false, self.how)
+        account = multi_bernoulli.account(targets, lessons.clutter, self.limits.naming)
+        return Learning(targets, lessons), account
+
+
+def pmb(
+    population: Population,
+    prune_existence: float = 1e-3,
+    prune_weight: float = 1e-5,
+    tracks: int = 200,
+    naming: float = 0.5,
+) -> Pmb:
+    """Poisson multi-Bernoulli tracker of up to `tracks` tracks, which names those that exist with more than
+    `naming`."""
+    return Pmb(population, limits(prune_existence, prune_weight, tracks, naming))
+
+
+def learning_pmb(
+    population: Population,
+    prune_existence: float = 1e-3,
+    prune_weight: float = 1e-5,
+    tracks: int = 200,
+    naming: float = 0.5,
+    memory: int = 20,
+    deviation: float = 15.0,
+    most: int = 12,
+    iterations: int = 2,
+) -> LearningPmb:
+    """As `pmb`, of up to `tracks`, with clutter learned as a uniform and up to `most` Gaussians no narrower
+    than `deviation` (m), which forgets within `memory` scans."""
+    return LearningPmb(
+        population,
+        learner(memory, deviation, most, iterations),
+        limits(prune_existence, prune_weight, tracks, naming),
+    )
+
+
+def _scanned(belief, told, z, kappa, limits):
+    """The targets after a scan, and the probability (k,) that each detection is false."""
+    targets, false = multi_bernoulli.update(
+        multi_bernoulli.ahead(belief, told), told.sensor, z,
+        told.detection_probability, kappa, limits.prune_existence,
+    )  # fmt: skip
+    return multi_bernoulli.pruned(targets, limits.prune_existence, limits.prune_weight, limits.tracks), false

@@ -1,0 +1,380 @@
+"""The detections of one scan as a finite mixture, fitted by expectation maximisation or drawn by Gibbs (Lv,
+Lian and Han 2014): clutter is a uniform part and Gaussians, targets are Gaussians of known covariance, and
+the weights of all of them sum to 1. What a part's weight comes to in detections is n times it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from gmr_gym.clutter_learning import responsibilities
+from gmr_gym.mixture import Mixture, cholesky_into, mahalanobis_squared, match
+
+LEAST_UNIFORM = 1e-12  # weight; a detection far from all Gaussians must have an explanation
+DIRICHLET = 1.0  # a_j of eq. 25, for every part
+PRIOR_MEANS, PRIOR_SPREADS = 0.01, 2  # detections that the priors of a mean and of a covariance count as
+
+
+class Parts(NamedTuple):
+    """A finite mixture of detections, in that order: uniform, Gaussians of clutter, targets."""
+
+    w: np.ndarray  # (1 + c + t,), one simplex
+    m: np.ndarray  # (c + t, p), m
+    P: np.ndarray  # (c + t, p, p), m^2, those of targets known
+    origin: np.ndarray  # (t,), the number each target began with: when targets merge, the least is kept
+
+    @property
+    def gaussians(self) -> int:
+        """Number of the clutter's Gaussians, c."""
+        return len(self.m) - len(self.origin)
+
+
+class Management(NamedTuple):
+    """How parts come to be merged and pruned, and when a fit ends; `management` checks one."""
+
+    merging: float  # U, squared distance, eq. 23
+    clutter_least: float  # D_c, detections
+    target_least: float  # D_t, detections
+    deviation: float  # m, in no direction is a Gaussian of clutter narrower
+    tolerance: float  # epsilon, of the log-likelihood
+    iterations: int  # at most
+
+
+def management(
+    merging: float = 4.0,
+    clutter_least: float = 3.0,
+    target_least: float = 0.5,
+    deviation: float = 15.0,
+    tolerance: float = 1e-5,
+    iterations: int = 100,
+) -> Management:
+    """Checked Management, by default of Lv, section 7.2; deviation, tolerance and iterations are not printed.
+
+    Departs: a Gaussian of clutter has a floor, `deviation`. Without one it collapses on a detection, where
+    the likelihood is infinite, whether the rest is as printed or repaired. ValueError names the parameter."""
+    for name, value in (
+        ("merging", merging), ("clutter_least", clutter_least), ("target_least", target_least),
+        ("tolerance", tolerance),
+    ):  # fmt: skip
+        if not 0 <= value < np.inf:
+            raise ValueError(f"{name} must be non-negative and finite, got {value}")
+    if not 0 < deviation < np.inf:
+        raise ValueError(f"deviation must be positive and finite, got {deviation}")
+    check_whole("iterations", iterations, 1)
+    least = float(clutter_least), float(target_least)
+    return Management(float(merging), *least, float(deviation), float(tolerance), int(iterations))
+
+
+def check_whole(name: str, value: int, least: int) -> None:
+    """Raise ValueError naming the parameter unless it is a whole number, at least `least`."""
+    if isinstance(value, bool) or value != value or value in (np.inf, -np.inf) or value != int(value):
+        raise ValueError(f"{name} must be a whole number, got {value}")
+    if value < least:
+        raise ValueError(f"{name} must be at least {least}, got {value}")
+
+
+def initial(clutter: Mixture, places: np.ndarray, z: np.ndarray, targets: Mixture, deviation: float) -> Parts:
+    """The mixture that a fit begins with, all weights alike (eq. 15): the last scan's Gaussians of clutter
+    (eq. 8), one more about each of the places (g0, p) as wide as eq. 9 says but for the floor `deviation`,
+    and the targets."""
+    p = z.shape[1]
+    wide = np.tile(variance(z, deviation) * np.eye(p), (len(places), 1, 1))
+    m = np.concatenate([clutter.m, places, targets.m])
+    w = np.full(len(m) + 1, 1 / (len(m) + 1))
+    return Parts(w, m, np.concatenate([clutter.P, wide, targets.P]), np.arange(len(targets.m)))
+
+
+def variance(z: np.ndarray, deviation: float) -> float:
+    """sigma^2, m^2, a tenth of the mean variance of the detections z (k, p) (eq. 9), at least deviation^2."""
+    return max(float(z.var(axis=0).mean()) / 10, deviation**2) if len(z) else deviation**2
+
+
+def fit_em(z: np.ndarray, parts: Parts, flat: float, how: Management) -> tuple[Parts, float]:
+    """The mixture fitted to the scan z (k, p), and its log-likelihood (Lv, Algorithm 1); `flat` is the
+    density of the uniform part. Nothing changes, likelihood 1, where there are no detections.
+
+    Departs: epsilon is of the log-likelihood and not of the likelihood, which is beyond floating point; a
+    fit does not end on a step that merged or pruned. After pruning the weights are made to sum to 1."""
+    if len(z) == 0:
+        return parts, 0.0
+    floored = _floors(parts.P, parts.gaussians, how.deviation)
+    w, m, P, origin, value = _em(z, parts.w, parts.m, floored, parts.origin, flat, *how)
+    return Parts(w, m, P, origin), value
+
+
+def fit_gibbs(
+    z: np.ndarray,
+    parts: Parts,
+    flat: float,
+    how: Management,
+    rng: np.random.Generator,
+    burn: int = 20,
+    sweeps: int = 40,
+) -> Parts:
+    """Average of `sweeps` draws of the mixture given the scan z (k, p), after `burn` of them (Lv, section 5).
+
+    Departs: labels are drawn, where eqs. 26 and 29 take their probabilities; a Gaussian of clutter has the
+    conjugate normal-inverse-Wishart prior, about the mean of the scan and as wide as eq. 9 says, where eq. 27
+    has a Wishart of a variance; the mean of a target is drawn about that of its detections with its known
+    covariance over their number, where eqs. 28-29 have all of it and swap two symbols, and is back where it
+    began when it has no detection, lest it be lost between two. Management (section 5.3) is by the number of
+    labels, before the weights are drawn, and in the burn-in alone, so that draws can be averaged; targets
+    are pruned at the end only, by their average, because a target with one detection is without it in many
+    a draw."""
+    if len(z) == 0:
+        return parts
+    floored = _floors(parts.P, parts.gaussians, how.deviation)
+    spread = variance(z, how.deviation)
+    w, m, P, origin = _gibbs(
+        z, parts.w, parts.m, floored, parts.origin, flat, how.merging, how.clutter_least,
+        how.target_least, how.deviation, spread, burn, sweeps, rng,
+    )  # fmt: skip
+    return Parts(w, m, P, origin)
+
+
+@njit(cache=True, error_model="numpy")
+def _em(z, w, m, P, origin, flat, merging, clutter_least, target_least, deviation, tolerance, iterations):
+    share = responsibilities(z, w, m, P, flat)
+    value = log_likelihood(share, w[0] * flat)
+    for _ in range(iterations):
+        before, parts = value, len(m)
+        w, m, P = maximised(z, share, m, P, len(m) - len(origin), deviation)
+        w, m, P, origin = managed(w, m, P, origin, len(z), merging, clutter_least, target_least)
+        share = responsibilities(z, w, m, P, flat)
+        value = log_likelihood(share, w[0] * flat)
+        if len(m) == parts and abs(value - before) <= tolerance * abs(before):
+            break
+    return w, m, P, origin, value
+
+
+@njit(cache=True, error_model="numpy")
+def log_likelihood(share, uniform):
+    """Log-likelihood of the scan (eq. 7): the share of the uniform part, whose weighted density is `uniform`,
+    tells what it was divided by."""
+    total = 0.0
+    for j in range(len(share)):
+        total += np.log(uniform) - np.log(share[j, 0])
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def maximised(z, share, m, P, c, deviation):
+    """Weights, means and covariances that maximise eq. 19 given shares (n, 1 + c + t) (eqs. 20-22); the
+    first c covariances, of clutter, no less than deviation^2 in any direction, the others as they were."""
+    (n, p), g = z.shape, len(m)
+    w, m_out, P_out = np.zeros(g + 1), m.copy(), P.copy()
+    for i in range(g + 1):
+        for j in range(n):
+            w[i] += share[j, i]
+    for i in range(g):
+        if not w[i + 1] > 0.0:
+            continue
+        for r in range(p):
+            total = 0.0
+            for j in range(n):
+                total += share[j, i + 1] * z[j, r]
+            m_out[i, r] = total / w[i + 1]
+        if i < c:
+            for r in range(p):
+                for s in range(r + 1):
+                    total = 0.0
+                    for j in range(n):
+                        total += share[j, i + 1] * (z[j, r] - m_out[i, r]) * (z[j, s] - m_out[i, s])
+                    P_out[i, r, s] = P_out[i, s, r] = total / w[i + 1]
+    w = np.maximum(w, 0.0) / n
+    w[0] = max(w[0], LEAST_UNIFORM)
+    return w / w.sum(), m_out, _floors(P_out, c, deviation)
+
+
+@njit(cache=True, error_model="numpy")
+def _floors(P, c, deviation):
+    """The first c of P (g, p, p) with no eigenvalue below deviation^2: of all such matrices the likeliest."""
+    out = P.copy()
+    p = P.shape[1]
+    L = np.zeros((p, p))
+    for i in range(c):
+        if cholesky_into(L, P[i] - deviation**2 * np.eye(p)):
+            continue
+        values, vectors = np.linalg.eigh(P[i])
+        for r in range(p):
+            for s in range(p):
+                total = 0.0
+                for k in range(p):
+                    total += vectors[r, k] * max(values[k], deviation**2) * vectors[s, k]
+                out[i, r, s] = total
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def managed(w, m, P, origin, n, merging, clutter_least, target_least):
+    """The parts merged and pruned (section 4.3): clutter with clutter, targets with targets. The uniform
+    part is never pruned.
+
+    Departs: eq. 24 has brackets about the deviation. Of targets that merge the one that began first keeps
+    its number and its known covariance, for survivors come before births and those before the spawned."""
+    t = len(origin)
+    c = len(m) - t
+    groups, count = _groups(w[1 : c + 1], m[:c], P[:c], merging)
+    w_c, m_c, P_c = match(w[1 : c + 1], m[:c], P[:c], groups, count)
+    groups, count = _groups(w[c + 1 :], m[c:], P[c:], merging)
+    w_t, m_t, P_t = match(w[c + 1 :], m[c:], P[c:], groups, count)
+    first = np.full(count, t)
+    for i in range(t):
+        first[groups[i]] = min(first[groups[i]], i)
+    order = np.argsort(first)  # numbers ascend, so that the first of a group has the least
+    first = first[order]
+    w_t, m_t, P_t, number = w_t[order], m_t[order], P[c:][first], origin[first]
+    keep_c, keep_t = n * w_c >= clutter_least, n * w_t >= target_least
+    w_out = np.concatenate((w[:1], w_c[keep_c], w_t[keep_t]))
+    m_out = np.concatenate((m_c[keep_c], m_t[keep_t]))
+    P_out = np.concatenate((P_c[keep_c], P_t[keep_t]))
+    return w_out / w_out.sum(), m_out, P_out, number[keep_t]
+
+
+@njit(cache=True, error_model="numpy")
+def _groups(w, m, P, merging):
+    """Groups (n,) that merge: about the heaviest part j all i with (m_i - m_j)' P_j^-1 (m_i - m_j) <= U
+    (eq. 23), then so with the rest; their number."""
+    n, p = m.shape
+    group, count = np.full(n, -1), 0
+    L, y = np.zeros((p, p)), np.empty(p)
+    for j in np.argsort(-w, kind="mergesort"):
+        if group[j] >= 0:
+            continue
+        if not cholesky_into(L, P[j]):
+            raise ValueError("a covariance of the mixture is not positive definite")
+        for i in range(n):
+            if i == j or (group[i] < 0 and mahalanobis_squared(L, m[i], m[j], y) <= merging):
+                group[i] = count
+        count += 1
+    return group, count
+
+
+@njit(cache=True, error_model="numpy")
+def _gibbs(
+    z, w, m, P, origin, flat, merging, clutter_least, target_least, deviation, spread, burn, sweeps, rng
+):
+    n, p = z.shape
+    centre = np.zeros(p)
+    for j in range(n):
+        centre += z[j] / n
+    began = np.zeros((origin.max() + 1 if len(origin) else 0, p))
+    began[origin] = m[len(m) - len(origin) :]
+    m_sum, P_sum, w_sum, z_sum = m, P, w, m  # of the draws that are kept
+    for sweep in range(burn + sweeps):
+        share = responsibilities(z, w, m, P, flat)
+        if sweep == burn:
+            m_sum, P_sum = np.zeros_like(m), np.zeros_like(P)
+            w_sum, z_sum = np.zeros_like(w), np.zeros_like(m)
+        if sweep >= burn:
+            for j in range(n):
+                w_sum += share[j]
+                for i in range(len(m)):
+                    z_sum[i] += share[j, i + 1] * z[j]
+        label = _labels(share, rng)
+        number = np.zeros(len(w))
+        for j in range(n):
+            number[label[j]] += 1.0
+        c = len(m) - len(origin)
+        m, P = m.copy(), P.copy()
+        for i in range(len(m)):
+            if i < c:
+                m[i], P[i] = _drawn_gaussian(z, label == i + 1, number[i + 1], centre, spread, rng)
+            elif number[i + 1] > 0.0:
+                mean = np.zeros(p)
+                for j in range(n):
+                    if label[j] == i + 1:
+                        mean += z[j] / number[i + 1]
+                m[i] = _drawn_mean(mean, P[i] / number[i + 1], rng)
+            else:
+                m[i] = began[origin[i - c]]
+        P = _floors(P, c, deviation)
+        if sweep < burn:
+            number[0] = max(number[0], n * LEAST_UNIFORM)
+            shares, m, P, origin = managed(
+                number / number.sum(), m, P, origin, n, merging, clutter_least, 0.0
+            )
+            number = n * shares
+        else:
+            m_sum += m
+            P_sum += P
+        # eq. 25: gamma variates over their sum are a draw of a Dirichlet
+        w = np.empty(len(number))
+        for i in range(len(w)):
+            w[i] = rng.standard_gamma(DIRICHLET + number[i])
+        w[0] = max(w[0], n * LEAST_UNIFORM)
+        w /= w.sum()
+    for i in range(len(m)):
+        if i < len(m) - len(origin):
+            m[i], P[i] = m_sum[i] / sweeps, P_sum[i] / sweeps
+        elif w_sum[i + 1] > 0.0:
+            m[i] = z_sum[i] / w_sum[i + 1]
+    return managed(w_sum / w_sum.sum(), m, P, origin, n, 0.0, clutter_least, target_least)
+
+
+@njit(cache=True, error_model="numpy")
+def _labels(share, rng):
+    """A part (n,) for each detection, drawn with probabilities share (n, g)."""
+    n, g = share.shape
+    label = np.zeros(n, np.int64)
+    for j in range(n):
+        left = rng.random()
+        for i in range(g):
+            left -= share[j, i]
+            if left < 0.0:
+                label[j] = i
+                break
+    return label
+
+
+@njit(cache=True, error_model="numpy")
+def _drawn_mean(mean, P, rng):
+    """A draw (p,) of N(mean, P)."""
+    p = len(mean)
+    L = np.zeros((p, p))
+    if not cholesky_into(L, P):
+        raise ValueError("a covariance of the mixture is not positive definite")
+    out = mean.copy()
+    for r in range(p):
+        e = rng.standard_normal()
+        for s in range(r, p):
+            out[s] += L[s, r] * e
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _drawn_gaussian(z, mine, number, centre, spread, rng):
+    """A draw of the mean (p,) and covariance (p, p) of the `number` detections of z (n, p) that are `mine`
+    (n,): normal-inverse-Wishart about the centre (p,) and `spread` I."""
+    n, p = z.shape
+    mean = np.zeros(p)
+    for j in range(n):
+        if mine[j]:
+            mean += z[j] / number
+    scatter = PRIOR_SPREADS * spread * np.eye(p)
+    scaled = PRIOR_MEANS + number
+    for r in range(p):
+        for s in range(p):
+            for j in range(n):
+                if mine[j]:
+                    scatter[r, s] += (z[j, r] - mean[r]) * (z[j, s] - mean[s])
+            off = PRIOR_MEANS * number / scaled
+            scatter[r, s] += off * (mean[r] - centre[r]) * (mean[s] - centre[s])
+    # with scatter = L L' and A of Bartlett's decomposition, L A'^-1 A^-1 L' is a draw of the inverse Wishart
+    L = np.zeros((p, p))
+    if not cholesky_into(L, scatter):
+        raise ValueError("the scatter of a scan is not positive definite")
+    A = np.zeros((p, p))
+    freedom = PRIOR_SPREADS + p + 1 + number
+    for r in range(p):
+        A[r, r] = np.sqrt(rng.chisquare(freedom - r))
+        for s in range(r):
+            A[r, s] = rng.standard_normal()
+    B = np.linalg.solve(A, L.T)
+    P = np.zeros((p, p))
+    for r in range(p):
+        for s in range(p):
+            for k in range(p):
+                P[r, s] += B[k, r] * B[k, s]
+    return _drawn_mean((PRIOR_MEANS * centre + number * mean) / scaled, P / scaled, rng), P
