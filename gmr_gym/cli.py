@@ -1,13 +1,9 @@
 """The command line, `gmr-gym`."""
 
-import ast
 import sys
-from collections.abc import Iterator
-from difflib import get_close_matches
-from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import gymnasium as gym
 import numpy as np
@@ -15,32 +11,32 @@ import typer
 from rich.console import Console
 
 from gmr_gym import detections
+from gmr_gym.commands import (
+    key_value,
+    numbers,
+    parsed,
+    runs_shown,
+    scenario_of,
+    single_target,
+    tracker_of,
+)
 from gmr_gym.crowd import ManyScenario
 from gmr_gym.crowd_summary import crowd_differences, crowd_summary
 from gmr_gym.data import flight_names
-from gmr_gym.envs import CROWDS, ENVIRONMENTS
-from gmr_gym.montecarlo import run
-from gmr_gym.output import (
-    claims_grid,
-    comparison,
-    console,
-    grid,
-    progress,
-    write_crowd_runs,
-    write_csv,
-    write_json,
-    write_runs,
-)
+from gmr_gym.envs import ENVIRONMENTS
+from gmr_gym.output import claims_grid, comparison, console, grid, progress, write_csv, write_json, write_runs
 from gmr_gym.play import play
 from gmr_gym.reducers import REDUCERS
-from gmr_gym.reproduce import Map, Table, table_record
-from gmr_gym.simulate import Scenario, draw
+from gmr_gym.reproduce import Map, table_record
+from gmr_gym.reproduce.running import mapped, reproduced
+from gmr_gym.simulate import draw
 from gmr_gym.summary import differences, summary
 from gmr_gym.tracker import CROWD_GROUP, Tracker, make_tracker, trackers
 
 PAPERS = {
     "dortenzio": "adaptive reduction of a single target's hypotheses: Tables 1-4, Fig. 1",
     "li": "a radar's converted measurements, models and data association: Figs. 1-4, three regimes, a map",
+    "lv": "several targets in clutter fitted as a finite mixture: Figs. 1-9, what the trackers score",
     "maybeck": "an F-16 in clutter, filter banks and hypotheses: Table I, Figs. 3-7",
     "maybeck-zhang": "models in the mixture or in filter banks: either paper's trackers in either's world",
     "zhang": "models and hypotheses of a manoeuvring target reduced jointly: cases 1 and 2, Figs. 1-2",
@@ -94,21 +90,18 @@ def evaluate(
     json_file: Json = None,
 ) -> None:
     """Trackers on the same episodes of an environment, with intervals and paired differences."""
-    world = dict(map(_key_value, settings))
-    many = env_id in CROWDS
-    scenario = _scenario(env_id, world, ManyScenario if many else Scenario)
-    candidates = {spec: _tracker(spec, scenario) for spec in tracker}
-    results = _run(env_id, scenario, candidates, runs, seed, jobs, out)
+    world = dict(map(key_value, settings))
+    scenario = scenario_of(env_id, world)
+    candidates = {spec: tracker_of(spec, scenario) for spec in tracker}
+    (results,) = runs_shown(env_id, [(scenario, candidates)], runs, seed, jobs, out)
+    many = isinstance(scenario, ManyScenario)
     rows = (crowd_summary if many else summary)(scenario, results)
     screen = console()
     screen.print(grid(f"{env_id}: {runs} runs, seed {seed}", rows))
     paired = (crowd_differences if many else differences)(scenario, results)
     if paired:
         screen.print(grid("paired differences", paired))
-    if many:
-        write_crowd_runs(out / "runs.csv", results)
-    else:
-        write_runs(out / "runs.csv", scenario, results)
+    write_runs(out / "runs.csv", scenario, results)
     tables = [table_record(env_id, world, rows)]
     if paired:
         tables.append(table_record("paired differences", world, paired))
@@ -122,7 +115,10 @@ def evaluate(
 def reproduce(
     paper: Annotated[str, typer.Argument(help="a paper's short name, as `list` shows it")],
     table: Annotated[list[str], typer.Option("--table", help="only this table; repeatable")] = [],  # noqa: B006
-    runs: RunCount = 1000,
+    runs: Annotated[
+        int | None,
+        typer.Option("--runs", min=1, help="Monte Carlo runs; as many as the paper's unless given"),
+    ] = None,
     seed: Seed = 0,
     jobs: Jobs = -1,
     out: Annotated[Path | None, typer.Option("--out", help="folder of results")] = None,
@@ -138,15 +134,17 @@ def reproduce(
             raise ValueError(f"{paper} has no table {name!r}; choose from {', '.join(known)}")
     out = out or Path("results") / paper
     screen, records, evidence = console(), [], {}
+    runs = runs or module.TABLES[0].runs
     for name in table or known:
-        if isinstance(known[name], Map):
-            record = _mapped(module, known[name], runs, seed, jobs, out)
-            screen.print(comparison(f"{paper}, {name}: {known[name].title}", record, known[name].columns))
+        entry = known[name]
+        if isinstance(entry, Map):
+            record = mapped(module, entry, runs, seed, jobs, out)
+            screen.print(comparison(f"{paper}, {name}: {entry.title}", record, entry.columns))
             records.append(record)
             continue
-        (first, *paired), kept = _reproduced(module, known[name], runs, seed, jobs, out)
-        title = f"{paper}, table {name}: {known[name].title}; {runs} runs"
-        screen.print(comparison(title, first, known[name].columns))
+        (first, *paired), kept = reproduced(module, entry, runs, seed, jobs, out)
+        title = f"{paper}, table {name}: {entry.title}; {runs} runs"
+        screen.print(comparison(title, first, entry.columns))
         for record in paired:
             screen.print(comparison(record["name"], record, list(record["rows"][0]["metrics"])))
         records += [first, *paired]
@@ -162,45 +160,6 @@ def reproduce(
     screen.print(f"tables, figures and runs are in {out}", highlight=False)
 
 
-def _reproduced(module, entry: Table, runs, seed, jobs, out) -> tuple[list[dict[str, Any]], Any]:
-    """Runs a table and leaves its files; the records of it, and the evidence its paper's claims need. The
-    results are gone by then: a table of a thousand runs is a hundred megabytes."""
-    scenario = _scenario(entry.env_id, entry.settings)
-    candidates = _candidates(entry, scenario)
-    results = _run(f"table {entry.name}", scenario, candidates, runs, seed, jobs, out)
-    rows = entry.summarise(scenario, results)
-    write_runs(out / f"runs-{entry.name}.csv", scenario, results)
-    module.figures(entry, scenario, results, rows, out)
-    evidence = entry.evidence(scenario, results) if entry.evidence else None
-    records = [table_record(entry.name, entry.settings, rows, entry, runs)]
-    if entry.paired:
-        name = f"{entry.name}, paired differences"
-        records.append(table_record(name, entry.settings, entry.paired(scenario, results)))
-    return records, evidence
-
-
-def _mapped(module, entry: Map, runs, seed, jobs, out) -> dict[str, Any]:
-    """Runs every cell of a map and leaves its drawing; the record of it."""
-    scenarios = {name: _scenario(entry.env_id, settings) for name, settings in entry.cells().items()}
-    work = [(scenario, _candidates(entry, scenario)) for scenario in scenarios.values()]
-    runs = max(2, runs // entry.share)
-    results = _runs(entry.name, work, runs, seed, jobs, out)
-    rows = {
-        name: entry.summarise(scenario, found)
-        for (name, scenario), found in zip(scenarios.items(), results, strict=True)
-    }
-    module.map_figures(entry, rows, out)
-    return table_record(entry.name, entry.settings | {"runs": runs}, rows)
-
-
-def _candidates(entry: Table | Map, scenario: Scenario) -> dict[str, Tracker]:
-    found = {}
-    for spec, parameters in entry.trackers.items():
-        name, further = _spec(spec)
-        found[spec] = make_tracker(name, scenario.model, **parameters, **further)
-    return found
-
-
 @app.command()
 def watch(
     env_id: EnvId,
@@ -212,10 +171,10 @@ def watch(
     """One episode as a film: clutter, gates, hypotheses, truth and estimate."""
     from gmr_gym.watch import film
 
-    scenario = _scenario(env_id, dict(map(_key_value, settings)))
+    scenario = single_target(env_id, dict(map(key_value, settings)))
     tracker = tracker or ("mmg-15" if len(scenario.model.motions) > 1 else "runnalls-30")
     with progress("drawing") as report:
-        film(scenario, _tracker(tracker, scenario), seed, out, title=tracker, progress=report)
+        film(scenario, tracker_of(tracker, scenario), seed, out, title=tracker, progress=report)
     console().print(f"written to {out}", highlight=False)
 
 
@@ -232,10 +191,10 @@ def record(
 ) -> None:
     """One episode's detections in a file, as `track` reads them; of a radar in range and angles, which it
     does not."""
-    scenario = _scenario(env_id, dict(map(_key_value, settings)))
+    scenario = single_target(env_id, dict(map(key_value, settings)))
     tracker = tracker or ("imm-pda" if len(scenario.model.motions) > 1 else "pda")
     episode = draw(scenario, seed)
-    z = [played.scan.z for played in play(scenario, _tracker(tracker, scenario), episode)]
+    z = [played.scan.z for played in play(scenario, tracker_of(tracker, scenario), episode)]
     times = scenario.period * np.arange(1, len(z) + 1)
     detections.write_scans(out, times, z, scenario.sensor.coordinates)
     if truth:
@@ -269,7 +228,7 @@ def track_(
     scans = detections.read_scans(file)
     detections.check_positions(file, scans)
     if prior:
-        state = _numbers("prior", prior), _numbers("prior_deviations", prior_deviations)
+        state = numbers("prior", prior), numbers("prior_deviations", prior_deviations)
         start, prior_time = detections.prior_given(*state), None
     else:
         scans = detections.from_first_detection(scans)
@@ -282,7 +241,7 @@ def track_(
             sensor_deviation=sensor_deviation, detection_probability=detection_probability,
             clutter_density=clutter_density,
         )  # fmt: skip
-        name, parameters = _spec(tracker)
+        name, parameters = parsed(tracker)
         return make_tracker(name, told, **parameters)
 
     track = detections.track(scans, build, period, prior_time)
@@ -309,74 +268,3 @@ def main() -> None:
     ) as error:
         Console(stderr=True, soft_wrap=True).print(f"error: {error}", style="red", markup=False)
         sys.exit(2)
-
-
-def _key_value(text: str) -> tuple[str, Any]:
-    """key=value with the value read as a Python literal where it is one."""
-    key, sign, value = text.partition("=")
-    if not sign or not key:
-        raise ValueError(f"expected key=value, got {text!r}")
-    for read in (ast.literal_eval, float):  # float reads nan and inf, which are then refused by name
-        try:
-            return key, read(value)
-        except (ValueError, SyntaxError):
-            pass
-    return key, value
-
-
-def _scenario(env_id: str, world: dict[str, Any], kind: type = Scenario) -> Any:
-    bare = {name.partition("/")[2]: name for name in ENVIRONMENTS}
-    if env_id not in gym.registry and (
-        near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
-    ):
-        raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
-    scenario = getattr(gym.make(env_id, **world).unwrapped, "scenario", None)
-    if not isinstance(scenario, kind):
-        single = ", ".join(name for name in ENVIRONMENTS if name not in CROWDS)
-        what = "has many targets" if env_id in CROWDS else "is not a tracking environment"
-        raise ValueError(f"{env_id} {what}; choose from {single}")
-    return scenario
-
-
-def _tracker(text: str, scenario: Scenario | ManyScenario) -> Any:
-    name, parameters = _spec(text)
-    told = scenario.population if isinstance(scenario, ManyScenario) else scenario.model
-    return make_tracker(name, told, **parameters)
-
-
-def _spec(text: str) -> tuple[str, dict[str, Any]]:
-    """A tracker's name and parameters from NAME:key=value,key=value."""
-    name, _, parameters = text.partition(":")
-    return name, dict(map(_key_value, filter(None, parameters.split(","))))
-
-
-def _numbers(name: str, text: str) -> list[float]:
-    try:
-        return [float(number) for number in text.split(",")]
-    except ValueError:
-        raise ValueError(f"{name} must be numbers with commas between, got {text!r}") from None
-
-
-def _so_far(report, before: int, parts: int, done: int, total: int) -> None:
-    report(before * total + done, parts * total)
-
-
-def _run(label, scenario, candidates, runs, seed, jobs, out) -> dict[str, Any]:
-    (results,) = _runs(label, [(scenario, candidates)], runs, seed, jobs, out)
-    return results
-
-
-def _runs(label, work, runs, seed, jobs, out) -> Iterator[dict[str, Any]]:
-    """The results of each scenario with its trackers, one after the other under one bar."""
-    folder = out / "blocks"
-    try:
-        with progress(label) as report:
-            for i, (scenario, candidates) in enumerate(work):
-                tell = partial(_so_far, report, i, len(work))
-                yield run(scenario, candidates, runs, seed, jobs=jobs, folder=folder, progress=tell)
-    except KeyboardInterrupt:
-        Console(stderr=True, soft_wrap=True).print(
-            f"stopped: finished blocks of runs are kept in {folder}; the same command goes on from there",
-            highlight=False,
-        )
-        sys.exit(130)

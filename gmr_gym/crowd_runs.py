@@ -1,13 +1,14 @@
 """What a tracker of many targets does in a run, scored."""
 
+from collections.abc import Iterator
 from itertools import islice
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.crowd import ManyScenario, draw, scan
-from gmr_gym.multitarget import Clutter, ManyTracker
+from gmr_gym.crowd import Crowd, ManyScenario, draw, scan
+from gmr_gym.multitarget import Account, Clutter, ManyTracker
 from gmr_gym.set_metrics import gospa, ospa, wasserstein
 
 SIDE = 40  # places along each side of the box at which intensities of clutter are compared
@@ -26,6 +27,7 @@ class CrowdRuns(NamedTuple):
     targets: np.ndarray  # (runs, T), how many there were
     named: np.ndarray  # (runs, T), how many were named
     expected: np.ndarray  # (runs, T), how many were expected
+    components: np.ndarray  # (runs, T), of the intensity kept
     # (runs, T), integral over the box of the difference between believed and true intensity of clutter, as a
     # share of what is truly expected; nan at scans that are left out
     density_error: np.ndarray
@@ -39,26 +41,32 @@ def crowd_once(
     scans: int | None = None,
 ) -> CrowdRuns:
     """One run of all scans, or of the first few; the arrays of CrowdRuns without their first axis."""
-    episode, belief, rows = draw(scenario, seed), tracker.init(), []
+    episode, rows = draw(scenario, seed), []
     at, grid = list(scenario.position), None
-    for t in islice(range(scenario.horizon), scans):
-        z = scan(episode, t).z
-        started = perf_counter()
-        belief, account = tracker.step(belief, z)
-        seconds = perf_counter() - started
+    for t, (account, seconds) in islice(enumerate(accounts(tracker, episode)), scans):
         x = episode.x[t]
         truth, found = x[np.isfinite(x).all(axis=1)][:, at], account.x[:, at]
         parts = gospa(found, truth, scenario.cutoff, scenario.order)
         off = np.nan
         if t % EVERY == 0:
             true = scenario.clutter(t)
-            grid = _places(true) if grid is None else grid
+            grid = places(true) if grid is None else grid
             off = density_error(account.clutter, true, grid)
         rows.append((
             ospa(found, truth, scenario.cutoff, scenario.order), *parts, wasserstein(found, truth),
-            len(truth), len(found), account.expected, off, seconds,
+            len(truth), len(found), account.expected, len(account.intensity.w), off, seconds,
         ))  # fmt: skip
     return CrowdRuns(*map(np.array, zip(*rows, strict=True)))
+
+
+def accounts(tracker: ManyTracker, episode: Crowd) -> Iterator[tuple[Account, float]]:
+    """What the tracker says of each scan of the episode, and how long it took, s."""
+    belief = tracker.init()
+    for t in range(len(episode.x)):
+        z = scan(episode, t).z
+        started = perf_counter()
+        belief, account = tracker.step(belief, z)
+        yield account, perf_counter() - started
 
 
 def density_error(believed: Clutter, true: Clutter, places: np.ndarray) -> float:
@@ -69,7 +77,7 @@ def density_error(believed: Clutter, true: Clutter, places: np.ndarray) -> float
     return float(difference / true.expected) if true.expected > 0 else np.nan
 
 
-def _places(clutter: Clutter) -> np.ndarray:
+def places(clutter: Clutter) -> np.ndarray:
     """Middles (SIDE^p, p) of equal parts of the box."""
     sides = [
         low + (high - low) * (np.arange(SIDE) + 0.5) / SIDE

@@ -12,7 +12,7 @@ from gmr_gym.summary import Figure, mean
 def crowd_summary(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> dict[str, dict[str, Figure]]:
     """One row of figures per tracker, means over scans with intervals over runs: ospa and gospa (m), what
     gospa is made of (m^2 with order 2), cardinality_bias (targets named less those there),
-    cardinality_error (its size), wasserstein (m), density_error, time_per_scan (s, median)."""
+    cardinality_error (its size), wasserstein (m), density_error, components, time_per_scan (s, median)."""
     rows = {}
     for name, runs in results.items():
         surplus = (runs.named - runs.targets).astype(float)
@@ -21,6 +21,7 @@ def crowd_summary(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> d
             "cardinality_bias": mean(surplus.mean(axis=1)),
             "cardinality_error": mean(np.abs(surplus).mean(axis=1)),
             "density_error": mean(np.nanmean(runs.density_error, axis=1)),
+            "components": mean(runs.components.mean(axis=1)),
             "time_per_scan": Figure(float(np.median(runs.seconds))),
         }
     return rows

@@ -25,7 +25,10 @@ from gmr_gym.version import __version__
 
 BLOCK = 20  # runs in one task, and in one file on disk
 # of the package's source, what only looks at runs and has no part in them
-LOOKERS = ("cli.py", "curves.py", "output.py", "summary.py", "watch.py", "reproduce", "envs")
+LOOKERS = (
+    "cli.py", "commands.py", "crowd_summary.py", "curves.py", "output.py", "summary.py", "watch.py",
+    "reproduce", "envs",
+)  # fmt: skip
 
 
 class Runs(NamedTuple):

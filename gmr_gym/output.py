@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as Grid
 
+from gmr_gym.crowd import ManyScenario
 from gmr_gym.crowd_runs import CrowdRuns
 from gmr_gym.metrics import lost_at
 from gmr_gym.montecarlo import Runs
@@ -48,6 +49,9 @@ SCALE = {"track_loss": 100, "time_per_scan": 1e3, "time_worst": 1e3}
 RUN_COLUMNS = (
     "tracker", "run", "lost_at_scan", "rmse_m", "error_m", "velocity_rmse_mps", "components", "gate_area_m2",
 )  # fmt: skip
+# means over scans
+CROWD_FIELDS = [field for field in CrowdRuns._fields if field not in ("seconds", "density_error")]
+CROWD_COLUMNS = ("tracker", "run", *CROWD_FIELDS)
 
 
 def grid(title: str, rows: dict[str, dict[str, Figure]]) -> Grid:
@@ -108,30 +112,30 @@ def _shown(metric: str, figure: Figure) -> str:
     return value if np.isnan(figure.low) else f"{value} [{low}, {high}]"
 
 
-def write_runs(file: Path, scenario: Scenario, results: dict[str, Runs]) -> None:
-    """One row per tracker and run; nothing in it depends on the clock."""
-    rows = []
-    for tracker, runs in results.items():
-        position, velocity = errors(scenario, runs)
-        lost = lost_at(runs.off_target, scenario.patience) + 1
-        figures = np.stack([
-            np.sqrt((position**2).mean(axis=1)), position.mean(axis=1),
-            np.sqrt((velocity**2).mean(axis=1)),
-            runs.components.mean(axis=1), runs.gate_volume.mean(axis=1),
-        ], axis=1)  # fmt: skip
-        rows += [[tracker, i, lost[i] or "", *row] for i, row in enumerate(figures.tolist())]
-    write_rows(file, RUN_COLUMNS, rows)
-
-
-def write_crowd_runs(file: Path, results: dict[str, CrowdRuns]) -> None:
-    """One row per tracker and run of many targets, means over scans; nothing in it depends on the clock."""
-    fields = [field for field in CrowdRuns._fields if field not in ("seconds", "density_error")]
+def write_runs(file: Path, scenario: Any, results: dict[str, Any]) -> None:
+    """One row per tracker and run, of one target or of many; nothing in it depends on the clock."""
+    many = isinstance(scenario, ManyScenario)
+    columns, figures = (CROWD_COLUMNS, _crowd_run_figures) if many else (RUN_COLUMNS, _run_figures)
     rows = [
         [tracker, i, *row]
         for tracker, runs in results.items()
-        for i, row in enumerate(np.stack([getattr(runs, f).mean(axis=1) for f in fields], axis=1).tolist())
+        for i, row in enumerate(zip(*figures(scenario, runs), strict=True))
     ]
-    write_rows(file, ("tracker", "run", *fields), rows)
+    write_rows(file, columns, rows)
+
+
+def _run_figures(scenario: Scenario, runs: Runs) -> list[list]:
+    position, velocity = errors(scenario, runs)
+    lost = lost_at(runs.off_target, scenario.patience) + 1
+    figures = [
+        np.sqrt((position**2).mean(axis=1)), position.mean(axis=1), np.sqrt((velocity**2).mean(axis=1)),
+        runs.components.mean(axis=1), runs.gate_volume.mean(axis=1),
+    ]  # fmt: skip
+    return [[scan or "" for scan in lost], *(figure.tolist() for figure in figures)]
+
+
+def _crowd_run_figures(scenario: ManyScenario, runs: CrowdRuns) -> list[list]:
+    return [getattr(runs, field).mean(axis=1).tolist() for field in CROWD_FIELDS]
 
 
 def write_rows(file: Path, header: Sequence[str], rows: Iterable[Sequence]) -> None:

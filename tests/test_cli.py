@@ -339,7 +339,7 @@ def test_an_interrupted_command_says_where_it_goes_on(call, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("gmr_gym.cli.run", interrupted)
+    monkeypatch.setattr("gmr_gym.commands.run", interrupted)
     code, printed, errors = call(*EVALUATE, "mmg-5", "--out", "e")
     assert code == 130 and printed == ""
     assert errors.startswith("stopped: finished blocks of runs are kept in e/blocks;")

@@ -17,7 +17,7 @@ from test_reproduce import catch_drawings
 import gmr_gym  # noqa: F401  registers the environments
 from baselines.mhts import Mhts
 from gmr_gym import curves as module
-from gmr_gym.cli import _spec
+from gmr_gym.commands import parsed
 from gmr_gym.reproduce import maybeck, maybeck_zhang, widened
 from gmr_gym.reproduce.maybeck_claims import (
     ARCHITECTURES,
@@ -696,7 +696,7 @@ def test_the_roles_of_a_table_are_its_trackers_in_their_order(table):
     )  # fmt: skip
     assert tuple(by_role) == wanted
     for role, spec in by_role.items():
-        name, parameters = _spec(spec)
+        name, parameters = parsed(spec)
         assert name == (NAMES[role].removesuffix("-mht") if clear else f"{NAMES[role]}-15")
         tracker = make_tracker(name, scenario.model, **parameters, **table.trackers[spec])
         assert len(tracker.model.motions) == (1 if "one-motion" in name else 2)

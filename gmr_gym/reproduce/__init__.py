@@ -62,7 +62,7 @@ class Claim(NamedTuple):
     sentence: str
     measure: str
     threshold: float
-    value: Callable[..., float]
+    value: Callable[..., Any]  # of the evidence: the number, or what it is the mean of, run by run
 
 
 def judged(claim: Claim, figure: Figure, **about: str) -> dict[str, Any]:

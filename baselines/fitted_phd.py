@@ -1,0 +1,62 @@
+"""A GM-PHD filter fed the clutter that Lv's finite mixture fits to each scan."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from baselines.fmm import Fmm, Tracks, fmm_em
+from gmr_gym import phd
+from gmr_gym.mixture import Mixture
+from gmr_gym.multitarget import Account, Population
+from gmr_gym.phd import Labelled
+from gmr_gym.reduction import Reduced
+from gmr_gym.tracker import check_limits, check_scan
+
+
+class Fitted(NamedTuple):
+    """What the filter believes of the targets, and what the finite mixture believes of all."""
+
+    targets: Labelled
+    mixture: Tracks
+
+
+@dataclass(frozen=True)
+class FittedPhd:
+    """A GM-PHD filter whose intensity of clutter is that of the finite mixture fitted to the very scan that
+    is judged by it. Of the targets of the mixture it hears nothing: what the mixture has lost is clutter."""
+
+    population: Population
+    reduce: Callable[[Mixture], Reduced]
+    fit: Fmm
+    prune_weight: float = 1e-5  # an expected number of targets
+    most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
+
+    def __post_init__(self):
+        check_limits(self.prune_weight, self.most)
+
+    def init(self) -> Fitted:
+        return Fitted(phd.nobody(self.population), self.fit.init())
+
+    def step(self, belief: Fitted, z) -> tuple[Fitted, Account]:
+        told = self.population
+        z = check_scan(z, len(told.sensor.H))
+        mixture, said = self.fit.step(belief.mixture, z)
+        posterior = phd.update(
+            phd.ahead(belief.targets, told), told.sensor, z,
+            told.detection_probability, said.clutter.density(z), self.prune_weight,
+        )  # fmt: skip
+        targets, account = phd.account(phd.reduced(posterior, self.reduce, self.most), said.clutter)
+        return Fitted(targets, mixture), account
+
+
+def fitted_phd(
+    population: Population,
+    components: int = 100,
+    merging: float = 4.0,
+    prune_weight: float = 1e-5,
+    reduction: str = "vo-ma",
+    repaired: bool = False,
+) -> FittedPhd:
+    """GM-PHD filter of up to `components` in the clutter that `fmm-em` fits, as printed or `repaired`."""
+    reduce = phd.reduction_named(reduction, components, merging)
+    return FittedPhd(population, reduce, fmm_em(population, repaired), prune_weight)

@@ -1,0 +1,104 @@
+"""What the commands share: scenarios and trackers by what a user types, and runs under a progress bar."""
+
+import ast
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+from rich.console import Console
+
+from gmr_gym.crowd import ManyScenario
+from gmr_gym.envs import CROWDS, ENVIRONMENTS
+from gmr_gym.montecarlo import run
+from gmr_gym.output import progress
+from gmr_gym.simulate import Scenario
+from gmr_gym.tracker import make_tracker
+
+
+def key_value(text: str) -> tuple[str, Any]:
+    """key=value with the value read as a Python literal where it is one."""
+    key, sign, value = text.partition("=")
+    if not sign or not key:
+        raise ValueError(f"expected key=value, got {text!r}")
+    for read in (ast.literal_eval, float):  # float reads nan and inf, which are then refused by name
+        try:
+            return key, read(value)
+        except (ValueError, SyntaxError):
+            pass
+    return key, value
+
+
+def numbers(name: str, text: str) -> list[float]:
+    """Numbers with commas between; ValueError naming the option."""
+    try:
+        return [float(number) for number in text.split(",")]
+    except ValueError:
+        raise ValueError(f"{name} must be numbers with commas between, got {text!r}") from None
+
+
+def parsed(spec: str) -> tuple[str, dict[str, Any]]:
+    """A tracker's name and parameters from NAME:key=value,key=value."""
+    name, _, parameters = spec.partition(":")
+    return name, dict(map(key_value, filter(None, parameters.split(","))))
+
+
+def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
+    """The Scenario or ManyScenario of an environment with the settings `world`. Raises ValueError for an id that is none of
+    ours, with the nearest that is, and for an environment without one."""
+    bare = {name.partition("/")[2]: name for name in ENVIRONMENTS}
+    if env_id not in gym.registry and (
+        near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
+    ):
+        raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
+    scenario = getattr(gym.make(env_id, **world).unwrapped, "scenario", None)
+    if not isinstance(scenario, Scenario | ManyScenario):
+        raise ValueError(f"{env_id} is not a tracking environment; choose from {', '.join(ENVIRONMENTS)}")
+    return scenario
+
+
+def single_target(env_id: str, world: Mapping[str, Any]) -> Scenario:
+    """As `scenario_of`, of one target; ValueError where there are many."""
+    scenario = scenario_of(env_id, world)
+    if isinstance(scenario, ManyScenario):
+        single = ", ".join(name for name in ENVIRONMENTS if name not in CROWDS)
+        raise ValueError(f"{env_id} has many targets; choose from {single}")
+    return scenario
+
+
+def tracker_of(spec: str, scenario: Scenario | ManyScenario, **parameters) -> Any:
+    """The tracker NAME:key=value,key=value, with further parameters, told what the scenario tells."""
+    name, further = parsed(spec)
+    told = scenario.population if isinstance(scenario, ManyScenario) else scenario.model
+    return make_tracker(name, told, **parameters, **further)
+
+
+def runs_shown(
+    label: str,
+    work: Iterable[tuple[Scenario | ManyScenario, Mapping[str, Any]]],
+    runs: int,
+    seed: int,
+    jobs: int,
+    out: Path,
+) -> Iterator[dict[str, Any]]:
+    """The results of each scenario with its trackers, one after the other under one bar. Finished blocks of
+    runs are kept in out/blocks; on Ctrl-C it says so and exits."""
+    work, folder = list(work), out / "blocks"
+    try:
+        with progress(label) as report:
+            for i, (scenario, trackers) in enumerate(work):
+                tell = partial(_so_far, report, i, len(work))
+                yield run(scenario, trackers, runs, seed, jobs=jobs, folder=folder, progress=tell)
+    except KeyboardInterrupt:
+        Console(stderr=True, soft_wrap=True).print(
+            f"stopped: finished blocks of runs are kept in {folder}; the same command goes on from there",
+            highlight=False,
+        )
+        sys.exit(130)
+
+
+def _so_far(report, before: int, parts: int, done: int, total: int) -> None:
+    report(before * total + done, parts * total)

@@ -1,0 +1,148 @@
+"""What Lv, Lian and Han say of their finite mixtures against a GM-PHD filter that takes clutter for uniform,
+in three kinds of clutter; and what learning the clutter brings beside them."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gmr_gym.crowd import ManyScenario
+from gmr_gym.crowd_runs import CrowdRuns
+from gmr_gym.reproduce import Claim, judged, widened
+from gmr_gym.summary import mean
+
+UNIFORM, LEARNED, TRACKS = "gm-phd", "learning-phd", "learning-pmb"
+FITTED = ("fmm-em", "fmm-em:repaired=True", "fmm-gibbs", "fmm-gibbs:repaired=True")
+# m: "about 10 m, approximately the square root of trace(Sigma)", which is 14.1
+RIGHT = float(np.sqrt(200.0))
+LAST = 10  # scans at the end, when only one target is left
+CLOSE = 2.0  # m of OSPA, between a learned clutter and one that is told
+LITTLE = 0.5  # m of OSPA, which learning may cost where there is nothing to learn
+AIM, COUNTED = 18.0, 0.1  # m of OSPA, and targets, that tracks with a learned clutter are to reach
+
+
+class Evidence(NamedTuple):
+    """Of one tracker, run by run (runs,)."""
+
+    ospa: np.ndarray  # m, mean over scans
+    wasserstein: np.ndarray  # m, mean over scans
+    surplus: np.ndarray  # targets named less those there
+    off: np.ndarray  # its size
+    false: np.ndarray  # estimates of nothing in a scan
+    density: np.ndarray  # error of the intensity of clutter
+    right: np.ndarray  # m, Wasserstein over the scans whose number was right; nan for none
+    gone: np.ndarray  # 1 where a target was missed in every one of the last scans
+
+
+def evidence(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> dict[str, Evidence]:
+    """What the claims need of every tracker of a table."""
+    found = {}
+    for name, runs in results.items():
+        surplus = (runs.named - runs.targets).astype(float)
+        right = (surplus == 0) & (runs.targets > 0)
+        one = scenario.cutoff**scenario.order / 2
+        found[name] = Evidence(
+            runs.ospa.mean(axis=1),
+            runs.wasserstein.mean(axis=1),
+            surplus.mean(axis=1),
+            np.abs(surplus).mean(axis=1),
+            runs.false.mean(axis=1) / one,
+            np.nanmean(runs.density_error, axis=1),
+            np.array(
+                [
+                    w[there].mean() if there.any() else np.nan
+                    for w, there in zip(runs.wasserstein, right, strict=True)
+                ]
+            ),
+            (runs.missed[:, -LAST:] >= one * (1 - 1e-9)).all(axis=1).astype(float),
+        )
+    return found
+
+
+def claims(evidence: Mapping[str, Mapping[str, Evidence]]) -> list[dict[str, Any]]:
+    """A record for each sentence that the tables at hand can tell of; differences are run by run, on the same
+    episodes."""
+    asked = [
+        (claim, table, name, ((table, name), (table, UNIFORM)))
+        for table in evidence
+        for name in FITTED
+        for claim in PRINTED
+    ]
+    records = []
+    for claim, table, name, needed in (*asked, *ACROSS):
+        if all(other in evidence.get(where, ()) for where, other in needed):
+            values = claim.value(*(evidence[where][other] for where, other in needed))
+            (figure,) = widened([mean(values)], len(values))
+            records.append(judged(claim, figure, table=table, runs=name))
+    return records
+
+
+def _defined(values: np.ndarray) -> np.ndarray:
+    return values[np.isfinite(values)]
+
+
+PRINTED = (
+    Claim(
+        "estimation accuracy of the target number improves",
+        "number wrong by: gm-phd's less its own", 0.0, lambda own, phd: phd.off - own.off,
+    ),
+    Claim(
+        "fake targets decrease",
+        "estimates of nothing in a scan: gm-phd's less its own", 0.0, lambda own, phd: phd.false - own.false,
+    ),
+    Claim(
+        "the Wasserstein distance is better",
+        "gm-phd's less its own, m", 0.0, lambda own, phd: phd.wasserstein - own.wasserstein,
+    ),
+    Claim(
+        "so too by OSPA, which does not reward losing everything",
+        "gm-phd's less its own, m", 0.0, lambda own, phd: phd.ospa - own.ospa,
+    ),
+    Claim(
+        "with the number right the Wasserstein distance is about 10 m",
+        f"{RIGHT:.1f} m less the distance there", 0.0, lambda own, phd: RIGHT - _defined(own.right),
+    ),
+    Claim(
+        "the fitted clutter converges to the real one",
+        "share of clutter wrong: gm-phd's less its own", 0.0, lambda own, phd: phd.density - own.density,
+    ),
+    Claim(
+        "a target in dense clutter gets lost provisionally",
+        f"a half less the share of runs that miss the last target in all of the last {LAST} scans", 0.0,
+        lambda own, phd: 0.5 - own.gone,
+    ),
+)  # fmt: skip
+DENSER = Claim(
+    "the denser the clutter that targets pass, the more fake targets",
+    "estimates of nothing in a scan: less those where clutter is thinner", 0.0,
+    lambda thin, thick: thick.false - thin.false,
+)  # fmt: skip
+AS_GOOD = Claim(
+    "a clutter that is learned is as good as one that is told",
+    f"{CLOSE:g} m less the OSPA by which gm-phd with the true clutter is better", 0.0,
+    lambda learned, told: CLOSE - (learned.ospa - told.ospa),
+)  # fmt: skip
+FREE = Claim(
+    "learning costs nothing where clutter is uniform",
+    f"{LITTLE:g} m less the OSPA by which gm-phd is better", 0.0,
+    lambda learned, uniform: LITTLE - (learned.ospa - uniform.ospa),
+)  # fmt: skip
+REACHED = Claim(
+    f"tracks in a clutter that is learned reach {AIM:g} m", f"{AIM:g} m less OSPA", 0.0,
+    lambda tracks: AIM - tracks.ospa,
+)  # fmt: skip
+COUNT = Claim(
+    "and count their targets",
+    f"{COUNTED:g} less the size of the mean of those named less those there", 0.0,
+    lambda tracks: COUNTED - np.sign(tracks.surplus.mean()) * tracks.surplus,
+)  # fmt: skip
+# with the table and the tracker they are about, and whose evidence they take
+ACROSS = (
+    (DENSER, "groups", UNIFORM, (("uniform", UNIFORM), ("groups", UNIFORM))),
+    (DENSER, "dense", UNIFORM, (("groups", UNIFORM), ("dense", UNIFORM))),
+    (AS_GOOD, "groups", LEARNED, (("groups", LEARNED), ("groups-told", UNIFORM))),
+    (AS_GOOD, "dense", LEARNED, (("dense", LEARNED), ("dense-told", UNIFORM))),
+    (FREE, "uniform", LEARNED, (("uniform", LEARNED), ("uniform", UNIFORM))),
+    (REACHED, "groups", TRACKS, (("groups", TRACKS),)),
+    (COUNT, "groups", TRACKS, (("groups", TRACKS),)),
+)
