@@ -4,20 +4,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from baselines.fmm import Fmm, Tracks, fmm_em
 from gmr_gym import phd
 from gmr_gym.mixture import Mixture
-from gmr_gym.multitarget import Account, Population
+from gmr_gym.multitarget import Account, ManyTracker, Population
 from gmr_gym.phd import Labelled
 from gmr_gym.reduction import Reduced
-from gmr_gym.tracker import check_limits, check_scan
+from gmr_gym.tracker import check_limits, check_scan, make_tracker
 
 
 class Fitted(NamedTuple):
     """What the filter believes of the targets, and what the finite mixture believes of all."""
 
     targets: Labelled
-    mixture: Tracks
+    mixture: object
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class FittedPhd:
 
     population: Population
     reduce: Callable[[Mixture], Reduced]
-    fit: Fmm
+    fit: ManyTracker
     prune_weight: float = 1e-5  # an expected number of targets
     most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
 
@@ -55,8 +54,10 @@ def fitted_phd(
     merging: float = 4.0,
     prune_weight: float = 1e-5,
     reduction: str = "vo-ma",
+    by: str = "fmm-em",
     repaired: bool = False,
 ) -> FittedPhd:
-    """GM-PHD filter of up to `components` in the clutter that `fmm-em` fits, as printed or `repaired`."""
+    """GM-PHD filter of up to `components` in the clutter that the tracker `by`, "fmm-em" or "fmm-gibbs", fits
+    as printed or `repaired`."""
     reduce = phd.reduction_named(reduction, components, merging)
-    return FittedPhd(population, reduce, fmm_em(population, repaired), prune_weight)
+    return FittedPhd(population, reduce, make_tracker(by, population, repaired=repaired), prune_weight)

@@ -163,16 +163,21 @@ def reproduce(
 @app.command()
 def watch(
     env_id: EnvId,
-    tracker: Annotated[str, typer.Option("--tracker", help="runnalls-30 or mmg-15 unless given")] = "",
+    tracker: Annotated[
+        str, typer.Option("--tracker", help="runnalls-30, mmg-15 or learning-pmb unless given")
+    ] = "",
     settings: Settings = [],  # noqa: B006
     seed: Seed = 0,
     out: Annotated[Path, typer.Option("--out", help=".gif or .mp4")] = Path("episode.gif"),
 ) -> None:
-    """One episode as a film: clutter, gates, hypotheses, truth and estimate."""
+    """One episode as a film: clutter, gates, hypotheses, truth and estimates."""
     from gmr_gym.watch import film
 
-    scenario = single_target(env_id, dict(map(key_value, settings)))
-    tracker = tracker or ("mmg-15" if len(scenario.model.motions) > 1 else "runnalls-30")
+    scenario = scenario_of(env_id, dict(map(key_value, settings)))
+    if isinstance(scenario, ManyScenario):
+        tracker = tracker or "learning-pmb"
+    else:
+        tracker = tracker or ("mmg-15" if len(scenario.model.motions) > 1 else "runnalls-30")
     with progress("drawing") as report:
         film(scenario, tracker_of(tracker, scenario), seed, out, title=tracker, progress=report)
     console().print(f"written to {out}", highlight=False)

@@ -47,8 +47,8 @@ def parsed(spec: str) -> tuple[str, dict[str, Any]]:
 
 
 def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
-    """The Scenario or ManyScenario of an environment with the settings `world`. Raises ValueError for an id that is none of
-    ours, with the nearest that is, and for an environment without one."""
+    """The Scenario or ManyScenario of an environment with the settings `world`. Raises ValueError for an id
+    that is none of ours, with the nearest that is, and for an environment without one."""
     bare = {name.partition("/")[2]: name for name in ENVIRONMENTS}
     if env_id not in gym.registry and (
         near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)

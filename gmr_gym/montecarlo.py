@@ -150,8 +150,7 @@ def _joined(kind: type, join: Callable, rows: list):
 
 def _code(tracker: Tracker) -> str:
     """Digest of the source that a run depends on, so that an edited tracker is run again."""
-    parts = [getattr(tracker, field, None) for field in getattr(tracker, "__dataclass_fields__", ())]
-    things = [type(tracker), *(function for part in parts for function in _functions(part))]
+    things = list(_things(tracker))
     where = [getattr(sys.modules.get(thing.__module__), "__file__", None) for thing in things]
     # what was typed at a prompt has no file, but its own code
     typed = [
@@ -163,6 +162,14 @@ def _code(tracker: Tracker) -> str:
     own = [file for file in root.glob("**/*.py") if file.relative_to(root).parts[0] not in LOOKERS]
     files = sorted(own) + [Path(file) for file in sorted(filter(None, set(where)))]
     return joblib.hash([*typed, *(file.read_bytes() for file in files)])
+
+
+def _things(tracker) -> Iterator[Callable]:
+    """The class of a tracker and the functions it holds, and those of trackers that it holds."""
+    yield type(tracker)
+    for field in getattr(tracker, "__dataclass_fields__", ()):
+        part = getattr(tracker, field, None)
+        yield from _things(part) if hasattr(part, "__dataclass_fields__") else _functions(part)
 
 
 def _functions(part) -> Iterator[Callable]:

@@ -1,19 +1,24 @@
 """An episode as a film: clutter, gates, hypotheses, truth, estimate, hypotheses over time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
+from gmr_gym import crowd
+from gmr_gym.crowd import ManyScenario
+from gmr_gym.crowd_runs import accounts
 from gmr_gym.envs.render import Canvas
+from gmr_gym.envs.render_crowd import CrowdCanvas
+from gmr_gym.multitarget import ManyTracker
 from gmr_gym.play import play
 from gmr_gym.simulate import Scenario, draw
 from gmr_gym.tracker import Tracker
 
 
 def film(
-    scenario: Scenario,
-    tracker: Tracker,
+    scenario: Scenario | ManyScenario,
+    tracker: Tracker | ManyTracker,
     seed: int,
     out: Path | str,
     *,
@@ -28,16 +33,32 @@ def film(
     write = {".gif": _gif, ".mp4": _mp4}.get(out.suffix.lower())
     if write is None:
         raise ValueError(f"out must end in .gif or .mp4, got {out.name!r}")
-    episode = draw(scenario, seed)
-    canvas = Canvas(scenario, title=title)
-    estimates, frames = [], []
-    for t, seen, report, _ in play(scenario, tracker, episode):
-        estimates.append(report.x[0])
-        frames.append(canvas.draw(episode, seen, t, estimates, report))
+    pictures = _many if isinstance(scenario, ManyScenario) else _single
+    frames = []
+    for frame, total in pictures(scenario, tracker, seed, title):
+        frames.append(frame)
         if progress:
-            progress(t + 1, len(episode.x))
+            progress(len(frames), total)
     out.parent.mkdir(parents=True, exist_ok=True)
     write(out, frames)
+
+
+def _single(scenario, tracker, seed: int, title: str) -> Iterator[tuple[np.ndarray | None, int]]:
+    """Every picture of an episode of one target, and how many there are."""
+    episode, canvas = draw(scenario, seed), Canvas(scenario, title=title)
+    estimates: list[np.ndarray] = []
+    for t, seen, report, _ in play(scenario, tracker, episode):
+        estimates.append(report.x[0])
+        yield canvas.draw(episode, seen, t, estimates, report), len(episode.x)
+
+
+def _many(scenario, tracker, seed: int, title: str) -> Iterator[tuple[np.ndarray | None, int]]:
+    """The same of many targets."""
+    episode, canvas = crowd.draw(scenario, seed), CrowdCanvas(scenario, title=title)
+    estimates: list[np.ndarray] = []
+    for t, (account, _) in enumerate(accounts(tracker, episode)):
+        estimates.append(account.x[:, list(scenario.position)])
+        yield canvas.draw(episode, crowd.scan(episode, t), t, estimates, account), len(episode.x)
 
 
 def _gif(out: Path, frames: list) -> None:

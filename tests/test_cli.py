@@ -231,6 +231,14 @@ def test_watch_films_what_a_radar_sees(call):
         assert len(film.convert("RGB").getcolors()) > 10
 
 
+def test_watch_films_many_targets(call):
+    code, _, errors = call("watch", "gmr_gym/UnknownClutter-v0", "--set", "horizon=3", "--out", "f.gif")
+    assert code == 0 and "drawing: 3 of 3" in errors
+    with Image.open("f.gif") as film:
+        assert film.n_frames == 3 and min(film.size) > 500
+        assert len(film.convert("RGB").getcolors()) > 10
+
+
 def test_record_names_what_a_radar_detects_and_track_refuses_angles(call):
     assert call("record", *SEEN_BY_RADAR, "--seed", 5, "--out", "z.csv", "--truth", "x.csv")[0] == 0
     scenario = airborne_radar(trajectory=PASSING, platform=STILL)
@@ -299,7 +307,7 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
     [
         (
             ("reproduce", "nobody"),
-            "unknown paper 'nobody'; choose one of dortenzio, li, maybeck, maybeck-zhang, zhang",
+            "unknown paper 'nobody'; choose one of dortenzio, li, lv, maybeck, maybeck-zhang, zhang",
         ),
         (("reproduce", "zhang", "--table", "9"), "zhang has no table '9'; choose from 1, 2, 1-quiet,"),
         (("reproduce", "dortenzio", "--table", "1-quiet"), "no table '1-quiet'; choose from 1, 2, 3, 4"),
@@ -314,7 +322,7 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         (("evaluate", "JumpMarkov", "--tracker", "mmg"), f"did you mean '{JUMP}'?"),
         (("evaluate", "CartPole-v1", "--tracker", "pda"), "CartPole-v1 is not a tracking environment"),
         (("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "pda"), "unknown tracker 'pda'"),
-        (("watch", "gmr_gym/UnknownClutter-v0"), "many targets; choose from gmr_gym/T"),
+        (("record", "gmr_gym/UnknownClutter-v0"), "many targets; choose from gmr_gym/T"),
         (("watch", JUMP, "--tracker", "mmg", "--out", "f.png"), "out must end in .gif or .mp4, got 'f.png'"),
         (("track", "missing.csv", *TRACK[2:]), "No such file or directory: 'missing.csv'"),
         ((*TRACK, "--model", "turning"), "unknown model 'turning'; choose constant-velocity"),

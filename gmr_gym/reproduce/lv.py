@@ -137,8 +137,8 @@ def _tracks(scenario: ManyScenario, episode: Crowd) -> Drawing:
     for i, (path, line) in enumerate(zip(_paths(scenario, episode), ("-", ":", "--"), strict=False)):
         there = path[np.isfinite(path[:, 0])]
         axes.plot(*there.T, f"k{line}", label=f"target {i + 1}")
-        axes.plot(*there[0], "ko", mfc="none")
-        axes.plot(*there[-1], "ks", mfc="none")
+        axes.plot(*there[:1].T, "ko", mfc="none")
+        axes.plot(*there[-1:].T, "ks", mfc="none")
     axes.legend(fontsize=8)
     return drawing
 
