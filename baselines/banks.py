@@ -10,7 +10,7 @@ import numpy as np
 from gmr_gym.association import expand_together, hopeless_beyond
 from gmr_gym.mixture import Mixture, collapsed, moments, normalised
 from gmr_gym.model import Model
-from gmr_gym.modes import Bank, banked, fused, leave_alone, merged, mixed, moved, tended
+from gmr_gym.modes import Bank, banked, fused, leave_alone, merged, mixed, moved, started, tended
 from gmr_gym.reducers import reducer
 from gmr_gym.reduction import Reduced, check_reduced, heaviest
 from gmr_gym.tracker import ALL, Report, check_limits, check_scan
@@ -44,9 +44,7 @@ class Banks:
         self.after(bank, np.zeros(bank.w.shape))
 
     def init(self) -> Bank:
-        r, prior = len(self.model.motions), self.model.prior
-        w = self.model.mode_prior[:, None] * prior.w
-        return Bank(w, np.repeat(prior.m[None], r, axis=0), np.repeat(prior.P[None], r, axis=0))
+        return started(self.model.mode_prior, self.model.prior)
 
     def step(self, belief: Bank, z: np.ndarray) -> tuple[Bank, Report]:
         model = self.model

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym import phd
-from gmr_gym.finite_mixture import Management, Parts, check_whole, fit_em, fit_gibbs, initial, management
+from gmr_gym.finite_mixture import Management, Parts, check_whole, fit_em, initial, management
+from gmr_gym.gibbs import fit_gibbs
 from gmr_gym.kalman import predict
 from gmr_gym.mixture import Mixture, joined, take
 from gmr_gym.multitarget import Account, Clutter, Population, nothing
@@ -50,7 +51,7 @@ class Fmm:
     detections its part explains, at most 1, times P_S for every scan that it coasts."""
 
     population: Population
-    fit: Callable[[np.ndarray, Parts, float, np.random.Generator], Parts]
+    fit: Callable[[np.ndarray, Parts, float, Management, np.random.Generator], Parts]
     how: Management
     life: Lifetime = PRINTED
     gaussians: int = 8  # g0, new of clutter in a scan
@@ -79,7 +80,7 @@ class Fmm:
         # Departs: the g0 places "in the region" are those of detections, drawn at random
         places = z[rng.permutation(len(z))[: self.gaussians]]
         parts = initial(clutter.gaussians, places, z, looked, self.how.deviation)
-        parts = self.fit(z, parts, 1 / np.prod(clutter.high - clutter.low), rng)
+        parts = self.fit(z, parts, 1 / np.prod(clutter.high - clutter.low), self.how, rng)
         c, weight = parts.gaussians, len(z) * parts.w
         if len(z):  # an empty scan tells nothing of where clutter is
             gaussians = Mixture(weight[1 : c + 1], parts.m[:c], parts.P[:c])
@@ -173,7 +174,7 @@ def fmm_em(
     Gaussian of clutter is no narrower than `deviation` (m)."""
     how = management(merging, clutter_least, target_least, deviation, tolerance, iterations)
     life = _life(repaired, patience, establishing, spawn_distance, gate)
-    return Fmm(population, partial(_by_em, how=how), how, life, gaussians, seed)
+    return Fmm(population, _by_em, how, life, gaussians, seed)
 
 
 def fmm_gibbs(
@@ -197,7 +198,7 @@ def fmm_gibbs(
     check_whole("burn", burn, 0)
     check_whole("sweeps", sweeps, 1)
     life = _life(repaired, patience, establishing, spawn_distance, gate)
-    fit = partial(_by_gibbs, how=how, burn=burn, sweeps=sweeps)
+    fit = partial(fit_gibbs, burn=burn, sweeps=sweeps)
     return Fmm(population, fit, how, life, gaussians, seed)
 
 
@@ -207,12 +208,8 @@ def _life(repaired: bool, patience: int, establishing: int, spawn_distance: floa
     return given if repaired else PRINTED
 
 
-def _by_em(z, parts: Parts, flat: float, rng: np.random.Generator, how: Management) -> Parts:
+def _by_em(z: np.ndarray, parts: Parts, flat: float, how: Management, _: np.random.Generator) -> Parts:
     return fit_em(z, parts, flat, how)[0]
-
-
-def _by_gibbs(z, parts: Parts, flat: float, rng, how: Management, burn: int, sweeps: int) -> Parts:
-    return fit_gibbs(z, parts, flat, how, rng, burn, sweeps)
 
 
 def _updated(p: Mixture, z: np.ndarray, sensor) -> tuple[Mixture, np.ndarray]:

@@ -10,7 +10,7 @@ from gmr_gym.imm import mixed_ahead
 from gmr_gym.kalman import Look
 from gmr_gym.mixture import Mixture, collapsed
 from gmr_gym.model import Model, told_by
-from gmr_gym.modes import Bank
+from gmr_gym.modes import Bank, started
 from gmr_gym.tracker import Report, check_scan
 
 
@@ -29,9 +29,7 @@ class Printed:
     likelihood_as_printed: bool
 
     def init(self) -> Bank:
-        _, m, P = collapsed(self.model.prior)
-        r = len(self.model.motions)
-        return Bank(self.model.mode_prior[:, None], np.repeat(m[None], r, 0), np.repeat(P[None], r, 0))
+        return started(self.model.mode_prior, collapsed(self.model.prior))
 
     def step(self, belief: Bank, z: np.ndarray) -> tuple[Bank, Report]:
         model = self.model

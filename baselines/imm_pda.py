@@ -9,7 +9,7 @@ from gmr_gym.imm import associated, mixed_ahead
 from gmr_gym.kalman import Motion
 from gmr_gym.mixture import Mixture, collapsed
 from gmr_gym.model import Model, told_by
-from gmr_gym.modes import Bank
+from gmr_gym.modes import Bank, started
 from gmr_gym.tracker import Report, check_limits, check_scan
 
 
@@ -41,9 +41,7 @@ class ImmPda:
         object.__setattr__(self, "_given_up", hopeless_beyond(model, self.hopeless))
 
     def init(self) -> Bank:
-        _, m, P = collapsed(self.model.prior)
-        r = len(self.model.motions)
-        return Bank(self.model.mode_prior[:, None], np.repeat(m[None], r, 0), np.repeat(P[None], r, 0))
+        return started(self.model.mode_prior, collapsed(self.model.prior))
 
     def step(self, belief: Bank, z: np.ndarray) -> tuple[Bank, Report]:
         model = self.model

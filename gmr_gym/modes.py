@@ -108,6 +108,14 @@ def _grouped(posterior, group):
 # ---- a bank of filters in every hypothesis ----
 
 
+def started(mode_prior: np.ndarray, prior: Mixture) -> Bank:
+    """Every component of the prior with a filter for each of r modes, all of which begin as it does; the
+    modes are as likely as mode_prior (r,)."""
+    r = len(mode_prior)
+    w = mode_prior[:, None] * prior.w
+    return Bank(w, np.repeat(prior.m[None], r, axis=0), np.repeat(prior.P[None], r, axis=0))
+
+
 def flat(bank: Bank) -> Mixture:
     """The r n Gaussians of a bank as one mixture, mode by mode."""
     r, n, d = bank.m.shape

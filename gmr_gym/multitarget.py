@@ -34,8 +34,9 @@ class Clutter(NamedTuple):
         if len(self.gaussians.w):
             kappa += np.exp(log_density(self.gaussians, z))
         for w, m, P in zip(*self.ellipses, strict=True):
-            inside = np.einsum("ki,ij,kj->k", z - m, np.linalg.inv(P), z - m) <= 1
-            kappa += inside * w / (unit_ball(len(m)) * np.sqrt(np.linalg.det(P)))
+            L = np.linalg.cholesky(P)
+            inside = (np.linalg.solve(L, (z - m).T) ** 2).sum(axis=0) <= 1
+            kappa += inside * w / (unit_ball(len(m)) * np.prod(np.diag(L)))
         return kappa
 
 

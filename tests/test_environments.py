@@ -16,8 +16,9 @@ import gmr_gym  # noqa: F401  registers the environments
 from baselines.mht import runnalls
 from baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.envs import CROWDS
+from gmr_gym.envs.episodic import EXTENT
 from gmr_gym.envs.render import Canvas
-from gmr_gym.envs.tracking import EXTENT, STRAYED, TrackingEnv
+from gmr_gym.envs.tracking import STRAYED, TrackingEnv
 from gmr_gym.mixture import mixture, moments
 from gmr_gym.montecarlo import run_once
 from gmr_gym.play import play as play_scans

@@ -12,7 +12,6 @@ from gmr_gym.finite_mixture import (
     Parts,
     check_whole,
     fit_em,
-    fit_gibbs,
     initial,
     log_likelihood,
     managed,
@@ -20,6 +19,7 @@ from gmr_gym.finite_mixture import (
     maximised,
     variance,
 )
+from gmr_gym.gibbs import fit_gibbs
 from gmr_gym.kalman import position_sensor
 from gmr_gym.mixture import Mixture, gaussian, log_density
 from gmr_gym.model import model

@@ -23,6 +23,7 @@ from gmr_gym.modes import (
     mmae_weights,
     moved,
     spread,
+    started,
     staying,
 )
 
@@ -175,6 +176,16 @@ def test_gpb1_merges_everything_and_gpb2_what_ends_in_the_same_mode():
 
 
 # ---- a bank of filters ----
+
+
+def test_a_bank_starts_as_the_prior_in_every_mode_and_fuses_to_it():
+    prior = Mixture(*reference.random_mixture(np.random.default_rng(7), 4, 2))
+    chances = np.array([0.5, 0.2, 0.3])
+    bank = started(chances, prior)
+    close(fused(bank), prior)
+    for q in range(3):
+        np.testing.assert_array_equal(bank.w[q], chances[q] * prior.w)
+        assert (bank.m[q] == prior.m).all() and (bank.P[q] == prior.P).all()
 
 
 def test_flat_lays_a_bank_out_mode_by_mode_and_banked_undoes_it():

@@ -11,7 +11,7 @@ NUMERICS = [
     "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
     "curves", "simulate", "play", "metrics", "montecarlo", "summary", "tracker", "scenarios",
     "crowd", "crowd_runs", "crowd_summary", "multitarget", "set_metrics", "phd", "cardinality",
-    "clutter_learning", "multi_bernoulli", "finite_mixture",
+    "clutter_learning", "multi_bernoulli", "finite_mixture", "gibbs",
 ]  # fmt: skip
 LIBRARY, BASELINES = sorted((ROOT / "gmr_gym").rglob("*.py")), sorted((ROOT / "baselines").glob("*.py"))
 

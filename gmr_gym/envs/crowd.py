@@ -1,24 +1,19 @@
 """One environment for every scenario of many targets."""
 
-from typing import TYPE_CHECKING, Any
-
 import gymnasium as gym
 import numpy as np
 from scipy.stats import poisson
 
 from gmr_gym.crowd import Crowd, ManyScenario, draw, scan
-from gmr_gym.envs.tracking import EXTENT, build
+from gmr_gym.envs.episodic import EXTENT, EpisodicEnv
 from gmr_gym.set_metrics import gospa, ospa
 from gmr_gym.simulate import Scan
-
-if TYPE_CHECKING:  # drawing is imported when something is drawn
-    from gmr_gym.envs.render_crowd import CrowdCanvas
 
 SURE = 0.5  # existence from which a row counts as an estimate
 METRICS = ("gospa", "ospa")
 
 
-class CrowdEnv(gym.Env):
+class CrowdEnv(EpisodicEnv):
     """Targets that come and go in clutter, to be counted and placed scan by scan.
 
     ## Description
@@ -64,10 +59,7 @@ class CrowdEnv(gym.Env):
     or "ospa"; every other keyword goes to the function.
     """
 
-    metadata = {  # noqa: RUF012, gymnasium declares it so
-        "render_modes": ["rgb_array", "human"],
-        "render_fps": 10,
-    }
+    scenario: ManyScenario
 
     def __init__(
         self,
@@ -77,17 +69,12 @@ class CrowdEnv(gym.Env):
         render_mode: str | None = None,
         **world,
     ):
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(
-                f"render_mode must be one of {self.metadata['render_modes']}, got {render_mode!r}"
-            )
         if metric not in METRICS:
             raise ValueError(f"metric must be one of {', '.join(METRICS)}, got {metric!r}")
         if not (isinstance(targets, int) and 1 <= targets <= 1000):
             raise ValueError(f"targets must be a whole number of rows between 1 and 1000, got {targets!r}")
-        self.scenario: ManyScenario = build(scenario, world)
+        super().__init__(scenario, render_mode, world)
         self.metric = metric
-        self.render_mode = render_mode
         p, d = self.scenario.sensor.H.shape
         self._capacity = int(poisson.ppf(1 - 1e-12, self.scenario.busiest)) + self.scenario.targets
         end = (self.scenario.horizon + 1) * self.scenario.period
@@ -100,29 +87,9 @@ class CrowdEnv(gym.Env):
         low *= -1
         low[:, 0], high[:, 0] = 0.0, 1.0
         self.action_space = gym.spaces.Box(low, high, dtype=np.float64)
-        self._position = list(self.scenario.position)
-        self._episode: Crowd
-        self._scan: Scan
-        self._t = self.scenario.horizon  # no episode is running
-        self._shown = -1  # the scan last emitted
-        self._canvas: CrowdCanvas | None = None
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Scan 1 of a new episode. `seed` alone decides it; without one the stream goes on."""
-        super().reset(seed=seed)
-        chosen = seed if seed is not None else int(self.np_random.integers(2**63))
-        self._episode = draw(self.scenario, chosen)
-        self._t = 0
-        self._estimates: list[np.ndarray] = []
-        observation, info = self._emit()
-        if self.render_mode == "human":
-            self.render()
-        return observation, info
 
     def step(self, action):
         """Scores the estimates (targets, 1 + d) for the scan just seen; the next scan, if there is one."""
-        if self._t >= self.scenario.horizon:
-            raise RuntimeError("call reset() before step(): no episode is running")
         rows = self._checked(action)
         at = rows[rows[:, 0] >= SURE, 1:][:, self._position]
         x = self._episode.x[self._t][:, self._position]
@@ -135,54 +102,29 @@ class CrowdEnv(gym.Env):
         observation, info = self._emit()
         info |= {"error": error}
         info |= {"localisation": parts.localisation, "missed": parts.missed, "false": parts.false}
-        if self.render_mode == "human":
-            self.render()
         return observation, -error, False, self._t >= self.scenario.horizon, info
 
-    def render(self):
-        """The current scan as an image (height, width, 3), or in a window for "human"."""
-        if self.render_mode is None:
-            gym.logger.warn("render() needs a render_mode: pass render_mode='rgb_array' to make()")
-            return None
-        if self._shown < 0:
-            raise RuntimeError("call reset() before render(): nothing has been seen yet")
-        from gmr_gym.envs.render_crowd import CrowdCanvas
+    def _drawn(self, seed: int) -> Crowd:
+        return draw(self.scenario, seed)
 
-        if self._canvas is None:
-            self._canvas = CrowdCanvas(self.scenario, on_screen=self.render_mode == "human")
-        return self._canvas.draw(self._episode, self._scan, self._shown, self._estimates)
+    def _seen(self, t: int) -> Scan:
+        return scan(self._episode, t)
 
-    def close(self):
-        """Close the window, if one is open."""
-        if self._canvas is not None:
-            self._canvas.close()
-            self._canvas = None
-
-    def _emit(self):
-        t = self._t
-        z = np.zeros((self._capacity, len(self.scenario.sensor.R)))
-        mask = np.zeros(self._capacity, np.int8)
-        info: dict[str, Any] = {}
-        if t < self.scenario.horizon:
-            self._scan = scan(self._episode, t)
-            self._shown, k = t, len(self._scan.z)
-            z[:k] = self._scan.z
-            mask[:k] = 1
-            origin = np.full(self._capacity, -2)
-            origin[:k] = self._scan.origin
-            x = self._episode.x[t]
-            present = ~np.isnan(x).any(axis=1)
-            # nan would not equal itself where two copies are compared
-            info = {"truth": np.where(present[:, None], x, 0.0), "present": present, "origin": origin}
-        time = np.array([(t + 1) * self.scenario.period])
-        return {"scan": z, "mask": mask, "time": time}, info
+    def _truth(self, t: int):
+        x = self._episode.x[t]
+        present = ~np.isnan(x).any(axis=1)
+        # nan would not equal itself where two copies are compared
+        return {"truth": np.where(present[:, None], x, 0.0), "present": present}
 
     def _checked(self, action) -> np.ndarray:
-        rows = np.array(action, float)
-        if rows.shape != self.action_space.shape:
-            raise ValueError(f"action must have shape {self.action_space.shape}, got {rows.shape}")
+        rows = super()._checked(action)
         if not ((rows[:, 0] >= 0) & (rows[:, 0] <= 1)).all():
             raise ValueError(f"existence, the first column, must lie in [0, 1], got {rows[:, 0].tolist()}")
         if not (np.abs(rows[:, 1:]) <= EXTENT).all():
             raise ValueError(f"action must be finite and within +-{EXTENT:g} in every row")
         return rows
+
+    def _new_canvas(self, on_screen: bool):
+        from gmr_gym.envs.render_crowd import CrowdCanvas
+
+        return CrowdCanvas(self.scenario, on_screen)

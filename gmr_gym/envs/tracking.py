@@ -1,24 +1,17 @@
 """One environment for every single-target scenario."""
 
-from importlib import import_module
-from inspect import signature
-from typing import TYPE_CHECKING, Any
-
 import gymnasium as gym
 import numpy as np
 from scipy.stats import poisson
 
+from gmr_gym.envs.episodic import EXTENT, EpisodicEnv
 from gmr_gym.mixture import moments
 from gmr_gym.simulate import Episode, Scan, Scenario, draw, scan
 
-if TYPE_CHECKING:  # drawing is imported when something is drawn
-    from gmr_gym.envs.render import Canvas
-
-EXTENT = 1e7  # m and m/s: no coordinate, velocity or estimate in any scenario comes near
 STRAYED = 10  # scans in a row beyond the cutoff that end an episode
 
 
-class TrackingEnv(gym.Env):
+class TrackingEnv(EpisodicEnv):
     """One target in clutter, to be estimated scan by scan.
 
     ## Description
@@ -64,18 +57,10 @@ class TrackingEnv(gym.Env):
     `scenario`: "module:function" that returns a Scenario; every other keyword goes to it.
     """
 
-    metadata = {  # noqa: RUF012, gymnasium declares it so
-        "render_modes": ["rgb_array", "human"],
-        "render_fps": 10,
-    }
+    scenario: Scenario
 
     def __init__(self, scenario: str, render_mode: str | None = None, **world):
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(
-                f"render_mode must be one of {self.metadata['render_modes']}, got {render_mode!r}"
-            )
-        self.scenario: Scenario = build(scenario, world)
-        self.render_mode = render_mode
+        super().__init__(scenario, render_mode, world)
         p, d = self.scenario.model.sensor.H.shape
         reach = 2 * EXTENT * (1 + max(1.0, self.scenario.period))
         self._capacity = int(poisson.ppf(1 - 1e-12, self.scenario.clutter_rate)) + 1
@@ -91,29 +76,10 @@ class TrackingEnv(gym.Env):
         self.action_space = gym.spaces.Box(-EXTENT, EXTENT, (d,), np.float64)
         mean, covariance = moments(self.scenario.model.prior)
         self._prior = mean, covariance.ravel()
-        self._position = list(self.scenario.position)
-        self._episode: Episode
-        self._scan: Scan
-        self._t = self.scenario.horizon  # no episode is running
-        self._shown = -1  # the scan last emitted
-        self._canvas: Canvas | None = None
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Scan 1 of a new episode. `seed` alone decides it; without one the stream goes on."""
-        super().reset(seed=seed)
-        chosen = seed if seed is not None else int(self.np_random.integers(2**63))
-        self._episode = draw(self.scenario, chosen)
-        self._t, self._strayed = 0, 0
-        self._estimates: list[np.ndarray] = []
-        observation, info = self._emit(self._prior[0])
-        if self.render_mode == "human":
-            self.render()
-        return observation, info
+        self._strayed = 0  # scans in a row beyond the cutoff
 
     def step(self, action):
         """Scores the estimate (d,) of the scan just seen; the next scan, if there is one."""
-        if self._t >= self.scenario.horizon:
-            raise RuntimeError("call reset() before step(): no episode is running")
         estimate = self._checked(action)
         difference = (estimate - self._episode.x[self._t])[self._position]
         error = float(np.sqrt(difference @ difference))
@@ -126,75 +92,33 @@ class TrackingEnv(gym.Env):
         if terminated:
             reward -= self.scenario.cutoff * left
             self._t = self.scenario.horizon
-        observation, info = self._emit(estimate)
+        observation, info = self._emit()
         info["error"] = error
-        if self.render_mode == "human":
-            self.render()
         return observation, reward, terminated, not terminated and left == 0, info
 
-    def render(self):
-        """The current scan as an image (height, width, 3), or in a window for "human"."""
-        if self.render_mode is None:
-            gym.logger.warn("render() needs a render_mode: pass render_mode='rgb_array' to make()")
-            return None
-        if self._shown < 0:
-            raise RuntimeError("call reset() before render(): nothing has been seen yet")
-        from gmr_gym.envs.render import Canvas
+    def _drawn(self, seed: int) -> Episode:
+        self._strayed = 0
+        return draw(self.scenario, seed)
 
-        if self._canvas is None:
-            self._canvas = Canvas(self.scenario, on_screen=self.render_mode == "human")
-        return self._canvas.draw(self._episode, self._scan, self._shown, self._estimates)
+    def _seen(self, t: int) -> Scan:
+        estimate = self._estimates[-1] if t else self._prior[0]
+        return scan(self.scenario, self._episode, t, self.scenario.centre(estimate))
 
-    def close(self):
-        """Close the window, if one is open."""
-        if self._canvas is not None:
-            self._canvas.close()
-            self._canvas = None
+    def _truth(self, t: int):
+        return {"truth": self._episode.x[t].copy(), "mode": int(self._episode.mode[t])}
 
-    def _emit(self, estimate):
-        t = self._t
-        z = np.zeros((self._capacity, len(self.scenario.sensor.R)))
-        mask = np.zeros(self._capacity, np.int8)
-        if t < self.scenario.horizon:
-            self._scan = scan(self.scenario, self._episode, t, self.scenario.centre(estimate))
-            self._shown, k = t, len(self._scan.z)
-            z[:k] = self._scan.z
-            mask[:k] = 1
-            origin = np.full(self._capacity, -2)
-            origin[:k] = self._scan.origin
-            info = {
-                "truth": self._episode.x[t].copy(), "mode": int(self._episode.mode[t]), "origin": origin
-            }  # fmt: skip
-        else:
-            info = {}
-        observation = {
-            "scan": z,
-            "mask": mask,
-            "time": np.array([(t + 1) * self.scenario.period]),
-            "prior_mean": self._prior[0].copy(),
-            "prior_covariance": self._prior[1].copy(),
-        }
-        return observation, info
+    def _emit(self):
+        observation, info = super()._emit()
+        mean, covariance = self._prior
+        return observation | {"prior_mean": mean.copy(), "prior_covariance": covariance.copy()}, info
 
     def _checked(self, action) -> np.ndarray:
-        estimate = np.array(action, float)
-        if estimate.shape != self.action_space.shape:
-            raise ValueError(f"action must have shape {self.action_space.shape}, got {estimate.shape}")
+        estimate = super()._checked(action)
         if not (np.abs(estimate) <= EXTENT).all():
             raise ValueError(f"action must be finite and within +-{EXTENT:g}, got {estimate.tolist()}")
         return estimate
 
+    def _new_canvas(self, on_screen: bool):
+        from gmr_gym.envs.render import Canvas
 
-def build(scenario: str, world: dict[str, Any]) -> Any:
-    """What "module:function" returns for the keywords in `world`; ValueError for one that it does not take,
-    or that is of the wrong kind."""
-    module, _, function = scenario.partition(":")
-    factory = getattr(import_module(module), function)
-    takes = list(signature(factory).parameters)
-    for name in world:
-        if name not in takes:
-            raise ValueError(f"unknown argument {name!r}; this environment takes {', '.join(takes)}")
-    try:
-        return factory(**world)
-    except TypeError as error:  # text or a fraction where a number of another kind belongs
-        raise ValueError(f"cannot make a scenario of {world}: {error}") from None
+        return Canvas(self.scenario, on_screen)

@@ -1,0 +1,120 @@
+"""What every environment does alike: it draws an episode, emits it scan by scan and shows it."""
+
+from importlib import import_module
+from inspect import signature
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from gmr_gym.simulate import Scan
+
+EXTENT = 1e7  # m and m/s: no coordinate, velocity or estimate in any scenario comes near
+
+
+class EpisodicEnv(gym.Env):
+    """An environment that draws a whole episode at `reset` and emits a scan of it at every step. A subclass
+    declares its spaces, scores, and says by the methods at the end what its episodes are and look like."""
+
+    metadata = {  # noqa: RUF012, gymnasium declares it so
+        "render_modes": ["rgb_array", "human"],
+        "render_fps": 10,
+    }
+
+    def __init__(self, scenario: str, render_mode: str | None, world: dict[str, Any]):
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(
+                f"render_mode must be one of {self.metadata['render_modes']}, got {render_mode!r}"
+            )
+        self.scenario: Any = _build(scenario, world)
+        self.render_mode = render_mode
+        self._position = list(self.scenario.position)
+        self._capacity: int  # rows of a scan
+        self._episode: Any
+        self._scan: Scan
+        self._estimates: list[np.ndarray]
+        self._t = self.scenario.horizon  # no episode is running
+        self._shown = -1  # the scan last emitted
+        self._canvas: Any = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Scan 1 of a new episode. `seed` alone decides it; without one the stream goes on."""
+        super().reset(seed=seed)
+        self._episode = self._drawn(seed if seed is not None else int(self.np_random.integers(2**63)))
+        self._t, self._estimates = 0, []
+        return self._emit()
+
+    def render(self):
+        """The current scan as an image (height, width, 3), or in a window for "human"."""
+        if self.render_mode is None:
+            gym.logger.warn("render() needs a render_mode: pass render_mode='rgb_array' to make()")
+            return None
+        if self._shown < 0:
+            raise RuntimeError("call reset() before render(): nothing has been seen yet")
+        if self._canvas is None:
+            self._canvas = self._new_canvas(on_screen=self.render_mode == "human")
+        return self._canvas.draw(self._episode, self._scan, self._shown, self._estimates)
+
+    def close(self):
+        """Close the window, if one is open."""
+        if self._canvas is not None:
+            self._canvas.close()
+            self._canvas = None
+
+    def _emit(self):
+        """Observation and info of scan t, empty past the last; shown where someone watches."""
+        t = self._t
+        z = np.zeros((self._capacity, len(self.scenario.sensor.R)))
+        mask = np.zeros(self._capacity, np.int8)
+        info: dict[str, Any] = {}
+        if t < self.scenario.horizon:
+            self._scan = self._seen(t)
+            self._shown, k = t, len(self._scan.z)
+            z[:k] = self._scan.z
+            mask[:k] = 1
+            origin = np.full(self._capacity, -2)
+            origin[:k] = self._scan.origin
+            info = self._truth(t) | {"origin": origin}
+        if self.render_mode == "human":
+            self.render()
+        return {"scan": z, "mask": mask, "time": np.array([(t + 1) * self.scenario.period])}, info
+
+    def _checked(self, action) -> np.ndarray:
+        """The action as floats; RuntimeError where no episode is running, ValueError for a wrong shape."""
+        if self._t >= self.scenario.horizon:
+            raise RuntimeError("call reset() before step(): no episode is running")
+        action = np.array(action, float)
+        if action.shape != self.action_space.shape:
+            raise ValueError(f"action must have shape {self.action_space.shape}, got {action.shape}")
+        return action
+
+    def _drawn(self, seed: int) -> Any:
+        """All that chance decides in the episode of a seed."""
+        raise NotImplementedError
+
+    def _seen(self, t: int) -> Scan:
+        """Scan t (from 0) of the episode."""
+        raise NotImplementedError
+
+    def _truth(self, t: int) -> dict[str, Any]:
+        """What info tells of the targets at scan t."""
+        raise NotImplementedError
+
+    def _new_canvas(self, on_screen: bool) -> Any:
+        """What draws episodes; it is imported when something is drawn."""
+        raise NotImplementedError
+
+
+def _build(scenario: str, world: dict[str, Any]) -> Any:
+    """What "module:function" returns for the keywords in `world`; ValueError for one that it does not take,
+    or that is of the wrong kind."""
+    module, _, function = scenario.partition(":")
+    factory = getattr(import_module(module), function)
+    takes = list(signature(factory).parameters)
+    for name in world:
+        if name not in takes:
+            raise ValueError(f"unknown argument {name!r}; this environment takes {', '.join(takes)}")
+    try:
+        return factory(**world)
+    except TypeError as error:  # text or a fraction where a number of another kind belongs
+        raise ValueError(f"cannot make a scenario of {world}: {error}") from None
