@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.crowd import Crowd, ManyScenario, draw, scan
+from gmr_gym.metrics import gospa, ospa, wasserstein
 from gmr_gym.multitarget import Account, Clutter, ManyTracker
-from gmr_gym.set_metrics import gospa, ospa, wasserstein
 
 SIDE = 40  # places along each side of the box at which intensities of clutter are compared
 EVERY = 5  # scans between comparisons

@@ -6,6 +6,7 @@ import numpy as np
 
 from gmr_gym.crowd import ManyScenario
 from gmr_gym.crowd_runs import CrowdRuns
+from gmr_gym.metrics import cardinality_error
 from gmr_gym.summary import Figure, mean
 
 
@@ -19,7 +20,7 @@ def crowd_summary(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> d
         fields = ("ospa", "gospa", "localisation", "missed", "false", "wasserstein")
         rows[name] = {field: mean(getattr(runs, field).mean(axis=1)) for field in fields} | {
             "cardinality_bias": mean(surplus.mean(axis=1)),
-            "cardinality_error": mean(np.abs(surplus).mean(axis=1)),
+            "cardinality_error": mean(cardinality_error(runs.named, runs.targets).mean(axis=1)),
             "density_error": mean(np.nanmean(runs.density_error, axis=1)),
             "components": mean(runs.components.mean(axis=1)),
             "time_per_scan": Figure(float(np.median(runs.seconds))),
@@ -37,7 +38,8 @@ def crowd_differences(
             "ospa": mean((runs.ospa - against.ospa).mean(axis=1)),
             "gospa": mean((runs.gospa - against.gospa).mean(axis=1)),
             "cardinality_error": mean(
-                (abs(runs.named - runs.targets) - abs(against.named - against.targets)).mean(axis=1)
+                cardinality_error(runs.named, runs.targets).mean(axis=1)
+                - cardinality_error(against.named, against.targets).mean(axis=1)
             ),
         }
         for name, runs in others

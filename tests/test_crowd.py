@@ -12,11 +12,11 @@ from scipy.stats import chisquare, poisson
 
 import gmr_gym  # noqa: F401  registers the environments
 from gmr_gym.crowd import draw, inside, sampled, scan
+from gmr_gym.metrics import gospa, ospa
 from gmr_gym.mixture import Mixture, mixture
 from gmr_gym.motions import constant_acceleration
 from gmr_gym.multitarget import Clutter, nothing, uniform_clutter
 from gmr_gym.scenarios.lv import GROUPS, three_targets, unknown_clutter
-from gmr_gym.set_metrics import gospa, ospa
 
 ID = "gmr_gym/UnknownClutter-v0"
 BOX = np.array([[-100.0, -60.0], [140.0, 100.0]])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment, linprog
 from scipy.spatial.distance import cdist
 
-from gmr_gym.set_metrics import gospa, ospa, wasserstein
+from gmr_gym.metrics import gospa, ospa, wasserstein
 
 NONE = np.empty((0, 2))
 # whole metres, so that ties, pairs at the cutoff and points on top of one another come up

@@ -10,7 +10,7 @@ NUMERICS = [
     "mixture", "kalman", "association", "merging", "reduction", "ise", "distances", "model",
     "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
     "curves", "simulate", "play", "metrics", "montecarlo", "summary", "tracker", "scenarios",
-    "crowd", "crowd_runs", "crowd_summary", "multitarget", "set_metrics", "phd", "cardinality",
+    "crowd", "crowd_runs", "crowd_summary", "multitarget", "phd", "cardinality",
     "clutter_learning", "multi_bernoulli", "finite_mixture", "gibbs",
 ]  # fmt: skip
 LIBRARY, BASELINES = sorted((ROOT / "gmr_gym").rglob("*.py")), sorted((ROOT / "baselines").glob("*.py"))

@@ -6,7 +6,7 @@ from scipy.stats import poisson
 
 from gmr_gym.crowd import Crowd, ManyScenario, draw, scan
 from gmr_gym.envs.episodic import EXTENT, EpisodicEnv
-from gmr_gym.set_metrics import gospa, ospa
+from gmr_gym.metrics import gospa, ospa
 from gmr_gym.simulate import Scan
 
 SURE = 0.5  # existence from which a row counts as an estimate

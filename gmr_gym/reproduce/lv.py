@@ -14,12 +14,12 @@ from gmr_gym.crowd import Crowd, ManyScenario, draw, scan
 from gmr_gym.crowd_runs import CrowdRuns, accounts, density_error, places
 from gmr_gym.crowd_summary import crowd_differences, crowd_summary
 from gmr_gym.envs.render import ellipses
+from gmr_gym.metrics import wasserstein
 from gmr_gym.mixture import joined
 from gmr_gym.multitarget import Account, Clutter
 from gmr_gym.reproduce import Table
 from gmr_gym.reproduce.lv_claims import FITTED, LEARNED, TRACKS, UNIFORM, claims, evidence
 from gmr_gym.scenarios.lv import ELLIPSE_95
-from gmr_gym.set_metrics import wasserstein
 from gmr_gym.summary import Figure
 
 __all__ = ["TABLES", "claims", "figures"]

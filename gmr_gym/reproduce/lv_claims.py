@@ -8,6 +8,7 @@ import numpy as np
 
 from gmr_gym.crowd import ManyScenario
 from gmr_gym.crowd_runs import CrowdRuns
+from gmr_gym.metrics import cardinality_error
 from gmr_gym.reproduce import Claim, judged, widened
 from gmr_gym.summary import mean
 
@@ -45,7 +46,7 @@ def evidence(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> dict[s
             runs.ospa.mean(axis=1),
             runs.wasserstein.mean(axis=1),
             surplus.mean(axis=1),
-            np.abs(surplus).mean(axis=1),
+            cardinality_error(runs.named, runs.targets).mean(axis=1),
             runs.false.mean(axis=1) / one,
             np.nanmean(runs.density_error, axis=1),
             np.array(
