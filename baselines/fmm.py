@@ -77,8 +77,10 @@ class Fmm:
         moved = predict(belief.targets, told.motion)
         candidates, looked = self._candidates(moved, belief.found >= self.life.establishing)
         rng = np.random.default_rng((self.seed, belief.scans))
-        # Departs: the g0 places "in the region" are those of detections, drawn at random
-        places = z[rng.permutation(len(z))[: self.gaussians]]
+        # Departs: the g0 places "in the region" are those of detections, drawn at random, and there are none
+        # in a scan of fewer than D_c: no Gaussian of clutter could live, and they take a target's with them
+        new = self.gaussians if len(z) >= self.how.clutter_least else 0
+        places = z[rng.permutation(len(z))[:new]]
         parts = initial(clutter.gaussians, places, z, looked, self.how.deviation)
         parts = self.fit(z, parts, 1 / np.prod(clutter.high - clutter.low), self.how, rng)
         c, weight = parts.gaussians, len(z) * parts.w
@@ -172,7 +174,7 @@ def fmm_em(
     looked for `spawn_distance` deviations aside along every axis, all targets with H P H' + R, and within the
     squared distance `gate` alone, for the mean of a part wanders to what clutter there is. Either way a
     Gaussian of clutter is no narrower than `deviation` (m)."""
-    how = management(merging, clutter_least, target_least, deviation, tolerance, iterations)
+    how = management(merging, clutter_least, target_least, deviation, tolerance, iterations, repaired)
     life = _life(repaired, patience, establishing, spawn_distance, gate)
     return Fmm(population, _by_em, how, life, gaussians, seed)
 
@@ -194,7 +196,7 @@ def fmm_gibbs(
     seed: int = 0,
 ) -> Fmm:
     """As `fmm_em`, with the mixture drawn by Gibbs (Lv, section 5), averaged over `sweeps` draws."""
-    how = management(merging, clutter_least, target_least, deviation)
+    how = management(merging, clutter_least, target_least, deviation, repaired=repaired)
     check_whole("burn", burn, 0)
     check_whole("sweeps", sweeps, 1)
     life = _life(repaired, patience, establishing, spawn_distance, gate)

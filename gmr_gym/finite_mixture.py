@@ -37,6 +37,7 @@ class Management(NamedTuple):
     deviation: float  # m, in no direction is a Gaussian of clutter narrower
     tolerance: float  # epsilon, of the log-likelihood
     iterations: int  # at most
+    repaired: bool  # of targets, see `fit_em` and `gibbs.fit_gibbs`
 
 
 def management(
@@ -46,6 +47,7 @@ def management(
     deviation: float = 15.0,
     tolerance: float = 1e-5,
     iterations: int = 100,
+    repaired: bool = False,
 ) -> Management:
     """Checked Management, by default of Lv, section 7.2; deviation, tolerance and iterations are not printed.
 
@@ -61,7 +63,9 @@ def management(
         raise ValueError(f"deviation must be positive and finite, got {deviation}")
     check_whole("iterations", iterations, 1)
     least = float(clutter_least), float(target_least)
-    return Management(float(merging), *least, float(deviation), float(tolerance), int(iterations))
+    return Management(
+        float(merging), *least, float(deviation), float(tolerance), int(iterations), bool(repaired)
+    )
 
 
 def check_whole(name: str, value: int, least: int) -> None:
@@ -93,7 +97,9 @@ def fit_em(z: np.ndarray, parts: Parts, flat: float, how: Management) -> tuple[P
     density of the uniform part. Nothing changes, likelihood 1, where there are no detections.
 
     Departs: epsilon is of the log-likelihood and not of the likelihood, which is beyond floating point; a
-    fit does not end on a step that merged or pruned. After pruning the weights are made to sum to 1."""
+    fit does not end on a step that merged or pruned. After pruning the weights are made to sum to 1. If
+    `repaired`, a target is pruned only in a step in which no Gaussian of clutter goes: as printed, one that
+    is about to vanish takes a target's only detection with it."""
     if len(z) == 0:
         return parts, 0.0
     floored = widened(parts.P, parts.gaussians, how.deviation)
@@ -102,13 +108,18 @@ def fit_em(z: np.ndarray, parts: Parts, flat: float, how: Management) -> tuple[P
 
 
 @njit(cache=True, error_model="numpy")
-def _em(z, w, m, P, origin, flat, merging, clutter_least, target_least, deviation, tolerance, iterations):
+def _em(
+    z, w, m, P, origin, flat, merging, clutter_least, target_least, deviation, tolerance, iterations, repaired
+):
     share = responsibilities(z, w, m, P, flat)
     value = log_likelihood(share, w[0] * flat)
     for _ in range(iterations):
-        before, parts = value, len(m)
-        w, m, P = maximised(z, share, m, P, len(m) - len(origin), deviation)
-        w, m, P, origin = managed(w, m, P, origin, len(z), merging, clutter_least, target_least)
+        before, parts, c = value, len(m), len(m) - len(origin)
+        w, m, P = maximised(z, share, m, P, c, deviation)
+        least = 0.0 if repaired else target_least
+        w, m, P, origin = managed(w, m, P, origin, len(z), merging, merging, clutter_least, least)
+        if repaired and len(m) - len(origin) == c:
+            w, m, P, origin = managed(w, m, P, origin, len(z), 0.0, 0.0, 0.0, target_least)
         share = responsibilities(z, w, m, P, flat)
         value = log_likelihood(share, w[0] * flat)
         if len(m) == parts and abs(value - before) <= tolerance * abs(before):
@@ -175,7 +186,7 @@ def widened(P, c, deviation):
 
 
 @njit(cache=True, error_model="numpy")
-def managed(w, m, P, origin, n, merging, clutter_least, target_least):
+def managed(w, m, P, origin, n, clutter_merging, target_merging, clutter_least, target_least):
     """The parts merged and pruned (section 4.3): clutter with clutter, targets with targets. The uniform
     part is never pruned.
 
@@ -183,9 +194,9 @@ def managed(w, m, P, origin, n, merging, clutter_least, target_least):
     its number and its known covariance, for survivors come before births and those before the spawned."""
     t = len(origin)
     c = len(m) - t
-    groups, count = _groups(w[1 : c + 1], m[:c], P[:c], merging)
+    groups, count = _groups(w[1 : c + 1], m[:c], P[:c], clutter_merging)
     w_c, m_c, P_c = match(w[1 : c + 1], m[:c], P[:c], groups, count)
-    groups, count = _groups(w[c + 1 :], m[c:], P[c:], merging)
+    groups, count = _groups(w[c + 1 :], m[c:], P[c:], target_merging)
     w_t, m_t, P_t = match(w[c + 1 :], m[c:], P[c:], groups, count)
     first = np.full(count, t)
     for i in range(t):

@@ -27,23 +27,41 @@ def fit_gibbs(
     has a Wishart of a variance; the mean of a target is drawn about that of its detections with its known
     covariance over their number, where eqs. 28-29 have all of it and swap two symbols, and is back where it
     began when it has no detection, lest it be lost between two. Management (section 5.3) is by the number of
-    labels, before the weights are drawn, and in the burn-in alone, so that draws can be averaged; targets
-    are pruned at the end only, by their average, because a target with one detection is without it in many
-    a draw."""
+    labels, before the weights are drawn, and in the burn-in alone, so that draws can be averaged, and once
+    more at the end; targets are pruned at the end only, by their average, because a target with one detection
+    is without it in many a draw.
+
+    If `how.repaired` the mean of a target stays where it began, for H P H' + R is already the covariance of a
+    detection about the place where it is expected; and targets merge at the end only, where those that shared
+    a detection have the same mean."""
     if len(z) == 0:
         return parts
     floored = widened(parts.P, parts.gaussians, how.deviation)
     spread = variance(z, how.deviation)
     w, m, P, origin = _gibbs(
         z, parts.w, parts.m, floored, parts.origin, flat, how.merging, how.clutter_least,
-        how.target_least, how.deviation, spread, burn, sweeps, rng,
+        how.target_least, how.deviation, how.repaired, spread, burn, sweeps, rng,
     )  # fmt: skip
     return Parts(w, m, P, origin)
 
 
 @njit(cache=True, error_model="numpy")
 def _gibbs(
-    z, w, m, P, origin, flat, merging, clutter_least, target_least, deviation, spread, burn, sweeps, rng
+    z,
+    w,
+    m,
+    P,
+    origin,
+    flat,
+    merging,
+    clutter_least,
+    target_least,
+    deviation,
+    repaired,
+    spread,
+    burn,
+    sweeps,
+    rng,
 ):
     n, p = z.shape
     centre = np.zeros(p)
@@ -71,7 +89,7 @@ def _gibbs(
         for i in range(len(m)):
             if i < c:
                 m[i], P[i] = _drawn_gaussian(z, label == i + 1, number[i + 1], centre, spread, rng)
-            elif number[i + 1] > 0.0:
+            elif number[i + 1] > 0.0 and not repaired:
                 mean = np.zeros(p)
                 for j in range(n):
                     if label[j] == i + 1:
@@ -83,7 +101,15 @@ def _gibbs(
         if sweep < burn:
             number[0] = max(number[0], n * LEAST_UNIFORM)
             shares, m, P, origin = managed(
-                number / number.sum(), m, P, origin, n, merging, clutter_least, 0.0
+                number / number.sum(),
+                m,
+                P,
+                origin,
+                n,
+                merging,
+                0.0 if repaired else merging,
+                clutter_least,
+                0.0,
             )
             number = n * shares
         else:
@@ -100,7 +126,7 @@ def _gibbs(
             m[i], P[i] = m_sum[i] / sweeps, P_sum[i] / sweeps
         elif w_sum[i + 1] > 0.0:
             m[i] = z_sum[i] / w_sum[i + 1]
-    return managed(w_sum / w_sum.sum(), m, P, origin, n, 0.0, clutter_least, target_least)
+    return managed(w_sum / w_sum.sum(), m, P, origin, n, merging, merging, clutter_least, target_least)
 
 
 @njit(cache=True, error_model="numpy")
