@@ -10,8 +10,8 @@ from gmr_gym import cardinality, phd
 from gmr_gym.mixture import Mixture
 from gmr_gym.multitarget import Account, Population
 from gmr_gym.phd import Labelled
-from gmr_gym.reduction import Reduced, check_reduced
-from gmr_gym.tracker import check_limits, check_scan
+from gmr_gym.reduction import Reduced
+from gmr_gym.tracker import check_scan
 
 
 class Census(NamedTuple):
@@ -36,12 +36,9 @@ class GmCphd:
     most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
 
     def __post_init__(self):
-        check_limits(self.prune_weight, self.most)
+        phd.check_filter(self.population, self.reduce, self.prune_weight, self.most)
         if not self.targets >= 1 or self.targets != int(self.targets):
             raise ValueError(f"targets must be a whole number, at least 1, got {self.targets}")
-        # a wrong parameter is an error here, not in a scan
-        d = len(self.population.motion.F)
-        check_reduced(self.reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
 
     def init(self) -> Census:
         return Census(phd.nobody(self.population), np.eye(1, self.targets + 1)[0])

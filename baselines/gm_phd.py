@@ -9,8 +9,8 @@ from gmr_gym import phd
 from gmr_gym.mixture import Mixture
 from gmr_gym.multitarget import Account, Population
 from gmr_gym.phd import Labelled
-from gmr_gym.reduction import Reduced, check_reduced
-from gmr_gym.tracker import check_limits, check_scan
+from gmr_gym.reduction import Reduced
+from gmr_gym.tracker import check_scan
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,7 @@ class GmPhd:
     most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
 
     def __post_init__(self):
-        check_limits(self.prune_weight, self.most)
-        # a wrong parameter is an error here, not in a scan
-        d = len(self.population.motion.F)
-        check_reduced(self.reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
+        phd.check_filter(self.population, self.reduce, self.prune_weight, self.most)
 
     def init(self) -> Labelled:
         return phd.nobody(self.population)
@@ -35,7 +32,7 @@ class GmPhd:
     def step(self, belief: Labelled, z: np.ndarray) -> tuple[Labelled, Account]:
         told = self.population
         z = check_scan(z, len(told.sensor.H))
-        posterior = phd.update(
+        posterior, _ = phd.update(
             phd.ahead(belief, told), told.sensor, z,
             told.detection_probability, told.clutter.density(z), self.prune_weight,
         )  # fmt: skip

@@ -11,8 +11,8 @@ from gmr_gym.clutter_learning import Learner, Lessons, first_lesson, learn, lear
 from gmr_gym.mixture import Mixture
 from gmr_gym.multitarget import Account, Population
 from gmr_gym.phd import Labelled
-from gmr_gym.reduction import Reduced, check_reduced
-from gmr_gym.tracker import check_limits, check_scan
+from gmr_gym.reduction import Reduced
+from gmr_gym.tracker import check_scan
 
 
 class Learning(NamedTuple):
@@ -34,10 +34,7 @@ class LearningPhd:
     most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
 
     def __post_init__(self):
-        check_limits(self.prune_weight, self.most)
-        # a wrong parameter is an error here, not in a scan
-        d = len(self.population.motion.F)
-        check_reduced(self.reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
+        phd.check_filter(self.population, self.reduce, self.prune_weight, self.most)
 
     def init(self) -> Learning:
         return Learning(phd.nobody(self.population), first_lesson(self.population.clutter))
@@ -45,12 +42,10 @@ class LearningPhd:
     def step(self, belief: Learning, z: np.ndarray) -> tuple[Learning, Account]:
         told, lessons = self.population, belief.lessons
         z = check_scan(z, len(told.sensor.H))
-        predicted = phd.ahead(belief.targets, told)
-        kappa = lessons.clutter.density(z)
-        posterior = phd.update(
-            predicted, told.sensor, z, told.detection_probability, kappa, self.prune_weight
-        )
-        false = phd.false_probabilities(predicted, told.sensor, z, told.detection_probability, kappa)
+        posterior, false = phd.update(
+            phd.ahead(belief.targets, told), told.sensor, z,
+            told.detection_probability, lessons.clutter.density(z), self.prune_weight,
+        )  # fmt: skip
         lessons = learn(told.clutter, lessons, z, false, self.how)
         reduced = phd.reduced(posterior, self.reduce, self.most)
         targets, account = phd.account(reduced, lessons.clutter)

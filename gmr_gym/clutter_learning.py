@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from gmr_gym.mixture import LOG_2PI, Mixture, cholesky_into, mahalanobis_squared
-from gmr_gym.multitarget import Clutter
+from gmr_gym.mixture import Mixture, cholesky_into, log_gaussian_scale
+from gmr_gym.multitarget import Clutter, nothing
 
 NEIGHBOURHOOD = 12  # a new Gaussian is looked for in squares of so many to a side of the box
 
@@ -62,15 +62,22 @@ def learn(told: Clutter, lessons: Lessons, z: np.ndarray, false: np.ndarray, how
     probability = np.concatenate([lessons.false[kept], false])
     age = np.concatenate([lessons.age[kept] + 1, np.zeros(len(z), int)])
     remembered = min(lessons.scans + 1, 2 * how.memory)
-    weight = probability * np.exp(-age / how.memory)
-    scans = np.exp(-np.arange(remembered) / how.memory).sum()
+    fading = np.exp(-np.arange(remembered) / how.memory)
+    weight, scans = probability * fading[age], fading.sum()
     flat = 1 / np.prod(told.high - told.low)
     a = np.append(lessons.clutter.uniform, lessons.clutter.gaussians.w) * scans
     m, P = lessons.clutter.gaussians.m, lessons.clutter.gaussians.P
-    if len(m) < how.most and len(z):
-        a, m, P = added(z, points, weight, a, m, P, flat, how.deviation)
-    for _ in range(how.iterations):
-        a, m, P = fitted(points, weight, a, m, P, flat, how.deviation)
+    share = responsibilities(points, a, m, P, flat)
+    if len(m) < how.most:
+        new = added(z, points, weight * share[:, 0], flat, how.deviation)
+        if len(new.w):
+            a = np.append(a, new.w)
+            a[0] -= min(a[-1], a[0] / 2)
+            m, P = np.concatenate([m, new.m]), np.concatenate([P, new.P])
+            share = responsibilities(points, a, m, P, flat)
+    a, m, P = fitted(points, weight, share, how.deviation)
+    for _ in range(how.iterations - 1):
+        a, m, P = fitted(points, weight, responsibilities(points, a, m, P, flat), how.deviation)
     # one scan's worth of what was told, uniform, so that no place is without clutter
     w = a / (scans + 1.0)
     uniform = w[0] + told.expected / (scans + 1.0)
@@ -79,95 +86,99 @@ def learn(told: Clutter, lessons: Lessons, z: np.ndarray, false: np.ndarray, how
 
 
 @njit(cache=True, error_model="numpy")
-def fitted(z, weight, a, m, P, flat, deviation):
-    """One step of expectation maximisation: numbers a (1 + k,) of detections, the first those of the uniform
-    part of density `flat`, means m (k, p) and covariances P (k, p, p), of the points z (n, p), each counted
-    `weight` (n,) times. A Gaussian is charged half its parameters (Figueiredo and Jain, eq. 17) and goes when
-    nothing is left of it; what it loses the uniform part has."""
-    (n, p), k = z.shape, len(m)
-    share = responsibilities(z, a, m, P, flat)
-    cost = (p + p * (p + 1) / 2) / 2
-    left = np.zeros(k)
-    m_out, P_out = np.zeros((k, p)), np.zeros((k, p, p))
-    a_out = np.zeros(k + 1)
-    for j in range(n):
-        a_out[0] += weight[j] * share[j, 0]
-    for i in range(k):
-        total = 0.0
-        for j in range(n):
-            r = weight[j] * share[j, i + 1]
-            total += r
-            for c in range(p):
-                m_out[i, c] += r * z[j, c]
-        left[i] = max(total - cost, 0.0)
-        if left[i] > 0:
-            m_out[i] /= total
-            for j in range(n):
-                r = weight[j] * share[j, i + 1] / total
-                for c in range(p):
-                    for d in range(p):
-                        P_out[i, c, d] += r * (z[j, c] - m_out[i, c]) * (z[j, d] - m_out[i, d])
-            for c in range(p):
-                P_out[i, c, c] += deviation**2
-        a_out[0] += total - left[i]
-        a_out[i + 1] = left[i]
-    alive = np.flatnonzero(left > 0)
-    numbers = np.empty(len(alive) + 1)
-    numbers[0] = a_out[0]
-    for at in range(len(alive)):
-        numbers[at + 1] = a_out[alive[at] + 1]
-    return numbers, m_out[alive], P_out[alive]
-
-
-@njit(cache=True, error_model="numpy")
 def responsibilities(z, a, m, P, flat):
-    """Which part each point z (n, p) is of: probabilities (n, 1 + k), the first that of the uniform part."""
+    """Which part each point z (n, p) is of: probabilities (n, 1 + k), the first that of the uniform part of
+    density `flat`, by numbers a (1 + k,) of points, means m (k, p) and covariances P (k, p, p)."""
     (n, p), k = z.shape, len(m)
-    out = np.empty((n, k + 1))
-    L, y = np.zeros((p, p)), np.empty(p)
-    out[:, 0] = a[0] * flat
+    share, total = np.zeros((1 + k, n)), np.full(n, a[0] * flat)
+    share[0] = total
+    L, y = np.zeros((p, p)), np.empty((p, n))
+    # Gaussian by Gaussian: all but the exponential is then done to several points at once
     for i in range(k):
         if not cholesky_into(L, P[i]):
             raise ValueError("a covariance of the clutter is not positive definite")
-        scale = -0.5 * p * LOG_2PI
-        for r in range(p):
-            scale -= np.log(L[r, r])
+        log_peak = np.log(a[i + 1]) + log_gaussian_scale(L)
+        joint = share[i + 1]
+        for r in range(p):  # L y = z - m
+            for j in range(n):
+                y[r, j] = z[j, r] - m[i, r]
+            for c in range(r):
+                for j in range(n):
+                    y[r, j] -= L[r, c] * y[c, j]
+            for j in range(n):
+                y[r, j] /= L[r, r]
+                joint[j] += y[r, j] ** 2
         for j in range(n):
-            out[j, i + 1] = a[i + 1] * np.exp(scale - 0.5 * mahalanobis_squared(L, z[j], m[i], y))
-    for j in range(n):
-        out[j] /= out[j].sum()
-    return out
+            joint[j] = np.exp(log_peak - 0.5 * joint[j])
+            total[j] += joint[j]
+    for i in range(1 + k):
+        for j in range(n):
+            share[i, j] /= total[j]
+    return share.T
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc"})  # sums in any order, several terms at once
+def fitted(z, weight, share, deviation):
+    """What explains best the points z (n, p), each counted `weight` (n,) times, of which the parts have those
+    shares (n, 1 + k): numbers (1 + k,) of points, means (k, p) and covariances (k, p, p), each with
+    deviation^2 more along every axis. A Gaussian is charged half its parameters (Figueiredo and Jain, eq. 17)
+    and goes when nothing is left of it; what it loses the uniform part has."""
+    (n, p), k = z.shape, share.shape[1] - 1
+    cost = (p + p * (p + 1) / 2) / 2
+    number, m, P = np.zeros(1 + k), np.zeros((k, p)), np.zeros((k, p, p))
+    off = np.empty((p, n))
+    number[0] = (weight * share[:, 0]).sum()
+    for i in range(k):
+        r = weight * share[:, i + 1]
+        total = r.sum()
+        number[i + 1] = max(total - cost, 0.0)
+        number[0] += total - number[i + 1]
+        if number[i + 1] == 0.0:
+            continue
+        for c in range(p):
+            mean = 0.0
+            for j in range(n):
+                mean += r[j] * z[j, c]
+            m[i, c] = mean / total
+            off[c] = z[:, c] - m[i, c]
+            for d in range(c + 1):
+                scatter = 0.0
+                for j in range(n):
+                    scatter += r[j] * off[c, j] * off[d, j]
+                P[i, c, d] = P[i, d, c] = scatter / total
+            P[i, c, c] += deviation**2
+    alive = np.flatnonzero(number[1:] > 0.0)
+    return np.append(number[:1], number[1:][alive]), m[alive], P[alive]
+
+
+def added(candidates: np.ndarray, z: np.ndarray, left: np.ndarray, flat: float, deviation: float) -> Mixture:
+    """A new Gaussian, or none: where of all the candidates (c, p) most of the points z (n, p) lie about, if
+    these are more than there would be by chance. left (n,) is what of each point no Gaussian explains."""
+    p = z.shape[1]
+    width = (1 / flat) ** (1 / p) / NEIGHBOURHOOD
+    about = _about(candidates, z, left, np.argsort(z[:, 0]), width / 2)
+    expected = left.sum() * flat * width**p
+    excess = about.max(initial=0.0) - expected
+    if excess < 3 * np.sqrt(expected) + (p + p * (p + 1) / 2) / 2:
+        return nothing(p)
+    # where two places tie, the order of detections is not to decide
+    place = candidates[np.lexsort((*candidates.T, -about.round(9)))[0]]
+    return Mixture(np.array([excess]), place[None], (width**2 / 12 + deviation**2) * np.eye(p)[None])
 
 
 @njit(cache=True, error_model="numpy")
-def added(candidates, z, weight, a, m, P, flat, deviation):
-    """With one Gaussian more, if there is a place among the candidates (c, p) about which more of the points
-    z (n, p) lie than the uniform part, which alone explains them, would put there by chance."""
-    n, p = z.shape
-    share = responsibilities(z, a, m, P, flat)
-    width = (1 / flat) ** (1 / p) / NEIGHBOURHOOD
-    best, at, left = 0.0, 0, 0.0
-    for j in range(n):
-        left += weight[j] * share[j, 0]
+def _about(candidates, z, left, order, half):
+    """What is left (c,) of the points within `half` of each candidate along every axis; `order` (n,) is that
+    of the points along the first."""
+    x, left = z[order].T.copy(), left[order]
+    first = np.searchsorted(x[0], candidates[:, 0] - half)
+    last = np.searchsorted(x[0], candidates[:, 0] + half, side="right")
+    out = np.empty(len(candidates))
     for i in range(len(candidates)):
-        total = 0.0
-        for j in range(n):
-            near = True
-            for c in range(p):
-                near &= abs(z[j, c] - candidates[i, c]) <= width / 2
-            if near:
-                total += weight[j] * share[j, 0]
-        if total > best:
-            best, at = total, i
-    expected = left * flat * width**p
-    excess = best - expected
-    if excess < 3 * np.sqrt(expected) + (p + p * (p + 1) / 2) / 2:
-        return a, m, P
-    k = len(m)
-    a_out, m_out, P_out = np.empty(k + 2), np.empty((k + 1, p)), np.zeros((k + 1, p, p))
-    a_out[: k + 1], m_out[:k], P_out[:k] = a, m, P
-    a_out[0], a_out[k + 1] = a[0] - min(excess, a[0] / 2), excess
-    m_out[k] = candidates[at]
-    for c in range(p):
-        P_out[k, c, c] = width**2 / 12 + deviation**2
-    return a_out, m_out, P_out
+        within = left[first[i] : last[i]].copy()
+        for c in range(1, len(x)):
+            along = x[c, first[i] : last[i]]
+            for j in range(len(within)):
+                within[j] = within[j] if abs(along[j] - candidates[i, c]) <= half else 0.0
+        out[i] = within.sum()
+    return out

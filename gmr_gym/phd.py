@@ -15,7 +15,8 @@ from gmr_gym.kalman import Sensor, posterior_into, predict
 from gmr_gym.mixture import Mixture, cholesky_into, joined, log_gaussian_scale, mahalanobis_squared, matched
 from gmr_gym.multitarget import Account, Clutter, Population, nothing
 from gmr_gym.reducers import reducer
-from gmr_gym.reduction import Reduced, capping
+from gmr_gym.reduction import Reduced, capping, check_reduced
+from gmr_gym.tracker import check_limits
 
 # a pair of component and detection that would weigh less, were there clutter alone beside it, is beyond
 # the gate: all such pairs together are the rounding error of 1
@@ -55,29 +56,21 @@ def update(
     detection_probability: float,
     kappa: np.ndarray,
     prune_weight: float,
-) -> Labelled:
-    """Every component with every detection z (k, p), and with none (Vo and Ma 2006, eqs. 30-35):
+) -> tuple[Labelled, np.ndarray]:
+    """After a scan z (k, p), and the probability (k,) that each of its detections is false: every component
+    with every detection, and with none (Vo and Ma 2006, eqs. 30-35):
 
         missed    w (1 - P_D)       detected    w P_D N(z; H m, S) / (kappa(z) + the same over all components)
 
-    kappa (k,) is the intensity of clutter at the detections. What comes to less than `prune_weight` is left
-    out, without a word to the others. Labels are the parents'."""
+    kappa (k,) is the intensity of clutter at the detections; its own share of that sum is false. What comes
+    to less than `prune_weight` is left out, without a word to the others. Labels are the parents'."""
     p = predicted.intensity
     expected, S = sensor.gates(p)
     C = sensor.look(p, expected, S, z).C
-    w, m, P, parent = _updated(*p, expected, S, C, z, np.log(kappa), detection_probability, prune_weight)
-    return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent])
-
-
-def false_probabilities(
-    predicted: Labelled, sensor: Sensor, z: np.ndarray, detection_probability: float, kappa: np.ndarray
-) -> np.ndarray:
-    """Probability (k,) that no target accounts for a detection of z (k, p): kappa(z) as a share of what
-    `update` divides by."""
-    p = predicted.intensity
-    expected, S = sensor.gates(p)
-    ratios = log_ratios(p.w, expected, S, z, np.log(kappa), detection_probability)
-    return np.exp(-np.logaddexp.reduce(ratios, axis=0, initial=0.0))
+    w, m, P, parent, false = _updated(
+        *p, expected, S, C, z, np.log(kappa), detection_probability, prune_weight
+    )
+    return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent]), false
 
 
 def vo_ma(p: Mixture, components: int, distance: float = 4.0) -> Reduced:
@@ -138,16 +131,25 @@ def account(belief: Labelled, clutter: Clutter, number: int | None = None) -> tu
     return Labelled(p, label, fresh + len(others)), said
 
 
+def check_filter(
+    told: Population, reduce: Callable[[Mixture], Reduced], prune_weight: float, most: int
+) -> None:
+    """Raise ValueError naming the parameter that is wrong, here rather than in a scan."""
+    check_limits(prune_weight, most)
+    d = len(told.motion.F)
+    check_reduced(reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
+
+
 @njit(cache=True, error_model="numpy")
 def _updated(w, m, P, expected, S, C, z, log_kappa, detection_probability, least):
     table = log_ratios(w, expected, S, z, log_kappa, detection_probability)
     n, k = table.shape
-    top, total = np.zeros(k), np.empty(k)  # 0 is the logarithm of clutter over itself
+    top = np.zeros(k)  # the logarithm of clutter over itself
     for i in range(n):
         for j in range(k):
             top[j] = max(top[j], table[i, j])
-    for j in range(k):
-        total[j] = np.exp(-top[j])
+    false = np.exp(-top)
+    total = false.copy()
     for i in range(n):
         for j in range(k):
             if table[i, j] > -np.inf:
@@ -158,7 +160,8 @@ def _updated(w, m, P, expected, S, C, z, log_kappa, detection_probability, least
     for i in range(n):
         for j in range(k):
             table[i, j] /= total[j]
-    return posteriors((1.0 - detection_probability) * w, table, m, P, expected, S, C, z, least)
+    found = posteriors((1.0 - detection_probability) * w, table, m, P, expected, S, C, z, least)
+    return *found, false / total
 
 
 @njit(cache=True, error_model="numpy")

@@ -121,6 +121,21 @@ def test_a_scan_with_uneven_clutter_is_that_of_the_plain_filter():
     assert said.expected == pytest.approx(slow[0].sum(), rel=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_detection_is_false_by_the_share_of_clutter_where_it_lies(seed):
+    people, p = told(), intensity(seed)
+    H, R = people.sensor
+    z, kappa = scan_about(p, seed), np.geomspace(1e-8, 1e-2, 6)
+    targets = 0.9 * sum(
+        w * np.array([reference.gaussian_density(row, H @ m, H @ P @ H.T + R) for row in z])
+        for w, m, P in zip(*p, strict=True)
+    )
+    _, false = phd.update(labelled(p), people.sensor, z, 0.9, kappa, 1e-5)
+    np.testing.assert_allclose(false, kappa / (kappa + targets), rtol=1e-9)
+    assert phd.update(labelled(p), people.sensor, z[:0], 0.9, kappa[:0], 1e-5)[1].shape == (0,)
+    np.testing.assert_array_equal(phd.update(phd.nobody(people), people.sensor, z, 0.9, kappa, 1e-5)[1], 1.0)
+
+
 def test_a_sure_lone_target_is_followed_as_by_a_kalman_filter():
     people = told(births=nothing(4), expected=1e-9, detection=1.0, survival=1.0)
     rng = np.random.default_rng(1)
@@ -419,8 +434,8 @@ def test_the_gate_leaves_out_nothing_that_counts():
 
 def test_a_detection_that_clutter_cannot_explain_is_a_target_without_overflow():
     p = gaussian(np.zeros(4), np.eye(4))
-    q = phd.update(labelled(p), told().sensor, np.zeros((1, 2)), 0.9, np.array([5e-324]), 1e-5)
-    assert q.intensity.w.sum() == pytest.approx(1.1, rel=1e-12)
+    q, false = phd.update(labelled(p), told().sensor, np.zeros((1, 2)), 0.9, np.array([5e-324]), 1e-5)
+    assert q.intensity.w.sum() == pytest.approx(1.1, rel=1e-12) and 0 <= false[0] < 1e-300
 
 
 # ---- cardinality ----
@@ -449,7 +464,7 @@ def test_with_a_poisson_number_the_cphd_scan_is_the_phd_scan():
     given = people.sensor, z, 0.9, np.full(14, 10.0 / 600.0**2), 1e-12
     number = cardinality.transitions(1.0, 0.0, 1.5, 60)[:, 0]
     counted = cardinality.update(labelled(p), number, *given)[0].intensity
-    plain = phd.update(labelled(p), *given).intensity
+    plain = phd.update(labelled(p), *given)[0].intensity
     for ours, theirs in zip(counted, plain, strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-10)
 
