@@ -9,7 +9,7 @@ from gmr_gym.mixture import Mixture
 from gmr_gym.multitarget import Account, ManyTracker, Population
 from gmr_gym.phd import Labelled
 from gmr_gym.reduction import Reduced
-from gmr_gym.tracker import check_limits, check_scan, make_tracker
+from gmr_gym.tracker import check_scan, make_tracker
 
 
 class Fitted(NamedTuple):
@@ -31,7 +31,7 @@ class FittedPhd:
     most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
 
     def __post_init__(self):
-        check_limits(self.prune_weight, self.most)
+        phd.check_filter(self.population, self.reduce, self.prune_weight, self.most)
 
     def init(self) -> Fitted:
         return Fitted(phd.nobody(self.population), self.fit.init())
@@ -40,7 +40,7 @@ class FittedPhd:
         told = self.population
         z = check_scan(z, len(told.sensor.H))
         mixture, said = self.fit.step(belief.mixture, z)
-        posterior = phd.update(
+        posterior, _ = phd.update(
             phd.ahead(belief.targets, told), told.sensor, z,
             told.detection_probability, said.clutter.density(z), self.prune_weight,
         )  # fmt: skip

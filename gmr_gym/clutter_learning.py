@@ -47,8 +47,8 @@ def learner(memory: int = 20, deviation: float = 15.0, most: int = 12, iteration
 
 
 def first_lesson(clutter: Clutter) -> Lessons:
-    """Nothing has been seen; `clutter` is what was told, whose box stays and whose uniform part counts as one
-    scan's evidence."""
+    """Nothing has been seen; `clutter` is what was told. Its box stays; all that it expects counts as one
+    scan of uniform clutter, its Gaussians are where the fit begins, its ellipses are for the fit to find."""
     p = len(clutter.low)
     return Lessons(np.empty((0, p)), np.empty(0), np.empty(0, int), 0, clutter)
 
@@ -56,7 +56,7 @@ def first_lesson(clutter: Clutter) -> Lessons:
 def learn(told: Clutter, lessons: Lessons, z: np.ndarray, false: np.ndarray, how: Learner) -> Lessons:
     """The lessons after a scan z (k, p) whose detections are false with probabilities `false` (k,).
 
-    `told` is what was believed at first: it counts as one scan of clutter, spread as it says."""
+    `told` is what was believed at first, see `first_lesson`."""
     kept = lessons.age + 1 < 2 * how.memory
     points = np.concatenate([lessons.z[kept], z])
     probability = np.concatenate([lessons.false[kept], false])
@@ -81,7 +81,7 @@ def learn(told: Clutter, lessons: Lessons, z: np.ndarray, false: np.ndarray, how
     # one scan's worth of what was told, uniform, so that no place is without clutter
     w = a / (scans + 1.0)
     uniform = w[0] + told.expected / (scans + 1.0)
-    learned = told._replace(uniform=uniform, gaussians=Mixture(w[1:], m, P))
+    learned = told._replace(uniform=uniform, gaussians=Mixture(w[1:], m, P), ellipses=nothing(m.shape[1]))
     return Lessons(points, probability, age, remembered, learned)
 
 

@@ -89,7 +89,7 @@ def population(
     spawn_covariance=None,
 ) -> Population:
     """Checked Population. Raises ValueError naming the argument for a probability outside (0, 1], for shapes
-    that do not fit each other and for clutter that is nowhere."""
+    that do not fit each other, for intensities that are none and for clutter that is nowhere."""
     d = len(motion.F)
     if sensor.H.shape[1] != d:
         raise ValueError(f"sensor.H has {sensor.H.shape[1]} columns, but the motion has {d} states")
@@ -97,23 +97,40 @@ def population(
     check_probability("survival_probability", survival_probability)
     if births.m.shape[1] != d:
         raise ValueError(f"births have {births.m.shape[1]} states, but the motion has {d}")
+    check_intensity("births", births)
     if not 0 <= spawn_weight < np.inf:
         raise ValueError(f"spawn_weight must be an expected number, got {spawn_weight}")
     spread = np.eye(d) if spawn_covariance is None else np.array(spawn_covariance, float)
     if spread.shape != (d, d):
         raise ValueError(f"spawn_covariance must have shape {(d, d)}, got {spread.shape}")
     check_covariance("spawn_covariance", spread)
-    if len(clutter.low) != len(sensor.H) or not (clutter.low < clutter.high).all():
-        raise ValueError(f"clutter must be over a box of {len(sensor.H)} sides")
-    if not clutter.uniform > 0:
+    finite = np.isfinite(clutter.low).all() and np.isfinite(clutter.high).all()
+    if len(clutter.low) != len(sensor.H) or not (finite and (clutter.low < clutter.high).all()):
         raise ValueError(
-            "clutter.uniform must be positive, got "
+            f"clutter must be over a finite box of {len(sensor.H)} sides, got {clutter.low} to {clutter.high}"
+        )
+    check_intensity("clutter.gaussians", clutter.gaussians)
+    check_intensity("clutter.ellipses", clutter.ellipses)
+    if not 0 < clutter.uniform < np.inf:
+        raise ValueError(
+            "clutter.uniform must be positive and finite, got "
             f"{clutter.uniform}: a detection far from all else needs an explanation"
         )
     return Population(
         motion, sensor, float(detection_probability), float(survival_probability), births,
         float(spawn_weight), spread, clutter,
     )  # fmt: skip
+
+
+def check_intensity(name: str, p: Mixture) -> None:
+    """Raise ValueError naming the argument unless the weights of p are non-negative, all of it finite and its
+    covariances positive definite."""
+    if not (np.isfinite(p.w).all() and (p.w >= 0).all()):
+        raise ValueError(f"{name} must have finite non-negative weights, got {p.w.tolist()}")
+    if not np.isfinite(p.m).all():
+        raise ValueError(f"{name} must have finite means")
+    for i, covariance in enumerate(p.P):
+        check_covariance(f"{name}.P[{i}]", covariance)
 
 
 def uniform_clutter(low, high, expected: float) -> Clutter:

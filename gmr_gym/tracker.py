@@ -94,10 +94,12 @@ def make_tracker(name: str, model: Model | Population, **parameters) -> Any:
 
 def check_scan(z, p: int) -> np.ndarray:
     """The detections as a float array (k, p), (0, p) for an empty scan; ValueError when the shape
-    does not fit or a number is not finite."""
-    z = np.asarray(z, float)
-    if z.size == 0:
-        return np.empty((0, p))
+    does not fit, for what is no number and for one that is not finite."""
+    try:
+        z = np.asarray(z)
+        z = z.astype(float, casting="same_kind") if z.size else np.empty((0, p))
+    except (TypeError, ValueError):
+        raise ValueError(f"z must be numbers of shape (k, {p}), one detection a row") from None
     if z.ndim != 2 or z.shape[1] != p:
         raise ValueError(f"z must have shape (k, {p}), one detection a row, got {z.shape}")
     if not np.isfinite(z).all():

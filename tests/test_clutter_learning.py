@@ -5,8 +5,11 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from gmr_gym.clutter_learning import added, first_lesson, fitted, learn, learner, responsibilities
+from gmr_gym.crowd import sampled
+from gmr_gym.crowd_runs import density_error, places
 from gmr_gym.mixture import Mixture
 from gmr_gym.multitarget import uniform_clutter
+from gmr_gym.scenarios.lv import unknown_clutter
 
 LOW, HIGH = np.array([-1000.0, -1000.0]), np.array([1000.0, 1000.0])
 FLAT = 1 / 4e6
@@ -210,3 +213,17 @@ def test_of_no_detection_no_gaussian_is_made():
 def test_a_wrong_parameter_is_refused_by_name(wrong, message):
     with pytest.raises(ValueError, match=message):
         learner(**wrong)
+
+
+def test_who_is_told_the_truth_learns_no_worse_than_who_is_told_that_it_is_uniform():
+    true, errors = unknown_clutter().clutter(0), {}
+    for told in ("true", "uniform"):
+        rng, given = np.random.default_rng(0), unknown_clutter(told=told).population.clutter
+        lessons = first_lesson(given)
+        for _ in range(30):
+            z = sampled(true, rng)
+            lessons = learn(given, lessons, z, np.ones(len(z)), learner())
+        # 20 scans' worth of 50 points: a deviation of 1.6
+        assert abs(lessons.clutter.expected - 50) < 6
+        errors[told] = density_error(lessons.clutter, true, places(true))
+    assert errors["true"] < 1.1 * errors["uniform"] < 0.4

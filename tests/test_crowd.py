@@ -340,6 +340,7 @@ def test_a_given_trajectory_is_flown_and_told_of_where_it_starts(columns):
         ({"metric": "rmse"}, "metric must be one of gospa, ospa, got 'rmse'"),
         ({"targets": 0}, "targets must be a whole number of rows between 1 and 1000, got 0"),
         ({"targets": 2.5}, "targets must be a whole number"),
+        ({"targets": True}, "targets must be a whole number"),
         ({"render_mode": "ascii"}, "render_mode must be one of"),
     ],
 )

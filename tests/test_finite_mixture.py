@@ -23,6 +23,7 @@ from gmr_gym.gibbs import fit_gibbs
 from gmr_gym.kalman import position_sensor
 from gmr_gym.mixture import Mixture, gaussian, log_density
 from gmr_gym.model import model
+from gmr_gym.montecarlo import run
 from gmr_gym.motions import constant_velocity
 from gmr_gym.multitarget import nothing, population, uniform_clutter
 from gmr_gym.scenarios.lv import unknown_clutter
@@ -191,6 +192,24 @@ def test_a_single_target_in_sparse_uniform_clutter_is_followed_as_by_pda():
         apart.append(np.linalg.norm(account.x[0, :2] - report.x[0, :2]))
         errors.append(np.linalg.norm(account.x[0, :2] - x[:2]))
     assert np.median(apart) < 0.5 and np.mean(errors) < 12  # m; the sensor alone is off by 12.5
+
+
+@pytest.mark.parametrize("make", [fmm_em, fmm_gibbs])
+def test_repaired_it_tracks_better(make):
+    world = unknown_clutter()
+    found = run(world, {r: make(world.population, repaired=r) for r in (False, True)}, 8)
+    saved = (found[False].ospa - found[True].ospa).mean(axis=1)
+    # m, in the same episodes; over a hundred runs it is near 28, with a deviation of 20 in a run
+    assert saved.mean() > 28 - 2 * 20 / np.sqrt(8)
+
+
+@pytest.mark.parametrize("make", [fmm_em, fmm_gibbs])
+def test_a_lone_detection_of_a_birth_is_the_targets_and_not_clutters(make):
+    tracker = make(told(one_birth()), repaired=True)
+    belief = tracker.init()
+    for _ in range(6):
+        belief, account = tracker.step(belief, np.array([[5.0, -5.0]]))
+    assert len(account.x) == 1 and account.existence[0] > 0.5
 
 
 @pytest.mark.parametrize("make", [fmm_em, fmm_gibbs])

@@ -207,8 +207,20 @@ def test_a_track_and_a_new_target_share_a_detection_as_bayes_has_it():
     np.testing.assert_allclose(false, [(1 - 0.6 * DETECTION) * kappa / total], rtol=1e-5)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_a_detection_is_of_one_track_or_of_none(seed):
+    rng = np.random.default_rng(seed)
+    psi = np.where(rng.random((5, 7)) < 0.6, rng.gamma(0.3, 10.0, (5, 7)), 0.0)
+    track, detection = np.nonzero(psi)
+    claimed, missed, unclaimed = marginals(track, detection, psi[track, detection], 5, 7)
+    by_detection = np.bincount(detection, claimed, 7) + unclaimed
+    by_track = np.bincount(track, claimed, 5) + missed
+    np.testing.assert_allclose(by_detection, 1.0, atol=1e-5)  # as near as its rounds come
+    np.testing.assert_allclose(by_track, 1.0, atol=1e-5)
+
+
 @pytest.mark.parametrize("seed", range(5))
-def test_what_is_found_is_no_more_than_the_detections(seed):
+def test_probabilities_lie_between_nothing_and_certainty(seed):
     rng = np.random.default_rng(seed)
     belief = of_tracks(rng.random(4), rng.uniform(-20, 20, (4, 2)), mixture(*BIRTHS))
     posterior, false = updated(belief, rng.uniform(-30, 30, (5, 2)), told())

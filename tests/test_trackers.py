@@ -261,6 +261,9 @@ def tracker(request):
     [
         ([[np.nan, 0.0]], "z must be finite; row 0 is not"),
         ([[0.0, 0.0], [0.0, np.inf]], "z must be finite; row 1 is not"),
+        ([[1.0, 2.0], [3.0]], r"z must be numbers of shape \(k, 2\)"),
+        ([["a", "b"]], "z must be numbers"),
+        ([[1.0 + 2.0j, 0.0]], "z must be numbers"),
         ([1.0, 2.0], r"z must have shape \(k, 2\)"),
         ([[1.0, 2.0, 3.0]], r"z must have shape \(k, 2\)"),
         (np.zeros((1, 1, 2)), r"z must have shape \(k, 2\)"),

@@ -1,5 +1,7 @@
 """One environment for every scenario of many targets."""
 
+from numbers import Integral
+
 import gymnasium as gym
 import numpy as np
 from scipy.stats import poisson
@@ -60,6 +62,7 @@ class CrowdEnv(EpisodicEnv):
     """
 
     scenario: ManyScenario
+    metric: str
 
     def __init__(
         self,
@@ -71,7 +74,7 @@ class CrowdEnv(EpisodicEnv):
     ):
         if metric not in METRICS:
             raise ValueError(f"metric must be one of {', '.join(METRICS)}, got {metric!r}")
-        if not (isinstance(targets, int) and 1 <= targets <= 1000):
+        if isinstance(targets, bool) or not (isinstance(targets, Integral) and 1 <= targets <= 1000):
             raise ValueError(f"targets must be a whole number of rows between 1 and 1000, got {targets!r}")
         super().__init__(scenario, render_mode, world)
         self.metric = metric

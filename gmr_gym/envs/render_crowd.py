@@ -71,4 +71,5 @@ class CrowdCanvas:
 def _crowding(axes, clutter: Clutter, **style):
     """95 % of each Gaussian of the clutter, all of each ellipse."""
     groups = joined((clutter.gaussians._replace(P=EDGE * clutter.gaussians.P), clutter.ellipses))
-    axes.add_collection(ellipses(axes, groups.m, groups.P, **style))
+    if len(groups.w):
+        axes.add_collection(ellipses(axes, groups.m, groups.P, **style))
