@@ -229,10 +229,7 @@ def posteriors(missed, found, m, P, expected, S, C, z, least):
 def _near(w, m, P, distance):
     """Groups (n,) of `vo_ma`, numbered from that of the heaviest, -1 for a weight of zero; their number."""
     n, d = m.shape
-    factors = np.zeros((n, d, d))
-    for i in range(n):
-        if not cholesky_into(factors[i], P[i]):
-            raise ValueError("a covariance of the mixture is not positive definite")
+    factors, factored = np.zeros((n, d, d)), np.zeros(n, np.bool_)
     group, count, y = np.full(n, -1), 0, np.empty(d)
     alone = np.argsort(-w, kind="mergesort")
     alone = alone[w[alone] > 0.0]
@@ -247,6 +244,10 @@ def _near(w, m, P, distance):
                 if (m[i, r] - m[heaviest, r]) ** 2 > distance * (1.0 + 1e-12) * P[i, r, r]:
                     within = False
                     break
+            if within and not factored[i]:
+                factored[i] = True
+                if not cholesky_into(factors[i], P[i]):
+                    raise ValueError("a covariance of the mixture is not positive definite")
             if i == heaviest or (
                 within and mahalanobis_squared(factors[i], m[heaviest], m[i], y) <= distance
             ):
