@@ -5,6 +5,7 @@ Of sets, positions are rows, (j, d) and (k, d), in any order; either may be empt
 the positions, metres.
 """
 
+from math import lcm
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,8 @@ from scipy.optimize import linear_sum_assignment, linprog
 from scipy.spatial.distance import cdist
 
 from gmr_gym.association import Gates, gated_distances
+
+MOST_COPIES = 300  # beyond, a linear program is faster than the assignment
 
 
 def truth_outside_gates(H: np.ndarray, gates: Gates, x: np.ndarray, z: np.ndarray) -> bool:
@@ -117,7 +120,10 @@ def wasserstein(estimates, targets, order: float = 2.0) -> float:
     if min(len(x), len(y)) == 0:
         return 0.0
     cost = cdist(x, y) ** order
-    if len(x) == len(y):  # then some permutation is as cheap as any transport
+    copies = lcm(len(x), len(y))
+    if copies <= MOST_COPIES:
+        # of so many copies of either side, all alike in weight, a permutation is as cheap as any transport
+        cost = cost.repeat(copies // len(x), axis=0).repeat(copies // len(y), axis=1)
         return float(cost[linear_sum_assignment(cost)].mean() ** (1 / order))
     j, k = cost.shape
     rows, columns = np.kron(np.eye(j), np.ones(k)), np.kron(np.ones(j), np.eye(k))
