@@ -1,0 +1,64 @@
+"""stable-baselines3's vector environment from Gymnasium's."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.vec_env import VecEnv
+
+
+class FromVector(VecEnv):
+    """Environments of one process under stable-baselines3's interface, which asks for the last observation of
+    an episode as `terminal_observation` and for `TimeLimit.truncated` where it ended by time alone.
+
+    Raises ValueError unless `envs` resets in the step that ends an episode (AutoresetMode.SAME_STEP).
+    """
+
+    def __init__(self, envs: gym.vector.VectorEnv):
+        mode = envs.metadata.get("autoreset_mode")
+        if mode is not AutoresetMode.SAME_STEP:
+            raise ValueError(f"envs must have autoreset_mode AutoresetMode.SAME_STEP, got {mode}")
+        self.envs = envs  # before what asks it for attributes
+        super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
+        self._actions: Any = None
+
+    def reset(self):
+        """Observations (n, k) of new episodes; after `seed(s)` they are those of seeds s, s + 1, ..."""
+        # a seed of one environment settles those of the rest
+        observations, _ = self.envs.reset(seed=self._seeds[0], options=self._options[0] or None)
+        self._reset_seeds()
+        self._reset_options()
+        return observations.copy()
+
+    def step_async(self, actions: np.ndarray) -> None:
+        self._actions = actions
+
+    def step_wait(self):
+        observations, rewards, terminated, truncated, told = self.envs.step(self._actions)
+        over = terminated | truncated
+        infos: list[dict[str, Any]] = [
+            {"TimeLimit.truncated": bool(truncated[i] and not terminated[i])} for i in range(self.num_envs)
+        ]
+        for i in np.flatnonzero(over):
+            infos[i]["terminal_observation"] = told["final_obs"][i]
+            infos[i]["final"] = {name: values[i] for name, values in told["final_info"].items()}
+        return observations.copy(), rewards.astype(np.float32), over, infos
+
+    def close(self) -> None:
+        self.envs.close()
+
+    def get_attr(self, attr_name: str, indices=None) -> list[Any]:
+        values = self.envs.get_attr(attr_name)
+        return [values[i] for i in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices=None) -> None:
+        raise NotImplementedError("an environment is changed by making another")
+
+    def env_method(self, method_name: str, *args, indices=None, **kwargs) -> list[Any]:
+        results = self.envs.call(method_name, *args, **kwargs)
+        return [results[i] for i in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class, indices: Sequence[int] | None = None) -> list[bool]:
+        return [False] * len(list(self._get_indices(indices)))

@@ -1,0 +1,102 @@
+"""A small network from features to thresholds: a file of plain arrays, read without trust, and its forward
+pass. Nothing is unpickled, and nothing but NumPy is needed."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+
+FORMAT = "gmr_gym thresholds 1"
+MOST_LAYERS, MOST_UNITS = 8, 4096  # a file that asks for more is none of ours
+
+
+class Network(NamedTuple):
+    """Layers with tanh between them, over features that are first made of mean 0 and deviation 1."""
+
+    features: tuple[str, ...]  # names of what goes in
+    parameters: tuple[str, ...]  # names of what comes out, see `thresholds.decoded`
+    mean: np.ndarray  # (k,)
+    deviation: np.ndarray  # (k,), positive
+    reach: float  # normalised features are clipped to +- this
+    weights: tuple[np.ndarray, ...]  # (out, in) each
+    biases: tuple[np.ndarray, ...]  # (out,) each
+
+    def __call__(self, features: np.ndarray) -> np.ndarray:
+        """The action (j,) in [-1, 1] for features (k,)."""
+        x = np.clip((features - self.mean) / self.deviation, -self.reach, self.reach)
+        for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            x = np.tanh(W @ x + b)
+        return np.clip(self.weights[-1] @ x + self.biases[-1], -1.0, 1.0)
+
+
+def save(file: Path | str, network: Network) -> None:
+    """The network as an .npz of plain arrays."""
+    layers: dict[str, Any] = {}
+    for i, (W, b) in enumerate(zip(network.weights, network.biases, strict=True)):
+        layers |= {f"weights_{i}": W, f"biases_{i}": b}
+    with Path(file).open("wb") as stream:
+        np.savez(
+            stream, format=FORMAT, features=network.features, parameters=network.parameters,
+            mean=network.mean, deviation=network.deviation, reach=network.reach, **layers,
+        )  # fmt: skip
+
+
+def load(file: Path | str, features: Sequence[str], parameters: Sequence[str]) -> Network:
+    """The network in a file, for these features and any of these parameters. Raises ValueError naming the
+    file and what is wrong with it: no such file, truncated, foreign or of another version, other features,
+    unknown parameters, shapes that do not fit, numbers of another kind or not finite."""
+    file = Path(file)
+    try:
+        with np.load(file, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+    except (OSError, ValueError, EOFError, BadZipFile, KeyError) as error:
+        raise ValueError(f"{file} is no policy that can be read: {error}") from None
+    try:
+        return _checked(arrays, tuple(features), tuple(parameters))
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+
+
+def _checked(
+    arrays: dict[str, np.ndarray], features: tuple[str, ...], parameters: tuple[str, ...]
+) -> Network:
+    version = str(arrays.get("format", "none"))
+    if version != FORMAT:
+        raise ValueError(f"format must be {FORMAT!r}, got {version[:80]!r}")
+    depth = sum(name.startswith("weights_") for name in arrays)
+    layers = [f"{kind}_{i}" for i in range(depth) for kind in ("weights", "biases")]
+    wanted = {"format", "features", "parameters", "mean", "deviation", "reach", *layers}
+    if set(arrays) != wanted or not 1 <= depth <= MOST_LAYERS:
+        raise ValueError(f"arrays must be {sorted(wanted)}, got {sorted(arrays)}")
+    names = tuple(arrays["features"].tolist()) if arrays["features"].dtype.kind == "U" else ()
+    if names != features:
+        raise ValueError(f"features must be {features}, got {names}")
+    sets = tuple(arrays["parameters"].tolist()) if arrays["parameters"].dtype.kind == "U" else ()
+    if not sets or len(set(sets)) < len(sets) or not set(sets) <= set(parameters):
+        raise ValueError(f"parameters must be different ones of {parameters}, got {sets}")
+    width = len(features)
+    shapes = {"mean": (width,), "deviation": (width,), "reach": ()}
+    for i in range(depth):
+        units = len(sets) if i == depth - 1 else arrays[f"biases_{i}"].size
+        if units > MOST_UNITS:
+            raise ValueError(f"biases_{i} must be at most {MOST_UNITS}, got {units}")
+        shapes |= {f"weights_{i}": (units, width), f"biases_{i}": (units,)}
+        width = units
+    for name, shape in shapes.items():
+        array = arrays[name]
+        if array.shape != shape:
+            raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
+        if array.dtype.kind != "f":
+            raise ValueError(f"{name} must be of floats, got {array.dtype}")
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} must be finite")
+    if not (arrays["deviation"] > 0).all() or not arrays["reach"] > 0:
+        raise ValueError("deviation and reach must be positive")
+    numbers = {name: np.asarray(arrays[name], float) for name in shapes}
+    return Network(
+        names, sets, numbers["mean"], numbers["deviation"], float(numbers["reach"]),
+        tuple(numbers[f"weights_{i}"] for i in range(depth)),
+        tuple(numbers[f"biases_{i}"] for i in range(depth)),
+    )  # fmt: skip

@@ -1,0 +1,106 @@
+"""Policies as files of plain arrays: read as they were written, refused when they are anything else."""
+
+import pickle
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from gmr_gym.network import FORMAT, Network, load, save
+
+FEATURES, PARAMETERS = ("size", "entropy", "spread"), ("alpha", "prune", "components")
+
+
+def network(seed=0, units=(5, 4), parameters=("prune", "alpha")):
+    rng = np.random.default_rng(seed)
+    sizes = [len(FEATURES), *units, len(parameters)]
+    return Network(
+        FEATURES, parameters, rng.standard_normal(3), rng.uniform(0.5, 2, 3), 2.0,
+        tuple(rng.standard_normal((b, a)) for a, b in pairwise(sizes)),
+        tuple(rng.standard_normal(b) for b in sizes[1:]),
+    )  # fmt: skip
+
+
+def arrays_of(file):
+    with np.load(file) as stored:
+        return dict(stored)
+
+
+def plain(network, features):
+    """The forward pass unit by unit."""
+    x = [
+        min(max((f - m) / s, -network.reach), network.reach)
+        for f, m, s in zip(features, network.mean, network.deviation, strict=True)
+    ]
+    for i, (W, b) in enumerate(zip(network.weights, network.biases, strict=True)):
+        x = [sum(w * v for w, v in zip(row, x, strict=True)) + c for row, c in zip(W, b, strict=True)]
+        if i < len(network.weights) - 1:
+            x = [np.tanh(v) for v in x]
+    return np.array([min(max(v, -1.0), 1.0) for v in x])
+
+
+@pytest.mark.parametrize("units", [(), (6,), (5, 4), (3, 3, 3)])
+def test_what_was_written_is_read_and_acts_as_unit_by_unit(tmp_path, units):
+    saved = network(1, units)
+    save(tmp_path / "p.npz", saved)
+    read = load(tmp_path / "p.npz", FEATURES, PARAMETERS)
+    assert read.features == FEATURES and read.parameters == ("prune", "alpha")
+    for features in np.random.default_rng(0).normal(0, 5, (20, 3)):
+        np.testing.assert_array_equal(read(features), saved(features))
+        np.testing.assert_allclose(read(features), plain(saved, features), rtol=1e-12, atol=1e-14)
+
+
+def test_single_precision_is_read_as_double(tmp_path):
+    one = network()
+    save(tmp_path / "p.npz", one._replace(weights=tuple(W.astype(np.float32) for W in one.weights)))
+    assert {W.dtype for W in load(tmp_path / "p.npz", FEATURES, PARAMETERS).weights} == {np.dtype(float)}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"format": "gmr_gym thresholds 0"},
+            "must be 'gmr_gym thresholds 1', got 'gmr_gym thresholds 0'",
+        ),
+        ({"format": None}, "format must be"),
+        ({"features": np.array(["size", "spread", "entropy"])}, "features must be"),
+        ({"features": np.zeros(3)}, "features must be"),
+        ({"parameters": np.array(["prune", "beta"])}, "parameters must be different ones of"),
+        ({"parameters": np.array(["prune", "prune"])}, "parameters must be different ones of"),
+        ({"mean": np.zeros(4)}, r"mean must have shape \(3,\), got \(4,\)"),
+        ({"deviation": np.array([1.0, 0.0, 1.0])}, "deviation and reach must be positive"),
+        ({"reach": -1.0}, "deviation and reach must be positive"),
+        ({"weights_0": np.zeros((5, 2))}, r"weights_0 must have shape \(5, 3\)"),
+        ({"weights_1": np.full((4, 5), np.nan)}, "weights_1 must be finite"),
+        ({"weights_1": np.zeros((4, 5), int)}, "weights_1 must be of floats, got int64"),
+        ({"biases_2": np.zeros(3)}, r"biases_2 must have shape \(2,\)"),
+        ({"biases_1": None}, "arrays must be"),
+        ({"weights_7": np.zeros((2, 2))}, "arrays must be"),
+        ({"extra": np.zeros(1)}, "arrays must be"),
+        ({"biases_0": np.zeros(5000)}, "biases_0 must be at most 4096"),
+    ],
+)
+def test_what_is_no_policy_is_refused_by_name(tmp_path, change, message):
+    file = tmp_path / "p.npz"
+    save(file, network())
+    arrays = {name: array for name, array in (arrays_of(file) | change).items() if array is not None}
+    np.savez(file, **arrays)
+    with pytest.raises(ValueError, match=message) as error:
+        load(file, FEATURES, PARAMETERS)
+    assert str(file) in str(error.value)
+
+
+def test_a_file_that_is_missing_truncated_foreign_or_pickled_is_refused(tmp_path):
+    file = tmp_path / "p.npz"
+    with pytest.raises(ValueError, match="no policy that can be read"):
+        load(file, FEATURES, PARAMETERS)
+    save(file, network())
+    whole = file.read_bytes()
+    for content in (whole[: len(whole) // 2], b"", b"weights", pickle.dumps([1])):
+        file.write_bytes(content)
+        with pytest.raises(ValueError, match="no policy that can be read"):
+            load(file, FEATURES, PARAMETERS)
+    np.savez(file, format=FORMAT, features=np.array([print], object))
+    with pytest.raises(ValueError, match="no policy that can be read"):
+        load(file, FEATURES, PARAMETERS)
