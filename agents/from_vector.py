@@ -43,7 +43,6 @@ class FromVector(VecEnv):
         ]
         for i in np.flatnonzero(over):
             infos[i]["terminal_observation"] = told["final_obs"][i]
-            infos[i]["final"] = {name: values[i] for name, values in told["final_info"].items()}
         return observations.copy(), rewards.astype(np.float32), over, infos
 
     def close(self) -> None:

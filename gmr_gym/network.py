@@ -1,7 +1,8 @@
 """A small network from features to thresholds: a file of plain arrays, read without trust, and its forward
 pass. Nothing is unpickled, and nothing but NumPy is needed."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 from zipfile import BadZipFile
@@ -9,17 +10,20 @@ from zipfile import BadZipFile
 import numpy as np
 
 FORMAT = "gmr_gym thresholds 1"
+ACTIVATIONS: dict[str, Callable] = {"tanh": np.tanh, "relu": partial(np.maximum, 0.0)}
 MOST_LAYERS, MOST_UNITS = 8, 4096  # a file that asks for more is none of ours
 
 
 class Network(NamedTuple):
-    """Layers with tanh between them, over features that are first made of mean 0 and deviation 1."""
+    """Layers with an activation between them, over features first made of mean 0 and deviation 1."""
 
     features: tuple[str, ...]  # names of what goes in
     parameters: tuple[str, ...]  # names of what comes out, see `thresholds.decoded`
     mean: np.ndarray  # (k,)
     deviation: np.ndarray  # (k,), positive
     reach: float  # normalised features are clipped to +- this
+    activation: str  # one of ACTIVATIONS
+    squashed: bool  # whether what comes out is tanh of the last layer, or clipped to +- 1
     weights: tuple[np.ndarray, ...]  # (out, in) each
     biases: tuple[np.ndarray, ...]  # (out,) each
 
@@ -27,8 +31,9 @@ class Network(NamedTuple):
         """The action (j,) in [-1, 1] for features (k,)."""
         x = np.clip((features - self.mean) / self.deviation, -self.reach, self.reach)
         for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            x = np.tanh(W @ x + b)
-        return np.clip(self.weights[-1] @ x + self.biases[-1], -1.0, 1.0)
+            x = ACTIVATIONS[self.activation](W @ x + b)
+        x = self.weights[-1] @ x + self.biases[-1]
+        return np.tanh(x) if self.squashed else np.clip(x, -1.0, 1.0)
 
 
 def save(file: Path | str, network: Network) -> None:
@@ -39,7 +44,8 @@ def save(file: Path | str, network: Network) -> None:
     with Path(file).open("wb") as stream:
         np.savez(
             stream, format=FORMAT, features=network.features, parameters=network.parameters,
-            mean=network.mean, deviation=network.deviation, reach=network.reach, **layers,
+            mean=network.mean, deviation=network.deviation, reach=network.reach, activation=network.activation,
+            squashed=network.squashed, **layers,
         )  # fmt: skip
 
 
@@ -67,7 +73,17 @@ def _checked(
         raise ValueError(f"format must be {FORMAT!r}, got {version[:80]!r}")
     depth = sum(name.startswith("weights_") for name in arrays)
     layers = [f"{kind}_{i}" for i in range(depth) for kind in ("weights", "biases")]
-    wanted = {"format", "features", "parameters", "mean", "deviation", "reach", *layers}
+    wanted = {
+        "format",
+        "features",
+        "parameters",
+        "mean",
+        "deviation",
+        "reach",
+        "activation",
+        "squashed",
+        *layers,
+    }
     if set(arrays) != wanted or not 1 <= depth <= MOST_LAYERS:
         raise ValueError(f"arrays must be {sorted(wanted)}, got {sorted(arrays)}")
     names = tuple(arrays["features"].tolist()) if arrays["features"].dtype.kind == "U" else ()
@@ -76,6 +92,11 @@ def _checked(
     sets = tuple(arrays["parameters"].tolist()) if arrays["parameters"].dtype.kind == "U" else ()
     if not sets or len(set(sets)) < len(sets) or not set(sets) <= set(parameters):
         raise ValueError(f"parameters must be different ones of {parameters}, got {sets}")
+    activation, squashed = str(arrays["activation"]), arrays["squashed"]
+    if activation not in ACTIVATIONS:
+        raise ValueError(f"activation must be one of {', '.join(ACTIVATIONS)}, got {activation[:80]!r}")
+    if squashed.shape != () or squashed.dtype.kind != "b":
+        raise ValueError(f"squashed must be true or false, got {squashed.dtype} of shape {squashed.shape}")
     width = len(features)
     shapes = {"mean": (width,), "deviation": (width,), "reach": ()}
     for i in range(depth):
@@ -96,7 +117,8 @@ def _checked(
         raise ValueError("deviation and reach must be positive")
     numbers = {name: np.asarray(arrays[name], float) for name in shapes}
     return Network(
-        names, sets, numbers["mean"], numbers["deviation"], float(numbers["reach"]),
+        names, sets, numbers["mean"], numbers["deviation"], float(numbers["reach"]), activation,
+        bool(squashed),
         tuple(numbers[f"weights_{i}"] for i in range(depth)),
         tuple(numbers[f"biases_{i}"] for i in range(depth)),
     )  # fmt: skip

@@ -11,11 +11,11 @@ from gmr_gym.network import FORMAT, Network, load, save
 FEATURES, PARAMETERS = ("size", "entropy", "spread"), ("alpha", "prune", "components")
 
 
-def network(seed=0, units=(5, 4), parameters=("prune", "alpha")):
+def network(seed=0, units=(5, 4), parameters=("prune", "alpha"), activation="tanh", squashed=False):
     rng = np.random.default_rng(seed)
     sizes = [len(FEATURES), *units, len(parameters)]
     return Network(
-        FEATURES, parameters, rng.standard_normal(3), rng.uniform(0.5, 2, 3), 2.0,
+        FEATURES, parameters, rng.standard_normal(3), rng.uniform(0.5, 2, 3), 2.0, activation, squashed,
         tuple(rng.standard_normal((b, a)) for a, b in pairwise(sizes)),
         tuple(rng.standard_normal(b) for b in sizes[1:]),
     )  # fmt: skip
@@ -35,13 +35,15 @@ def plain(network, features):
     for i, (W, b) in enumerate(zip(network.weights, network.biases, strict=True)):
         x = [sum(w * v for w, v in zip(row, x, strict=True)) + c for row, c in zip(W, b, strict=True)]
         if i < len(network.weights) - 1:
-            x = [np.tanh(v) for v in x]
-    return np.array([min(max(v, -1.0), 1.0) for v in x])
+            x = [np.tanh(v) if network.activation == "tanh" else max(v, 0.0) for v in x]
+    return np.array([np.tanh(v) if network.squashed else min(max(v, -1.0), 1.0) for v in x])
 
 
 @pytest.mark.parametrize("units", [(), (6,), (5, 4), (3, 3, 3)])
-def test_what_was_written_is_read_and_acts_as_unit_by_unit(tmp_path, units):
-    saved = network(1, units)
+@pytest.mark.parametrize("activation", ["tanh", "relu"])
+@pytest.mark.parametrize("squashed", [False, True])
+def test_what_was_written_is_read_and_acts_as_unit_by_unit(tmp_path, units, activation, squashed):
+    saved = network(1, units, activation=activation, squashed=squashed)
     save(tmp_path / "p.npz", saved)
     read = load(tmp_path / "p.npz", FEATURES, PARAMETERS)
     assert read.features == FEATURES and read.parameters == ("prune", "alpha")
@@ -70,6 +72,8 @@ def test_single_precision_is_read_as_double(tmp_path):
         ({"parameters": np.array(["prune", "prune"])}, "parameters must be different ones of"),
         ({"mean": np.zeros(4)}, r"mean must have shape \(3,\), got \(4,\)"),
         ({"deviation": np.array([1.0, 0.0, 1.0])}, "deviation and reach must be positive"),
+        ({"activation": "sine"}, "activation must be one of tanh, relu, got 'sine'"),
+        ({"squashed": 2.0}, "squashed must be true or false"),
         ({"reach": -1.0}, "deviation and reach must be positive"),
         ({"weights_0": np.zeros((5, 2))}, r"weights_0 must have shape \(5, 3\)"),
         ({"weights_1": np.full((4, 5), np.nan)}, "weights_1 must be finite"),

@@ -1,0 +1,57 @@
+"""From a trained model to a file of plain arrays, which the tracker `learned-thresholds` reads without torch:
+`python agents/export.py RUN --chapter N policy.npz`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import torch
+import typer
+from learner import environments, recorded, restored
+
+from gmr_gym.network import Network, save
+from gmr_gym.threshold_features import FEATURES
+
+ACTIVATIONS = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu"}
+
+
+def network_of(model, venv) -> Network:
+    """The deterministic policy of a model whose layers have one activation between them, with the moments by
+    which `venv` normalises what it sees. Raises ValueError for a policy of another kind."""
+    policy = model.policy
+    squashed = hasattr(policy, "actor")  # off policy: the action is tanh of the mean
+    if squashed:
+        layers = [*policy.actor.latent_pi, policy.actor.mu]
+    else:
+        layers = [*policy.mlp_extractor.policy_net, policy.action_net]
+    linear, between = layers[::2], layers[1::2]
+    kinds = {ACTIVATIONS.get(type(layer)) for layer in between}
+    if not all(isinstance(layer, torch.nn.Linear) for layer in linear) or len(kinds) > 1 or None in kinds:
+        raise ValueError(f"a policy must be of linear layers with tanh or ReLU between, got {layers}")
+    return Network(
+        FEATURES,
+        venv.get_attr("parameters")[0],
+        np.array(venv.obs_rms.mean, float),
+        np.sqrt(venv.obs_rms.var + venv.epsilon),
+        float(venv.clip_obs),
+        kinds.pop() if kinds else "tanh",
+        squashed,
+        tuple(layer.weight.detach().double().numpy() for layer in linear),
+        tuple(layer.bias.detach().double().numpy() for layer in linear),
+    )
+
+
+def main(
+    run: Annotated[Path, typer.Argument(help="folder of a run")],
+    out: Annotated[Path, typer.Argument(help="the .npz to write")],
+    chapter: Annotated[int | None, typer.Option(help="the last unless given")] = None,
+) -> None:
+    """Write the policy after a chapter of a run."""
+    settings, last = recorded(run)
+    venv = environments(settings)
+    save(out, network_of(restored(run, last if chapter is None else chapter, settings, venv), venv))
+    print(f"written to {out}")
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,157 @@
+"""A training run: its settings, its environments, and its state between chapters.
+
+A run is a sequence of chapters. Each begins with all environments reset by seeds of its own and with the
+generators of torch and NumPy seeded likewise, and ends with everything on disk: so a run that was stopped
+goes on as if it had not been, to the last bit."""
+
+import json
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import yaml
+from from_vector import FromVector
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.vec_env import VecNormalize
+
+import gmr_gym  # noqa: F401  registers the environments
+
+ENV_ID = "gmr_gym/ReductionTuning-v0"
+ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC}
+try:
+    from sb3_contrib import TQC, RecurrentPPO
+except ImportError:  # they come with a package of their own
+    pass
+else:
+    ALGORITHMS |= {"tqc": TQC, "ppo_lstm": RecurrentPPO}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a run is, as its folder keeps it."""
+
+    algorithm: str
+    seed: int
+    steps: int  # of environments, in all
+    chapter: int  # of them in a chapter
+    envs: int
+    hyperparameters: dict[str, Any]
+    normalise: dict[str, Any]
+    env: dict[str, Any] = field(default_factory=dict)  # arguments of the environment
+
+
+def settings(
+    algorithm: str, seed: int, steps: int | None, chapter: int, env: dict[str, Any], file: Path | None
+) -> Settings:
+    """Settings from a YAML file as rl_zoo3 reads it, the committed one of the algorithm unless given. Raises
+    ValueError for an unknown algorithm, or a file without the environment."""
+    if algorithm not in ALGORITHMS:
+        raise ValueError(f"unknown algorithm {algorithm!r}; choose from {', '.join(ALGORITHMS)}")
+    file = file or Path(__file__).parent / "hyperparams" / f"{algorithm}.yml"
+    entries = yaml.safe_load(file.read_text())
+    if not isinstance(entries, dict) or ENV_ID not in entries:
+        raise ValueError(f"{file} must have an entry {ENV_ID}")
+    entry = dict(entries[ENV_ID])
+    most = steps or int(float(entry.pop("n_timesteps")))
+    entry.pop("n_timesteps", None)
+    return Settings(
+        algorithm, seed, most, chapter, int(entry.pop("n_envs", 1)), hyperparameters=entry,
+        normalise=dict(entry.pop("normalize", {})), env=env,
+    )  # fmt: skip
+
+
+def environments(said: Settings) -> VecNormalize:
+    """The run's environments in one process, normalised as its settings say."""
+    make = [partial(gym.make, ENV_ID, **said.env)] * said.envs
+    vector = FromVector(SyncVectorEnv(make, autoreset_mode=AutoresetMode.SAME_STEP))
+    return VecNormalize(vector, gamma=said.hyperparameters.get("gamma", 0.99), **said.normalise)
+
+
+class Run:
+    """A run in a folder: begun there, or taken up where its last whole chapter ended."""
+
+    def __init__(self, folder: Path, said: Settings):
+        self.folder, self.settings = folder, said
+        self.venv = environments(said)
+        self.chapter = 0
+        if (folder / "run.json").exists():
+            self._taken_up()
+        else:
+            folder.mkdir(parents=True, exist_ok=True)
+            self.model = ALGORITHMS[said.algorithm](
+                env=self.venv, seed=said.seed, device="cpu", tensorboard_log=str(folder / "tensorboard"),
+                **said.hyperparameters,
+            )  # fmt: skip
+
+    @property
+    def over(self) -> bool:
+        return self.model.num_timesteps >= self.settings.steps
+
+    def learn(self, callback=None) -> None:
+        """One chapter, kept on disk when it is whole."""
+        seed = int(np.random.SeedSequence((self.settings.seed, self.chapter)).generate_state(1)[0] // 2)
+        self.model.set_random_seed(seed)
+        self.venv.seed(seed)
+        self.model.set_env(self.venv, force_reset=True)
+        self.model.learn(
+            min(self.settings.chapter, self.settings.steps - self.model.num_timesteps), callback,
+            reset_num_timesteps=False, tb_log_name="run",
+        )  # fmt: skip
+        self.chapter += 1
+        self._kept()
+
+    def _kept(self) -> None:
+        stem = self.folder / f"chapter-{self.chapter:04d}"
+        self.model.save(stem.with_suffix(".zip"))
+        if isinstance(self.model, OffPolicyAlgorithm):
+            self.model.save_replay_buffer(self.folder / "replay.part")
+            (self.folder / "replay.part.pkl").replace(self.folder / "replay.pkl")
+        moments = {"observations": self.venv.obs_rms, "returns": self.venv.ret_rms}
+        with stem.with_suffix(".npz").open("wb") as stream:
+            np.savez(stream, **{
+                f"{name}_{field}": getattr(rms, field)
+                for name, rms in moments.items()
+                for field in ("mean", "var", "count")
+            })  # fmt: skip
+        part = self.folder / "run.part"
+        part.write_text(json.dumps({"settings": asdict(self.settings), "chapter": self.chapter}, indent=1))
+        part.replace(self.folder / "run.json")  # last: what it names is whole
+
+    def _taken_up(self) -> None:
+        kept = json.loads((self.folder / "run.json").read_text())
+        own = json.loads(json.dumps(asdict(self.settings)))
+        if differing := [name for name in own if name != "steps" and own[name] != kept["settings"].get(name)]:
+            raise ValueError(
+                f"{self.folder} holds a run of other {', '.join(differing)}; choose another folder"
+            )
+        self.chapter = kept["chapter"]
+        self.model = restored(self.folder, self.chapter, self.settings, self.venv)
+        if isinstance(self.model, OffPolicyAlgorithm):
+            self.model.load_replay_buffer(self.folder / "replay.pkl")
+
+
+def restored(folder: Path, chapter: int, said: Settings, venv: VecNormalize) -> Any:
+    """The model after a chapter; the moments of its normalisation are put into `venv`."""
+    stem = folder / f"chapter-{chapter:04d}"
+    with np.load(stem.with_suffix(".npz"), allow_pickle=False) as moments:
+        for name, rms in (("observations", venv.obs_rms), ("returns", venv.ret_rms)):
+            for part in ("mean", "var", "count"):
+                value = moments[f"{name}_{part}"]
+                setattr(rms, part, value if value.shape else float(value))
+    return ALGORITHMS[said.algorithm].load(
+        stem.with_suffix(".zip"), env=venv, device="cpu", tensorboard_log=str(folder / "tensorboard")
+    )
+
+
+def recorded(folder: Path) -> tuple[Settings, int]:
+    """The settings of a run on disk and its last whole chapter. Raises ValueError where there is none."""
+    file = folder / "run.json"
+    if not file.exists():
+        raise ValueError(f"{folder} holds no run: there is no {file.name}")
+    kept = json.loads(file.read_text())
+    return Settings(**kept["settings"]), kept["chapter"]

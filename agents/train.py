@@ -1,0 +1,78 @@
+"""Train an agent that sets reduction thresholds: `python agents/train.py ppo --seed 0`."""
+
+import csv
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+import typer
+from export import network_of
+from judge import played
+from learner import Run, settings
+from stable_baselines3.common.callbacks import ProgressBarCallback
+
+from gmr_gym.commands import key_value
+from gmr_gym.network import save
+from gmr_gym.threshold_policies import ByNetwork
+
+COLUMNS = ("chapter", "steps", "reward", "error_m", "lost", "work")
+
+
+def main(
+    algorithm: Annotated[str, typer.Argument(help="ppo or sac; with sb3-contrib also tqc")],
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    steps: Annotated[int | None, typer.Option(help="of environments; as the YAML says unless given")] = None,
+    chapter: Annotated[int, typer.Option(help="steps between two states on disk")] = 32768,
+    set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006
+    hyperparameters: Annotated[Path | None, typer.Option(help="another YAML file")] = None,
+    valid_runs: Annotated[int, typer.Option(help="episodes of every instance of VALID, after a chapter")] = 10,
+    out: Annotated[Path | None, typer.Option(help="folder; a stopped run goes on there")] = None,
+) -> None:
+    """Learns, chapter by chapter; keeps every chapter, the score of each on VALID, and the best as a policy."""
+    torch.set_num_threads(1)  # small networks run no faster on more
+    env = dict(map(key_value, set_))
+    run = Run(
+        out or Path("results/agents") / f"{algorithm}-{seed}",
+        settings(algorithm, seed, steps, chapter, env, hyperparameters),
+    )
+    scores = run.folder / "valid.csv"
+    while run.chapter > len(_kept(scores)) or not run.over:
+        if run.chapter == len(_kept(scores)):
+            run.learn(ProgressBarCallback() if sys.stderr.isatty() else None)
+        _judge(run, {name: value for name, value in env.items() if name != "instances"}, valid_runs, scores)
+
+
+def _judge(run: Run, env: dict[str, Any], runs: int, scores: Path) -> None:
+    """Scores the last chapter on VALID and keeps its policy."""
+    network = network_of(run.model, run.venv)
+    found = played({"learned": ByNetwork(network)}, "valid", runs, env=env)["learned"]
+    row = [run.chapter, run.model.num_timesteps, *(float(np.mean(part)) for part in found[:4])]
+    best = max((other[2] for other in _kept(scores)), default=-np.inf)
+    save(run.folder / "last.npz", network)
+    if row[2] > best:
+        save(run.folder / "best.npz", network)
+    _append(scores, row)
+    print(json.dumps(dict(zip(COLUMNS, row, strict=True))), flush=True)
+
+
+def _kept(file: Path) -> list[list[float]]:
+    if not file.exists():
+        return []
+    with file.open() as stream:
+        return [[float(cell) for cell in row] for row in list(csv.reader(stream))[1:]]
+
+
+def _append(file: Path, row: list) -> None:
+    fresh = not file.exists()
+    with file.open("a", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        if fresh:
+            writer.writerow(COLUMNS)
+        writer.writerow(row)
+
+
+if __name__ == "__main__":
+    typer.run(main)

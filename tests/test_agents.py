@@ -1,0 +1,142 @@
+"""Training scripts: the adapter, a run that goes on as if it had not been stopped, and its policy in a file."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[1]
+torch = pytest.importorskip("torch")
+pytest.importorskip("stable_baselines3")
+sys.path.insert(0, str(ROOT / "agents"))
+
+from export import network_of  # noqa: E402
+from from_vector import FromVector  # noqa: E402
+from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
+from learner import ENV_ID, Run, environments, recorded, restored, settings  # noqa: E402
+
+from gmr_gym.network import load, save  # noqa: E402
+from gmr_gym.threshold_features import FEATURES  # noqa: E402
+from gmr_gym.thresholds import Thresholds  # noqa: E402
+
+FEW = {"ppo": {"n_steps": 32, "batch_size": 64, "n_envs": 4}, "sac": {"learning_starts": 50, "n_envs": 4}}
+
+
+class Counting(gym.Env):
+    """Counts to a length of its own; ends by itself where `dies`."""
+
+    observation_space = gym.spaces.Box(-1000, 1000, (1,), np.float32)
+    action_space = gym.spaces.Box(-1, 1, (1,), np.float32)
+
+    def __init__(self, length, dies):
+        self.length, self.dies = length, dies
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.t = 0
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action):
+        self.t += 1
+        over = self.t == self.length
+        return np.full(1, self.t, np.float32), float(self.t), over and self.dies, over and not self.dies, {}
+
+
+def vector(mode=AutoresetMode.SAME_STEP):
+    make = [lambda: Counting(2, False), lambda: Counting(3, True)]
+    return SyncVectorEnv(make, autoreset_mode=mode)
+
+
+def test_the_adapter_tells_the_last_observation_and_who_ended_by_time_alone():
+    venv = FromVector(vector())
+    np.testing.assert_array_equal(venv.reset(), [[0], [0]])
+    seen = [venv.step(np.zeros((2, 1))) for _ in range(3)]
+    np.testing.assert_array_equal([obs.ravel() for obs, *_ in seen], [[1, 1], [0, 2], [1, 0]])
+    np.testing.assert_array_equal([over for _, _, over, _ in seen], [[0, 0], [1, 0], [0, 1]])
+    assert seen[1][3][0] == {"TimeLimit.truncated": True, "terminal_observation": np.array([2.0])}
+    assert seen[2][3][1] == {"TimeLimit.truncated": False, "terminal_observation": np.array([3.0])}
+    assert "terminal_observation" not in seen[1][3][1]
+    np.testing.assert_array_equal(seen[2][1], [1, 3])
+
+
+def test_the_adapter_refuses_environments_that_reset_a_step_late():
+    with pytest.raises(ValueError, match="SAME_STEP"):
+        FromVector(vector(AutoresetMode.NEXT_STEP))
+
+
+def shortened(tmp_path, algorithm, steps, seed=3):
+    """Settings of a run of a few steps."""
+    entry = yaml.safe_load((ROOT / f"agents/hyperparams/{algorithm}.yml").read_text())
+    entry[ENV_ID] |= FEW[algorithm]
+    file = tmp_path / "few.yml"
+    file.write_text(yaml.safe_dump(entry))
+    return settings(algorithm, seed, steps, 256, {"components": 20}, file)
+
+
+@pytest.mark.parametrize("algorithm", FEW)
+def test_a_stopped_run_goes_on_as_if_it_had_not_been(tmp_path, algorithm):
+    whole = Run(tmp_path / "whole", shortened(tmp_path, algorithm, 512))
+    while not whole.over:
+        whole.learn()
+    assert whole.chapter == 2 and whole.model.num_timesteps == 512
+    begun = Run(tmp_path / "parts", shortened(tmp_path, algorithm, 512))
+    begun.learn()
+    taken_up = Run(tmp_path / "parts", shortened(tmp_path, algorithm, 512))
+    assert taken_up.chapter == 1
+    taken_up.learn()
+    assert taken_up.over
+    one, other = (run.model.policy.state_dict() for run in (whole, taken_up))
+    for name in one:
+        assert torch.equal(one[name], other[name]), name
+    np.testing.assert_array_equal(whole.venv.obs_rms.mean, taken_up.venv.obs_rms.mean)
+    assert recorded(tmp_path / "parts") == (whole.settings, 2)
+    with pytest.raises(ValueError, match="holds a run of other seed"):
+        Run(tmp_path / "parts", shortened(tmp_path, algorithm, 512, seed=4))
+
+
+@pytest.mark.parametrize("algorithm", FEW)
+def test_the_exported_policy_says_what_the_model_predicts(tmp_path, algorithm):
+    said = shortened(tmp_path, algorithm, 256)
+    run = Run(tmp_path / "run", said)
+    run.learn()
+    venv = environments(said)
+    network = network_of(restored(tmp_path / "run", 1, said, venv), venv)
+    save(tmp_path / "policy.npz", network)
+    read = load(tmp_path / "policy.npz", FEATURES, Thresholds._fields)
+    assert read.parameters == ("alpha", "prune")
+    observations = np.random.default_rng(0).uniform(-2, 2, (50, len(FEATURES))).astype(np.float32)
+    wanted, _ = run.model.predict(venv.normalize_obs(observations), deterministic=True)
+    np.testing.assert_allclose([read(row) for row in observations], wanted, atol=2e-6)  # single precision
+
+
+def test_train_scores_every_chapter_on_valid_and_keeps_the_best(tmp_path):
+    shortened(tmp_path, "ppo", 512)
+    command = [
+        sys.executable, str(ROOT / "agents/train.py"), "ppo", "--steps", "512", "--chapter", "256",
+        "--valid-runs", "1", "--set", "components=20", "--hyperparameters", str(tmp_path / "few.yml"),
+        "--out", str(tmp_path / "run"),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    rows = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+    assert [row["steps"] for row in rows] == [256, 512]
+    assert all(0 <= row["lost"] <= 1 and row["work"] > 0 for row in rows)
+    best = load(tmp_path / "run/best.npz", FEATURES, Thresholds._fields)
+    last = load(tmp_path / "run/last.npz", FEATURES, Thresholds._fields)
+    same = all(np.array_equal(a, b) for a, b in zip(best.weights, last.weights, strict=True))
+    assert same == (rows[1]["reward"] > rows[0]["reward"])
+
+
+def test_an_unknown_algorithm_and_a_file_without_the_environment_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="unknown algorithm 'dqn'; choose from ppo, sac"):
+        settings("dqn", 0, None, 100, {}, None)
+    (tmp_path / "other.yml").write_text("CartPole-v1:\n  n_envs: 1\n")
+    with pytest.raises(ValueError, match="must have an entry gmr_gym/ReductionTuning-v0"):
+        settings("ppo", 0, None, 100, {}, tmp_path / "other.yml")
+    with pytest.raises(ValueError, match="holds no run"):
+        recorded(tmp_path)
