@@ -153,11 +153,11 @@ class Pda:
 
 def simulated(scenario: Scenario, rng: np.random.Generator) -> list[np.ndarray]:
     """The scans of one episode, each drawn when its turn comes."""
-    low, high, _ = scenario.window
+    low, high = scenario.window[:2]
     H, R = scenario.sensor
     sides, root = high - low, np.linalg.cholesky(R)
     out = []
-    for x in scenario.truth(rng):
+    for x in scenario.truth(rng).x:
         z = low + sides * rng.random((rng.poisson(scenario.clutter_rate), len(R)))
         if rng.random() < scenario.detection_probability:
             target = H @ x + root @ rng.standard_normal(len(R))

@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter, process_time
 
+from crowd import crowd_rows
 from modes import mode_rows
 from rows import environment_rows, reduction_rows, scan_rows, worker_rows
 from start import memory_rows, start_rows
@@ -18,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from timing import Plan, Row, Timing
 
 SECTIONS: tuple[Callable[[Plan], Iterator[Row]], ...] = (
-    reduction_rows, scan_rows, mode_rows, environment_rows, worker_rows, start_rows, memory_rows,
+    reduction_rows, scan_rows, mode_rows, crowd_rows, environment_rows, worker_rows, start_rows, memory_rows,
 )  # fmt: skip
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 

@@ -6,8 +6,10 @@ from datetime import datetime, timedelta
 import numpy as np
 from stonesoup.dataassociator.probability import PDA
 from stonesoup.functions import gm_reduce_single
+from stonesoup.hypothesiser.distance import DistanceHypothesiser
 from stonesoup.hypothesiser.gaussianmixture import GaussianMixtureHypothesiser
 from stonesoup.hypothesiser.probability import PDAHypothesiser
+from stonesoup.measures import Mahalanobis
 from stonesoup.mixturereducer.gaussianmixture import GaussianMixtureReducer
 from stonesoup.models.measurement.linear import LinearGaussian
 from stonesoup.models.transition.linear import (
@@ -19,12 +21,16 @@ from stonesoup.predictor.kalman import KalmanPredictor
 from stonesoup.simulator.simple import SimpleDetectionSimulator, SingleTargetGroundTruthSimulator
 from stonesoup.types.array import StateVectors
 from stonesoup.types.detection import Detection
-from stonesoup.types.state import GaussianState, WeightedGaussianState
+from stonesoup.types.state import GaussianState, TaggedWeightedGaussianState, WeightedGaussianState
 from stonesoup.types.track import Track
 from stonesoup.types.update import GaussianStateUpdate
 from stonesoup.updater.kalman import KalmanUpdater
+from stonesoup.updater.pointprocess import PHDUpdater
 
+from gmr_gym.kalman import Motion, Sensor
+from gmr_gym.mixture import Mixture
 from gmr_gym.model import Model
+from gmr_gym.multitarget import Population
 from gmr_gym.simulate import Scenario
 
 START = datetime(2000, 1, 1)
@@ -41,11 +47,15 @@ def detections(scans: list[np.ndarray]) -> list[tuple[datetime, set[Detection]]]
     ]
 
 
+def _kalman(motion: Motion, sensor: Sensor):
+    F, Q, _ = motion
+    moves = LinearGaussianTimeInvariantTransitionModel(transition_matrix=F, covariance_matrix=Q)
+    sees = LinearGaussian(ndim_state=len(F), mapping=(0, 1), noise_covar=sensor.R)
+    return KalmanPredictor(moves), KalmanUpdater(sees)
+
+
 def _parts(model: Model, normalise: bool):
-    F, Q, _ = model.motions[0]
-    motion = LinearGaussianTimeInvariantTransitionModel(transition_matrix=F, covariance_matrix=Q)
-    predictor = KalmanPredictor(motion)
-    updater = KalmanUpdater(LinearGaussian(ndim_state=4, mapping=(0, 1), noise_covar=model.sensor.R))
+    predictor, updater = _kalman(model.motions[0], model.sensor)
     hypothesiser = PDAHypothesiser(
         predictor,
         updater,
@@ -124,6 +134,40 @@ class MultipleHypotheses:
         return np.array([c.weight for c in components]) @ means, len(components)
 
 
+class Phd:
+    """The Gaussian-mixture PHD filter as in its tutorial, where nobody is born. The intensity is a list of
+    components."""
+
+    def __init__(self, told: Population, components: int, gate: float, merging=4.0, prune_weight=1e-5):
+        predictor, updater = _kalman(told.motion, told.sensor)
+        self.updater = PHDUpdater(
+            updater,
+            clutter_spatial_density=told.clutter.density(np.zeros((1, 2)))[0],
+            prob_detection=told.detection_probability,
+            prob_survival=told.survival_probability,
+        )
+        distances = DistanceHypothesiser(predictor, updater, Mahalanobis(), missed_distance=gate)
+        self.hypothesiser = GaussianMixtureHypothesiser(distances, order_by_detection=True)
+        self.reducer = GaussianMixtureReducer(
+            prune_threshold=prune_weight, merge_threshold=merging, max_number_components=components
+        )
+
+    @staticmethod
+    def intensity(p: Mixture) -> list[TaggedWeightedGaussianState]:
+        """Of new objects: what becomes of old ones the predictor remembers."""
+        return [
+            TaggedWeightedGaussianState(m[:, None], P, timestamp=START, weight=w)
+            for w, m, P in zip(*p, strict=True)
+        ]
+
+    def update(self, intensity, scan):
+        time, found = scan
+        return self.updater.update(self.hypothesiser.hypothesise(intensity, found, time))
+
+    def step(self, intensity, scan):
+        return self.reducer.reduce(self.update(intensity, scan))
+
+
 def _normalised(components):
     total = sum(component.weight for component in components)
     for component in components:
@@ -138,7 +182,7 @@ def simulated(scenario: Scenario, count: int) -> list[set[Detection]]:
         initial_state=GaussianState([[0], [10], [0], [-10]], np.eye(4), timestamp=START),
         number_steps=count,
     )
-    low, high, _ = scenario.window
+    low, high = scenario.window[:2]
     simulator = SimpleDetectionSimulator(
         groundtruth=truth,
         measurement_model=LinearGaussian(ndim_state=4, mapping=(0, 2), noise_covar=scenario.sensor.R),

@@ -1,0 +1,153 @@
+"""Rows on many targets: a PHD filter's scan, a scan fitted as a finite mixture, and learning the clutter."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import plain_crowd
+from rows import MISSING, stone_soup
+from timing import Plan, Row, Stopwatch, interleaved, timed
+
+from baselines.gm_phd import GmPhd
+from gmr_gym.clutter_learning import learn
+from gmr_gym.crowd import ManyScenario, draw, scan
+from gmr_gym.finite_mixture import fit_em
+from gmr_gym.multitarget import ManyTracker, nothing
+from gmr_gym.scenarios.lv import unknown_clutter
+from gmr_gym.tracker import make_tracker
+
+COMPONENTS = 100
+FULL = 40  # scans, from which on a learner forgets as much as it learns
+WORLDS = {"50 false detections": "groups", "155 false detections": "dense"}
+
+
+def crowd_rows(plan: Plan) -> Iterator[Row]:
+    yield from _phd_rows(plan)
+    yield from _fit_rows(plan)
+    yield from _lesson_rows(plan)
+    yield from _learning_rows(plan)
+
+
+def _steps(scenario: ManyScenario, tracker: ManyTracker) -> Iterator[tuple]:
+    """Belief, detections that come next and belief after them, scan by scan of one episode."""
+    episode, belief = draw(scenario, 0), tracker.init()
+    for t in range(scenario.horizon):
+        z = scan(episode, t).z
+        before, (belief, _) = belief, tracker.step(belief, z)
+        yield before, z, belief
+
+
+def _called(function: Callable, given: list[tuple], plan: Plan) -> Stopwatch:
+    return timed(lambda arguments: function(*arguments), *given, clock=plan.clock)
+
+
+def _phd_rows(plan: Plan) -> Iterator[Row]:
+    scenario = unknown_clutter()
+    met = _steps(scenario, make_tracker("gm-phd", scenario.population))
+    full = [(belief, z) for belief, z, _ in met if len(belief.label) == COMPONENTS]
+    given = full[:: 8 if plan.quick else 3]
+    # Stone Soup has no spawning, and forgets who was born and not seen
+    told = scenario.population._replace(births=nothing(6), spawn_weight=0.0)
+    tracker = make_tracker("gm-phd", told, components=COMPONENTS)
+
+    def plainly(belief, z):
+        return plain_crowd.phd_scan(belief.intensity, told, z, COMPONENTS)
+
+    apart = max(
+        np.abs(np.sort(tracker.step(*one)[1].intensity.w) - np.sort(plainly(*one).w)).max() for one in given
+    )
+    notes = {"plain NumPy": f"weights at most {apart:.0e} apart"}
+    watches = {"ours": _called(tracker.step, given, plan), "plain NumPy": _called(plainly, given, plan)}
+    for name, gate in (("Stone Soup, its tutorial's gate", 3.0), ("Stone Soup, wide gate", 9.0)):
+        notes[name] = MISSING
+        if stone_soup:
+            parts = stone_soup.Phd(told, COMPONENTS, gate)
+            watches[name] = _stone_soup(parts, given, plan)
+            notes[name] = _expected_apart(parts, tracker, given)
+    timings = interleaved(watches, len(given), rounds=1 if plan.quick else 3)
+    what = f"scan, GM-PHD, {COMPONENTS} components, 50 false detections, no births"
+    for name, note in notes.items():
+        yield Row(what, timings["ours"], name, timings.get(name), note)
+
+
+def _stone_soup(parts, given: list[tuple], plan: Plan) -> Stopwatch:
+    def stopwatch(i):
+        intensity = parts.intensity(given[i][0].intensity)
+        found = stone_soup.detections([given[i][1]])[0]
+        started = plan.clock()
+        parts.step(intensity, found)
+        return plan.clock() - started
+
+    return stopwatch
+
+
+def _expected_apart(parts, tracker: GmPhd, given: list[tuple]) -> str:
+    every = replace(tracker, reduce=lambda p: (p, np.arange(len(p.w))), prune_weight=0.0)
+    apart = []
+    for belief, z in given:
+        scan = parts.intensity(belief.intensity), stone_soup.detections([z])[0]
+        theirs = [sum(component.weight for component in stage(*scan)) for stage in (parts.update, parts.step)]
+        apart.append([one.step(belief, z)[1].expected for one in (every, tracker)] - np.array(theirs))
+    updated, merged = np.abs(apart).max(axis=0)
+    return (
+        f"expected numbers at most {updated:.0e} apart, {merged:.2g} after merging, which clips weights at 1"
+    )
+
+
+def _fit_rows(plan: Plan) -> Iterator[Row]:
+    scenario, given = unknown_clutter(), []
+    tracker = make_tracker("fmm-em", scenario.population, repaired=True)
+
+    def recorded(z, parts, flat, how, rng):
+        given.append((z, parts, flat, how))
+        return tracker.fit(z, parts, flat, how, rng)
+
+    for _ in _steps(scenario, replace(tracker, fit=recorded)):
+        pass
+    given = given[:: 20 if plan.quick else 5]
+    apart = max(abs(fit_em(*one)[1] - plain_crowd.fit(*one)) for one in given)
+    watches = {"ours": _called(fit_em, given, plan), "plain": _called(plain_crowd.fit, given, plan)}
+    timings = interleaved(watches, len(given), rounds=1)
+    yield Row(
+        "a scan fitted by EM, 50 false detections", timings["ours"], "plain NumPy", timings["plain"],
+        f"log-likelihoods at most {apart:.0e} apart",
+    )  # fmt: skip
+
+
+def _lesson_rows(plan: Plan) -> Iterator[Row]:
+    for what, clutter in WORLDS.items():
+        scenario = unknown_clutter(clutter=clutter)
+        tracker = make_tracker("learning-phd", scenario.population)
+        given = []
+        for t, (before, z, after) in enumerate(_steps(scenario, tracker)):
+            if t >= FULL and t % (30 if plan.quick else 10) == 0:
+                false = after.lessons.false[after.lessons.age == 0]
+                given.append((scenario.population.clutter, before.lessons, z, false, tracker.how))
+        apart = 0.0
+        for one in given:
+            ours, plainly = (c.density(one[2]) for c in (learn(*one).clutter, plain_crowd.lesson(*one)))
+            apart = max(apart, np.abs(plainly / ours - 1).max())
+        watches = {"ours": _called(learn, given, plan), "plain": _called(plain_crowd.lesson, given, plan)}
+        timings = interleaved(watches, len(given), rounds=1 if plan.quick else 3)
+        yield Row(
+            f"a lesson of clutter, {what} a scan, memory full", timings["ours"], "plain NumPy",
+            timings["plain"], f"intensities at the detections at most {apart:.0e} of ours apart",
+        )  # fmt: skip
+
+
+def _learning_rows(plan: Plan) -> Iterator[Row]:
+    for what, clutter in WORLDS.items():
+        scenario = unknown_clutter(clutter=clutter)
+        for name, untaught in (("learning-phd", "gm-phd"), ("learning-pmb", "pmb")):
+            tracker, same = (make_tracker(each, scenario.population) for each in (name, untaught))
+            met = list(_steps(scenario, tracker))[FULL :: 30 if plan.quick else 5]
+            watches = {
+                "ours": _called(tracker.step, [(belief, z) for belief, z, _ in met], plan),
+                "same": _called(same.step, [(belief.targets, z) for belief, z, _ in met], plan),
+            }
+            same.step(met[0][0].targets, met[0][1])  # compiles
+            timings = interleaved(watches, len(met), rounds=1 if plan.quick else 3)
+            yield Row(
+                f"scan, {name}, {what}, memory full", timings["ours"], f"{untaught} on the same targets",
+                timings["same"], "told of uniform clutter",
+            )  # fmt: skip
