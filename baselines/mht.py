@@ -9,9 +9,8 @@ import numpy as np
 
 from gmr_gym import ise as williams
 from gmr_gym import reduction
-from gmr_gym.association import expand, gates
-from gmr_gym.kalman import predict
-from gmr_gym.mixture import Mixture, collapsed, moments, normalised
+from gmr_gym.hypotheses import MOST, expanded, reduced
+from gmr_gym.mixture import Mixture, collapsed, moments
 from gmr_gym.model import Model
 from gmr_gym.reduction import Reduced
 from gmr_gym.tracker import Report, check_limits, check_scan
@@ -26,7 +25,7 @@ class Mht:
     reduce: Callable[[Mixture], Reduced]
     prune_weight: float = 5e-4  # gamma
     prune_density: float = 1e-10  # gamma~, s^2/m^4 for a planar position and velocity
-    most: int = 2000  # hypotheses that enter `reduce`, the heaviest, lest a huge scan fill memory
+    most: int = MOST  # hypotheses that enter `reduce`, the heaviest
 
     def __post_init__(self):
         check_limits(self.prune_weight, self.most)
@@ -39,19 +38,12 @@ class Mht:
         return self.model.prior
 
     def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
-        model = self.model
-        z = check_scan(z, len(model.sensor.H))
-        predicted = predict(belief, model.motion)
-        looked = gates(predicted, model.sensor, model.gate_probability)
-        posterior = expand(
-            predicted, looked, model.sensor, z,
-            model.detection_probability, model.gate_probability, model.clutter_density,
-        ).mixture  # fmt: skip
-        posterior = normalised(reduction.heaviest(posterior, self.prune_weight, self.most)[0])
-        posterior = normalised(self.reduce(posterior)[0])
-        posterior = normalised(reduction.prune_density(posterior, self.prune_density)[0])
+        full = expanded(belief, self.model, check_scan(z, len(self.model.sensor.H)))
+        posterior = reduced(
+            full.posterior.mixture, self.reduce, self.prune_weight, self.prune_density, self.most
+        ).mixture
         mean, covariance = moments(posterior)
-        return posterior, Report(mean[None], covariance[None], looked, posterior)
+        return posterior, Report(mean[None], covariance[None], full.gates, posterior)
 
 
 def capping(model: Model, components: int = 30, prune_weight: float = 0.0, prune_density: float = 0.0) -> Mht:

@@ -12,7 +12,7 @@ import gymnasium as gym
 from rich.console import Console
 
 from gmr_gym.crowd import ManyScenario
-from gmr_gym.envs import CROWDS, ENVIRONMENTS
+from gmr_gym.envs import CROWDS, ENVIRONMENTS, TRACKING
 from gmr_gym.montecarlo import run
 from gmr_gym.output import progress
 from gmr_gym.simulate import Scenario
@@ -56,7 +56,10 @@ def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
         raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
     scenario = getattr(gym.make(env_id, **world).unwrapped, "scenario", None)
     if not isinstance(scenario, Scenario | ManyScenario):
-        raise ValueError(f"{env_id} is not a tracking environment; choose from {', '.join(ENVIRONMENTS)}")
+        raise ValueError(
+            f"{env_id} is not a tracking environment: no tracker runs in it; choose from "
+            f"{', '.join((*TRACKING, *CROWDS))}"
+        )
     return scenario
 
 
@@ -64,8 +67,7 @@ def single_target(env_id: str, world: Mapping[str, Any]) -> Scenario:
     """As `scenario_of`, of one target; ValueError where there are many."""
     scenario = scenario_of(env_id, world)
     if isinstance(scenario, ManyScenario):
-        single = ", ".join(name for name in ENVIRONMENTS if name not in CROWDS)
-        raise ValueError(f"{env_id} has many targets; choose from {single}")
+        raise ValueError(f"{env_id} has many targets; choose from {', '.join(TRACKING)}")
     return scenario
 
 

@@ -9,7 +9,7 @@ of weight zero is always dropped.
 import numpy as np
 from numba import njit
 
-from gmr_gym.merging import merge_greedily
+from gmr_gym.merging import cost_of_all, merge_greedily
 from gmr_gym.mixture import Mixture, matched, moments, root_determinants
 
 Reduced = tuple[Mixture, np.ndarray]
@@ -85,9 +85,7 @@ def total_merge_cost(p: Mixture) -> float:
     Departs: D'Ortenzio, eq. 14 divides by the total weight; kept undivided it is the sum of the
     costs B of any way of merging down to one, whatever the weights sum to.
     """
-    P = moments(p)[1]
-    log_determinants = np.linalg.slogdet(p.P)[1]
-    return max(0.0, 0.5 * float(p.w @ (np.linalg.slogdet(P)[1] - log_determinants)))
+    return float(cost_of_all(*p)[0])
 
 
 def check_reduced(reduced, n: int) -> None:

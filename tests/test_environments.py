@@ -15,7 +15,7 @@ from gymnasium.utils.env_checker import check_env
 import gmr_gym  # noqa: F401  registers the environments
 from baselines.mht import runnalls
 from baselines.nearest_neighbour import NearestNeighbour
-from gmr_gym.envs import CROWDS
+from gmr_gym.envs import CROWDS, ENVIRONMENTS, TRACKING
 from gmr_gym.envs.episodic import EXTENT
 from gmr_gym.envs.render import Canvas
 from gmr_gym.envs.tracking import STRAYED, TrackingEnv
@@ -27,8 +27,8 @@ from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.simulate import Truth, draw
 from gmr_gym.tracker import make_tracker
 
-IDS = sorted(env_id for env_id in gym.registry if env_id.startswith("gmr_gym/"))
-SINGLE = [env_id for env_id in IDS if env_id not in CROWDS]
+EVERY = sorted(env_id for env_id in gym.registry if env_id.startswith("gmr_gym/"))
+IDS, SINGLE = sorted((*TRACKING, *CROWDS)), sorted(TRACKING)
 TURNING, FLIGHT, JUMP, RADAR = (
     f"gmr_gym/{name}-v0" for name in ("TurningTarget", "RecordedFlight", "JumpMarkov", "AirborneRadar")
 )
@@ -67,7 +67,11 @@ def assert_same(a, b):
         np.testing.assert_array_equal(a[key], b[key], err_msg=key)
 
 
-@pytest.mark.parametrize("env_id", IDS)
+def test_every_id_of_the_list_is_registered():
+    assert sorted(ENVIRONMENTS) == EVERY
+
+
+@pytest.mark.parametrize("env_id", EVERY)
 def test_every_id_passes_gymnasiums_check(env_id):
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*symmetric and normalized space")  # metres are meant
@@ -77,7 +81,7 @@ def test_every_id_passes_gymnasiums_check(env_id):
         check_env(env)
 
 
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("env_id", EVERY)
 def test_every_id_passes_stable_baselines3s_check(env_id):
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     env = gym.make(env_id).unwrapped
@@ -110,7 +114,7 @@ def test_every_id_replays_from_its_seed(env_id):
     assert not np.array_equal(first.reset(seed=12)[0]["scan"], again.reset(seed=13)[0]["scan"])
 
 
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("env_id", EVERY)
 def test_every_id_has_a_spec_that_json_carries_over(env_id):
     spec = gym.make(env_id).spec.to_json()
     assert json.loads(spec)["id"] == env_id

@@ -11,7 +11,8 @@ NUMERICS = [
     "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
     "curves", "simulate", "play", "metrics", "montecarlo", "summary", "tracker", "scenarios",
     "crowd", "crowd_runs", "crowd_summary", "multitarget", "phd", "cardinality",
-    "clutter_learning", "multi_bernoulli", "finite_mixture", "gibbs",
+    "clutter_learning", "multi_bernoulli", "finite_mixture", "gibbs", "hypotheses", "instances",
+    "thresholds", "threshold_features", "threshold_policies", "network",
 ]  # fmt: skip
 LIBRARY, BASELINES = sorted((ROOT / "gmr_gym").rglob("*.py")), sorted((ROOT / "baselines").glob("*.py"))
 

@@ -1,5 +1,6 @@
 """Recorded aircraft tracks at 1 Hz, `flights/LICENCE.md` says whose and how they were cut; and a flight of
-an F-16 at 2 Hz, reconstructed in a flight simulator by `fly_f16.py`."""
+an F-16 at 2 Hz, reconstructed in a flight simulator by `fly_f16.py`. Beside them the tables of instances that
+`draw_instances.py` draws."""
 
 from difflib import get_close_matches
 from importlib.resources import files

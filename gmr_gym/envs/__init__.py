@@ -2,23 +2,27 @@
 
 import gymnasium as gym
 
-# many targets, to be scored as a set
-CROWDS = {
-    "gmr_gym/UnknownClutter-v0": "gmr_gym.scenarios.lv:unknown_clutter",
-}
-ENVIRONMENTS = {
+# one target, to be estimated
+TRACKING = {
     "gmr_gym/TurningTarget-v0": "gmr_gym.scenarios.dortenzio:turning_target",
     "gmr_gym/RecordedFlight-v0": "gmr_gym.scenarios.recorded:recorded_flight",
     "gmr_gym/AgileFlight-v0": "gmr_gym.scenarios.maybeck:agile_flight",
     "gmr_gym/JumpMarkov-v0": "gmr_gym.scenarios.zhang:jump_markov",
     "gmr_gym/AirborneRadar-v0": "gmr_gym.scenarios.li:airborne_radar",
-    **CROWDS,
 }
+# many targets, to be scored as a set
+CROWDS = {
+    "gmr_gym/UnknownClutter-v0": "gmr_gym.scenarios.lv:unknown_clutter",
+}
+TUNING = "gmr_gym/ReductionTuning-v0"  # a tracker, to be set
+ENVIRONMENTS = (*TRACKING, *CROWDS, TUNING)
 
 
 def register_envs() -> None:
     """Make every id known to `gymnasium.make`; harmless when done twice."""
-    for env_id, scenario in ENVIRONMENTS.items():
-        if env_id not in gym.registry:
-            made_by = "crowd:CrowdEnv" if env_id in CROWDS else "tracking:TrackingEnv"
-            gym.register(env_id, f"gmr_gym.envs.{made_by}", kwargs={"scenario": scenario})
+    for made_by, scenarios in (("tracking:TrackingEnv", TRACKING), ("crowd:CrowdEnv", CROWDS)):
+        for env_id, scenario in scenarios.items():
+            if env_id not in gym.registry:
+                gym.register(env_id, f"gmr_gym.envs.{made_by}", kwargs={"scenario": scenario})
+    if TUNING not in gym.registry:
+        gym.register(TUNING, "gmr_gym.envs.tuning:ReductionTuningEnv")

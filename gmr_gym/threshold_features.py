@@ -1,0 +1,135 @@
+"""What may be known before thresholds are chosen: the full posterior of a scan, in a few numbers."""
+
+from math import log
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from gmr_gym.association import Gates, gate_size, volumes
+from gmr_gym.hypotheses import MOST, Expanded, Kept
+from gmr_gym.merging import cost_of_all
+from gmr_gym.mixture import root_determinants
+from gmr_gym.model import Model
+from gmr_gym.reduction import total_merge_cost
+
+# In this order, and scaled so that most of them lie within [-1, 1] most of the time. n: hypotheses of the
+# full posterior, w: their weights, c: cost of merging them all, S = H P H' + R: covariance of a detection,
+# R: that of its noise and lambda: the clutter density, as the tracker is told
+FEATURES = (
+    "size",  # 2 log n / log 2000 - 1
+    "entropy",  # 2 H / log 2000 - 1, H = -sum w log w
+    "effective",  # 2 log(1 / sum w^2) / log 2000 - 1
+    "heaviest",  # 2 w1 - 1, w1 the largest weight
+    "second",  # 2 w2 / w1 - 1, w2 the second largest, 0 where there is none
+    "missed",  # 2 (weight of the hypotheses without a detection) - 1
+    "spread",  # log(|S| / |R|) / 2p - 1, P the covariance of the whole posterior
+    "widest",  # the same of the predicted hypothesis for which it is largest
+    "merge_cost",  # log10(c) / 2, c at least 1e-6
+    "separation",  # 2 c / (c + H) - 1: 1 when hypotheses lie far apart, -1 when on top of each other
+    "gated",  # log10(1 + detections in the gate of a predicted hypothesis, on average)
+    "evidence",  # log(P_D N(z; H m, S) / lambda) / 5, by weight over hypotheses with a detection, 0 for none
+    "given_up",  # 2 (share of c that the last reduction gave up) - 1, -1 before the first
+    "kept",  # 2 log(hypotheses kept of the last scan) / log 2000 - 1
+    "work",  # log10(1 + work of the last scan) / 3 - 1
+    "expected",  # log10(lambda times the area of the gate of a predicted hypothesis, on average)
+    "clutter",  # log10(lambda times the area of a gate about R alone)
+    "detection",  # 5 (P_D - 0.8)
+    "manoeuvre",  # log10(tr(H Q H') / tr(R)) / 2 + 0.5, Q the noise of the motion it is told
+)
+BOUND = 2.0  # no feature lies outside +- this
+LOG_MOST = log(MOST)
+
+
+class Memory(NamedTuple):
+    """What a policy knows of the scan before."""
+
+    kept: int  # hypotheses
+    given_up: float  # share of the cost of merging all of the posterior that is gone from what is left
+    work: int
+
+
+def at_start(model: Model) -> Memory:
+    """The memory before the first scan."""
+    return Memory(len(model.prior.w), 0.0, 0)
+
+
+def remembered(full: Expanded, kept: Kept) -> Memory:
+    """What is remembered of a scan when the next is looked at. Its work is the Gaussians that were updated
+    and the costs of pairs that were evaluated."""
+    before, after = total_merge_cost(full.posterior.mixture), total_merge_cost(kept.mixture)
+    # what is left of the greedy way to one Gaussian is the cost of what is left, see `total_merge_cost`
+    given_up = max(0.0, 1 - after / before) if before > 0 else 0.0
+    return Memory(len(kept.mixture.w), given_up, full.gated + kept.merge_costs)
+
+
+def told(model: Model) -> np.ndarray:
+    """The features "clutter", "detection" and "manoeuvre" (3,): what the model says, and goes on saying for
+    the whole of an episode. Its sensor must be linear."""
+    H, R = model.sensor.H, model.sensor.R
+    area = volumes(Gates(np.zeros((1, len(R))), R[None], gate_size(model.gate_probability, len(R))))[0]
+    index = np.trace(H @ model.motion.Q @ H.T) / np.trace(R)
+    return np.array([
+        np.log10(model.clutter_density * area),
+        5 * (model.detection_probability - 0.8),
+        0.5 * np.log10(max(index, 1e-12)) + 0.5,  # a motion without noise stands at the edge
+    ])  # fmt: skip
+
+
+def features(full: Expanded, memory: Memory, model: Model, known: np.ndarray) -> np.ndarray:
+    """FEATURES (k,) of a scan's full posterior, each within +-BOUND; `known` is told(model). They do not
+    depend on the order of the hypotheses."""
+    posterior = full.posterior
+    log_odds = log(model.detection_probability / model.clutter_density)
+    seen = _seen(
+        *posterior.mixture, posterior.detection, posterior.log_density,
+        full.gates.S, model.sensor.H, model.sensor.R, log_odds, *memory,
+    )  # fmt: skip
+    # a gate is to one about R alone as the roots of their determinants
+    values = np.concatenate((seen, known))
+    values[len(seen) - 1] += known[0]
+    return np.minimum(np.maximum(values, -BOUND), BOUND)
+
+
+@njit(cache=True, error_model="numpy")
+def _seen(w, m, P, detection, log_density, S, H, R, log_odds, kept, given_up, work):
+    """All but the last three features, "expected" without what "clutter" adds to it."""
+    entropy, square, first, second, hit, evidence = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    pairs = 0
+    for i in range(len(w)):
+        if w[i] > 0.0:
+            entropy -= w[i] * np.log(w[i])
+        square += w[i] * w[i]
+        if w[i] > first:
+            first, second = w[i], first
+        elif w[i] > second:
+            second = w[i]
+        if detection[i] >= 0:
+            hit += w[i]
+            evidence += w[i] * (log_density[i] + log_odds)
+            pairs += 1
+    cost, covariance = cost_of_all(w, m, P)
+    whole = np.empty((1, *R.shape))
+    whole[0] = H @ covariance @ H.T + R
+    alone = np.empty((1, *R.shape))
+    alone[0] = R
+    smallest = root_determinants(alone)[0]
+    gates = root_determinants(S) / smallest
+    return np.array([
+        2 * np.log(len(w)) / LOG_MOST - 1,
+        2 * entropy / LOG_MOST - 1,
+        -2 * np.log(square) / LOG_MOST - 1,
+        2 * first - 1,
+        2 * second / first - 1,
+        1 - 2 * hit,
+        np.log(root_determinants(whole)[0] / smallest) / len(R) - 1,
+        np.log(gates.max()) / len(R) - 1,
+        np.log10(max(cost, 1e-6)) / 2,
+        2 * cost / (cost + entropy) - 1 if cost > 0.0 else -1.0,
+        np.log10(1 + pairs / len(S)),
+        evidence / hit / 5 if hit > 0.0 else 0.0,
+        2 * given_up - 1,
+        2 * np.log(kept) / LOG_MOST - 1,
+        np.log10(1 + work) / 3 - 1,
+        np.log10(gates.mean()),
+    ])  # fmt: skip

@@ -1,0 +1,75 @@
+"""The thresholds of adaptive merging as numbers that somebody sets scan by scan."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym.hypotheses import Kept, reduced
+from gmr_gym.mixture import Mixture
+from gmr_gym.reduction import adaptive
+
+
+class Thresholds(NamedTuple):
+    """What decides how far a posterior is reduced; by default as D'Ortenzio sets it, section 4."""
+
+    alpha: float = 0.05  # of the cost of merging everything, the share that merging may spend
+    prune: float = 5e-4  # gamma: a hypothesis that weighs less does not enter the merging
+    prune_density: float = 1e-10  # gamma~, s^2/m^4 for a planar position and velocity
+    components: int = 100  # N_M: merging goes on past alpha down to so many
+
+
+PAPER = Thresholds()
+# An action of -1 and of 1; in between it is the logarithm that is linear. Below 1e-4 alpha merges next to
+# nothing and above a half everything that matters is gone. gamma multiplies the work by about three a decade,
+# and at 1e-2 it leaves a few hypotheses.
+RANGES = {"alpha": (1e-4, 0.5), "prune": (1e-6, 1e-2), "prune_density": (1e-14, 1e-6), "components": (2, 200)}
+
+
+def decoded(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = PAPER) -> Thresholds:
+    """The thresholds that an action (k,) in [-1, 1] stands for, one of `parameters` each, on a logarithmic
+    scale over RANGES; the others are those of `rest`. Raises ValueError for another shape, and for a number
+    that is not finite or outside the box."""
+    action = np.asarray(action, float)
+    if action.shape != (len(parameters),):
+        raise ValueError(
+            f"action must have shape {(len(parameters),)}, one number each for {', '.join(parameters)}, "
+            f"got {action.shape}"
+        )
+    if not (np.abs(action) <= 1).all():
+        raise ValueError(f"action must be finite and within [-1, 1], got {action.tolist()}")
+    chosen = {}
+    for name, a in zip(parameters, action.tolist(), strict=True):
+        low, high = RANGES[name]
+        value = low * (high / low) ** ((a + 1) / 2)
+        chosen[name] = round(value) if name == "components" else value
+    return rest._replace(**chosen)
+
+
+def encoded(thresholds: Thresholds, parameters: Sequence[str]) -> np.ndarray:
+    """The action (k,) that stands for the thresholds named in `parameters`: `decoded` backwards. ValueError
+    for one outside its range."""
+    action = np.empty(len(parameters))
+    for i, name in enumerate(parameters):
+        value, (low, high) = getattr(thresholds, name), RANGES[name]
+        if not low <= value <= high:
+            raise ValueError(f"{name} must lie in [{low:g}, {high:g}] to be an action, got {value}")
+        action[i] = 2 * np.log(value / low) / np.log(high / low) - 1
+    return np.clip(action, -1, 1)  # rounding may step over the edge
+
+
+def check_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
+    """The names of thresholds as a tuple; ValueError for none, for one twice and for an unknown one."""
+    if isinstance(parameters, str) or not parameters or len(set(parameters)) < len(parameters):
+        raise ValueError(f"parameters must be a list of different thresholds, got {parameters!r}")
+    for name in parameters:
+        if name not in Thresholds._fields:
+            raise ValueError(f"unknown threshold {name!r}; choose from {', '.join(Thresholds._fields)}")
+    return tuple(parameters)
+
+
+def adapted(posterior: Mixture, thresholds: Thresholds) -> Kept:
+    """The posterior pruned, merged adaptively and pruned again (D'Ortenzio, Adaptive)."""
+    merge = partial(adaptive, loss_bound=thresholds.alpha, components=thresholds.components)
+    return reduced(posterior, merge, thresholds.prune, thresholds.prune_density)
