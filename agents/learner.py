@@ -109,8 +109,8 @@ class Run:
         stem = self.folder / f"chapter-{self.chapter:04d}"
         self.model.save(stem.with_suffix(".zip"))
         if isinstance(self.model, OffPolicyAlgorithm):
-            self.model.save_replay_buffer(self.folder / "replay.part")
-            (self.folder / "replay.part.pkl").replace(self.folder / "replay.pkl")
+            self.model.save_replay_buffer(self.folder / "replay-part.pkl")
+            (self.folder / "replay-part.pkl").replace(self.folder / "replay.pkl")
         moments = {"observations": self.venv.obs_rms, "returns": self.venv.ret_rms}
         with stem.with_suffix(".npz").open("wb") as stream:
             np.savez(stream, **{

@@ -28,10 +28,12 @@ def main(
     chapter: Annotated[int, typer.Option(help="steps between two states on disk")] = 32768,
     set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006
     hyperparameters: Annotated[Path | None, typer.Option(help="another YAML file")] = None,
-    valid_runs: Annotated[int, typer.Option(help="episodes of every instance of VALID, after a chapter")] = 10,
+    valid_runs: Annotated[
+        int, typer.Option(help="episodes of every instance of VALID, after a chapter")
+    ] = 10,
     out: Annotated[Path | None, typer.Option(help="folder; a stopped run goes on there")] = None,
 ) -> None:
-    """Learns, chapter by chapter; keeps every chapter, the score of each on VALID, and the best as a policy."""
+    """Learns, chapter by chapter; keeps every chapter, its score on VALID, and the best as a policy."""
     torch.set_num_threads(1)  # small networks run no faster on more
     env = dict(map(key_value, set_))
     run = Run(

@@ -44,8 +44,8 @@ def save(file: Path | str, network: Network) -> None:
     with Path(file).open("wb") as stream:
         np.savez(
             stream, format=FORMAT, features=network.features, parameters=network.parameters,
-            mean=network.mean, deviation=network.deviation, reach=network.reach, activation=network.activation,
-            squashed=network.squashed, **layers,
+            mean=network.mean, deviation=network.deviation, reach=network.reach,
+            activation=network.activation, squashed=network.squashed, **layers,
         )  # fmt: skip
 
 
