@@ -5,6 +5,7 @@ generators of torch and NumPy seeded likewise, and ends with everything on disk:
 goes on as if it had not been, to the last bit."""
 
 import json
+from copy import deepcopy
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -85,7 +86,7 @@ class Run:
             folder.mkdir(parents=True, exist_ok=True)
             self.model = ALGORITHMS[said.algorithm](
                 env=self.venv, seed=said.seed, device="cpu", tensorboard_log=str(folder / "tensorboard"),
-                **said.hyperparameters,
+                **deepcopy(said.hyperparameters),  # the algorithms add to what they are given
             )  # fmt: skip
 
     @property

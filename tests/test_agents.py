@@ -1,4 +1,4 @@
-"""Training scripts: the adapter, a run that goes on as if it had not been stopped, and its policy in a file."""
+"""Training scripts: the adapter, a run that goes on as if it had not been stopped, its policy in a file."""
 
 import json
 import subprocess
