@@ -1,6 +1,11 @@
 """Policies played over instances on the same episodes: what every comparison is made of."""
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from functools import cache
+from pathlib import Path
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -8,10 +13,14 @@ import joblib
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-import gmr_gym  # noqa: F401  registers the environments
-from gmr_gym.instances import instances
+import gmr_gym
+from gmr_gym.instances import Instance, instances, world
+from gmr_gym.montecarlo import LOOKERS
 
 ENV_ID = "gmr_gym/ReductionTuning-v0"
+# policy(features (k,), t) -> action (j,). One with a method `watching` is handed the environment and asked
+# for the policy proper: that is for what knows more than a policy may, see hindsight.py
+Policy = Callable[[np.ndarray, int], np.ndarray]
 
 
 class Episodes(NamedTuple):
@@ -22,49 +31,112 @@ class Episodes(NamedTuple):
     lost: np.ndarray  # (instances, runs), 1 for an episode that a loss ended
     work: np.ndarray  # (instances, runs), of a scan
     components: np.ndarray  # (instances, runs)
+    capped: np.ndarray  # (instances, runs), m, error at most the cutoff, which scans after a loss count as
+    scans: np.ndarray  # (instances, runs), played
+    seconds: np.ndarray  # (instances, runs), of a scan, median: policy, reduction, next scan and its features
 
 
 def played(
-    policies: Mapping[str, Callable[[np.ndarray, int], np.ndarray]],
+    policies: Mapping[Any, Policy],
     table: str,
     runs: int,
     seed: int = 0,
     *,
     env: Mapping[str, Any] | None = None,
     jobs: int = -1,
-) -> dict[str, Episodes]:
-    """Every policy's episodes over a table of instances: run i of an instance is the same for all of them,
-    and on any number of workers."""
-    names = list(instances(table))
-    settings = {**(env or {}), "instances": table}
-    calls = (
-        joblib.delayed(_of_instance)(policy, settings, name, i, runs, seed)
-        for policy in policies.values()
-        for i, name in enumerate(names)
-    )
-    rows = joblib.Parallel(n_jobs=jobs)(calls)
-    found = {}
-    for k, policy in enumerate(policies):
-        own = rows[k * len(names) : (k + 1) * len(names)]
-        found[policy] = Episodes(*(np.array(part) for part in zip(*own, strict=True)))
-    return found
+    only: Sequence[str] = (),
+    folder: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> dict[Any, Episodes]:
+    """Every policy's episodes over a table of instances, or `only` over some: run i of an instance is the
+    same for all of them, however many runs or instances there are, and on any number of workers.
+
+    With a `folder`, what a policy did is kept there, found again by the content of policy, instances,
+    settings and source code, and not played a second time. progress(done, total) counts instances.
+    """
+    whole = instances(table)
+    places = {name: place for place, name in enumerate(whole) if not only or name in only}
+    rows = [whole[name] for name in places]
+    said = {**(env or {}), "instances": table}
+    settings = tuple(sorted((k, tuple(v) if isinstance(v, list) else v) for k, v in said.items()))
+    found, files = {}, {}
+    for name, policy in policies.items():
+        if folder is not None:
+            key = joblib.hash((policy, rows, settings, runs, seed, code()))
+            files[name] = folder / f"{Path(table).stem}-{str(name).replace(' ', '-')}-{key}.npz"
+            if files[name].exists():
+                found[name] = _load(files[name])
+    total, done = len(policies) * len(rows), len(found) * len(rows)
+    for name, policy in policies.items():
+        if name in found:
+            continue
+        calls = (
+            joblib.delayed(_of_instance)(policy, settings, row, place, runs, seed)
+            for row, place in zip(rows, places.values(), strict=True)
+        )
+        parts = []
+        for part in joblib.Parallel(n_jobs=jobs, return_as="generator")(calls):
+            parts.append(part)
+            done += 1
+            if progress:
+                progress(done, total)
+        found[name] = Episodes(*(np.array(part) for part in zip(*parts, strict=True)))
+        if name in files:
+            _save(files[name], found[name])
+    return {name: found[name] for name in policies}
 
 
-def _of_instance(policy, settings, name: str, place: int, runs: int, seed: int) -> np.ndarray:
-    """Reward, error, loss, work and hypotheses (5, runs) of an instance's episodes."""
-    env = gym.make(ENV_ID, **settings).unwrapped
-    out = np.empty((5, runs))
+@cache
+def code() -> str:
+    """Digest of the source that an episode depends on, so that nothing is found that other code left."""
+    package, here = Path(gmr_gym.__file__).parent, Path(__file__)
+    files = [file for file in package.rglob("*.py") if file.relative_to(package).parts[0] not in LOOKERS]
+    files += [package / "envs" / "tuning.py", here, here.with_name("hindsight.py")]
+    return joblib.hash([file.read_bytes() for file in sorted(files)])
+
+
+def _of_instance(policy, settings, row: Instance, place: int, runs: int, seed: int) -> np.ndarray:
+    """The fields of Episodes (f, runs) of an instance's episodes."""
+    env, scenario = _environment(settings), world(row)
+    policy = deepcopy(policy)  # one with a stream of its own begins it anew, whoever played before
+    act = policy.watching(env) if hasattr(policy, "watching") else policy
+    out = np.empty((len(Episodes._fields), runs))
     with threadpool_limits(1):  # small matrices are slower on several threads
         for run in range(runs):
             key = np.random.SeedSequence((seed, place, run)).generate_state(2)
             observation, _ = env.reset(
-                seed=int(key[0]) << 31 | int(key[1]) >> 1, options={"instance_id": name}
+                seed=int(key[0]) << 31 | int(key[1]) >> 1, options={"instance_id": row.instance_id}
             )
-            rows, over, t = [], False, 0
+            scans, over, t = [], False, 0
             while not over:
-                observation, reward, lost, late, info = env.step(policy(observation, t))
-                rows.append((reward, info["error"], info["work"], info["components"]))
+                started = perf_counter()
+                observation, reward, lost, late, info = env.step(act(observation, t))
+                seconds = perf_counter() - started
+                scans.append((reward, info["error"], info["work"], info["components"], seconds))
                 over, t = lost or late, t + 1
-            reward, error, work, components = np.array(rows).T
-            out[:, run] = reward.sum(), error.mean(), lost, work.mean(), components.mean()
+            reward, error, work, components, seconds = np.array(scans).T
+            after = scenario.cutoff * (scenario.horizon - t)
+            capped = (np.minimum(error, scenario.cutoff).sum() + after) / scenario.horizon
+            out[:, run] = (
+                reward.sum(), error.mean(), lost, work.mean(), components.mean(), capped, t,
+                np.median(seconds),
+            )  # fmt: skip
     return out
+
+
+@cache  # a worker plays many instances, and reading a table takes as long as an episode
+def _environment(settings: tuple) -> Any:
+    return gym.make(ENV_ID, **dict(settings)).unwrapped
+
+
+def _save(file: Path, episodes: Episodes) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_suffix(f".{os.getpid()}.part")
+    with part.open("wb") as stream:
+        np.savez(stream, **episodes._asdict())
+    part.replace(file)
+
+
+def _load(file: Path) -> Episodes:
+    with np.load(file, allow_pickle=False) as stored:
+        return Episodes(**{field: stored[field] for field in Episodes._fields})

@@ -188,6 +188,23 @@ def test_bad_arguments_are_refused(kwargs, message):
         ReductionTuningEnv(**kwargs)
 
 
+def test_what_is_foreseen_is_what_comes_and_changes_nothing(tmp_path):
+    env, rng = ReductionTuningEnv(instances=table(tmp_path, SURE, LOST)), np.random.default_rng(0)
+    for name in ("sure", "lost"):
+        env.reset(seed=3, options={"instance_id": name})
+        over = False
+        while not over:
+            action = rng.uniform(0, 1, 2)
+            near, far = env.foreseen(action), env.foreseen(action, 2)
+            assert near == env.foreseen(action)
+            _, reward, terminated, truncated, _ = env.step(action)
+            over = terminated or truncated
+            assert near == reward
+            assert far == pytest.approx(reward + (0 if over else env.foreseen(action)), abs=1e-12)
+    with pytest.raises(RuntimeError, match="call reset"):
+        env.foreseen(action)
+
+
 def test_bad_options_and_actions_are_refused():
     env = ReductionTuningEnv()
     with pytest.raises(RuntimeError, match="call reset"):

@@ -1,6 +1,7 @@
 """The thresholds of a tracker, to be set scan by scan."""
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from difflib import get_close_matches
 from typing import Any
 
@@ -126,6 +127,19 @@ class ReductionTuningEnv(gym.Env):
         over = self._left == 0
         observation = np.zeros(len(FEATURES), np.float32) if over else self._look(kept.mixture, estimate)
         return observation, reward, terminated, over and not terminated, info
+
+    def foreseen(self, action, scans: int = 1) -> float:
+        """The rewards, in all, that the action would bring if held for so many scans, or to the end of the
+        episode. Nothing is changed by it. It sees the truth and the detections to come: for bounds on what
+        any policy can reach, not for policies."""
+        ahead = copy(self)  # a step binds new values and changes none in place
+        total = 0.0
+        for _ in range(scans):
+            _, reward, terminated, truncated, _ = ahead.step(action)
+            total += reward
+            if terminated or truncated:
+                break
+        return total
 
     def _chosen(self, options: dict[str, Any]) -> str:
         for option in options:

@@ -1,0 +1,72 @@
+"""The figures of the comparison."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from judge import Episodes
+from matplotlib.figure import Figure
+from scores import front
+
+LABELS = {
+    "track_loss": "targets lost, %",
+    "error_capped": "error of a scan, at most 100 m",
+    "work": "work a scan, mean",
+    "work_iqm": "work a scan, interquartile mean",
+}
+MARKERS = "osD^vP*X<>"
+
+
+def draw_fronts(
+    file: Path,
+    competitors: Mapping[str, Mapping[str, float]],
+    constants: Sequence[Mapping[str, float]],
+    by_instance: Sequence[Mapping[str, float]],
+) -> None:
+    """Error and losses against work, by places of `scores.place`: constants as a cloud with its front,
+    constants chosen by instance as a line, and the competitors."""
+    figure = Figure(figsize=(11, 8), layout="constrained")
+    axes = figure.subplots(2, 2)
+    for row, error in zip(axes, ("error_capped", "track_loss"), strict=True):
+        for ax, work in zip(row, ("work", "work_iqm"), strict=True):
+            cloud, line = (_points(places, error, work) for places in (constants, by_instance))
+            ax.plot(*cloud.T, ".", color="0.7", label="constants")
+            corners = cloud[front(cloud)]
+            ax.plot(*corners.T, "-", color="0.5", label="their front")
+            ax.plot(*line[front(line)].T, ":", color="0.3", label="constants by instance, in hindsight")
+            for marker, (name, place) in zip(MARKERS * 3, competitors.items(), strict=False):
+                ax.plot(*_points([place], error, work).T, marker, label=name, markersize=8)
+            ax.set(xscale="log", xlabel=LABELS[work], ylabel=LABELS[error])
+            ax.grid(alpha=0.3)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    _save(figure, file)
+
+
+def draw_instances(file: Path, competitors: Mapping[str, Episodes], reference: str) -> None:
+    """Every point an instance: work, and error, of the competitors against those of the reference."""
+    figure = Figure(figsize=(11, 5), layout="constrained")
+    for ax, field, label in zip(
+        figure.subplots(1, 2), ("work", "capped"), (LABELS["work"], LABELS["error_capped"]), strict=True
+    ):
+        x = getattr(competitors[reference], field).mean(axis=(0, 2))
+        others = (item for item in competitors.items() if item[0] != reference)
+        for marker, (name, episodes) in zip(MARKERS * 3, others, strict=False):
+            ax.plot(x, getattr(episodes, field).mean(axis=(0, 2)), marker, label=name, alpha=0.7)
+        ax.axline((x.min(), x.min()), (x.max() * 1.01, x.max() * 1.01), color="0.6", linewidth=1)
+        ax.set(xlabel=f"{label}: {reference}", ylabel=label)
+        ax.grid(alpha=0.3)
+        if field == "work":
+            ax.set(xscale="log", yscale="log")
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    _save(figure, file)
+
+
+def _points(places: Sequence[Mapping[str, float]], error: str, work: str) -> np.ndarray:
+    """Work and error (n, 2), losses in per cent."""
+    scale = 100 if error == "track_loss" else 1
+    return np.array([(place[work], scale * place[error]) for place in places])
+
+
+def _save(figure: Figure, file: Path) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(file, dpi=120)
