@@ -130,7 +130,7 @@ def account(belief: MultiBernoulli, clutter: Clutter, naming: float = 0.5) -> Ac
 @njit(cache=True, error_model="numpy")
 def absorbed(absent, found, m, P, expected, S, C, z):
     """Each track i one Gaussian again, by its moments, after it was absent with probability absent (n,) and
-    had each detection with found (n, k). With the innovations nu_j, K of S and C = H P, and beta their shares:
+    had each detection with found (n, k). With the innovations nu_j, K of S and C = H P, beta their shares:
 
         m + K nu      (1 - beta_0) (P - K S K') + beta_0 P + K (sum beta_j nu_j nu_j' - nu nu') K',
         nu = sum beta_j nu_j
