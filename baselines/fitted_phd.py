@@ -59,5 +59,7 @@ def fitted_phd(
 ) -> FittedPhd:
     """GM-PHD filter of up to `components` in the clutter that the tracker `by`, "fmm-em" or "fmm-gibbs", fits
     as printed or `repaired`."""
+    if by not in ("fmm-em", "fmm-gibbs"):
+        raise ValueError(f"by must be fmm-em or fmm-gibbs, got {by!r}")
     reduce = phd.reduction_named(reduction, components, merging)
     return FittedPhd(population, reduce, make_tracker(by, population, repaired=repaired), prune_weight)

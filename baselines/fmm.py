@@ -60,12 +60,6 @@ class Fmm:
     def __post_init__(self):
         check_whole("gaussians", self.gaussians, 0)
         check_whole("seed", self.seed, 0)
-        check_whole("patience", self.life.patience, 0)
-        check_whole("establishing", self.life.establishing, 1)
-        if not 0 <= self.life.spawn_distance < np.inf:
-            raise ValueError(f"spawn_distance must be non-negative, got {self.life.spawn_distance}")
-        if not self.life.gate > 0:
-            raise ValueError(f"gate must be positive, got {self.life.gate}")
 
     def init(self) -> Tracks:
         nobody, none = nothing(len(self.population.motion.F)), np.empty(0, np.int64)
@@ -195,7 +189,7 @@ def fmm_gibbs(
     gate: float = 9.21,
     seed: int = 0,
 ) -> Fmm:
-    """As `fmm_em`, with the mixture drawn by Gibbs (Lv, section 5), averaged over `sweeps` draws."""
+    """As the tracker fmm-em, but the mixture is drawn by Gibbs (Lv, section 5), averaged over `sweeps`."""
     how = management(merging, clutter_least, target_least, deviation, repaired=repaired)
     check_whole("burn", burn, 0)
     check_whole("sweeps", sweeps, 1)
@@ -206,8 +200,13 @@ def fmm_gibbs(
 
 def _life(repaired: bool, patience: int, establishing: int, spawn_distance: float, gate: float) -> Lifetime:
     # checked either way: a wrong parameter is one even where it is not heeded
-    given = Lifetime(patience, establishing, spawn_distance, True, gate)
-    return given if repaired else PRINTED
+    check_whole("patience", patience, 0)
+    check_whole("establishing", establishing, 1)
+    if not 0 <= spawn_distance < np.inf:
+        raise ValueError(f"spawn_distance must be non-negative, got {spawn_distance}")
+    if not gate > 0:
+        raise ValueError(f"gate must be positive, got {gate}")
+    return Lifetime(patience, establishing, spawn_distance, True, gate) if repaired else PRINTED
 
 
 def _by_em(z: np.ndarray, parts: Parts, flat: float, how: Management, _: np.random.Generator) -> Parts:

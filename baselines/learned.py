@@ -14,8 +14,6 @@ from gmr_gym.threshold_features import FEATURES, Memory, at_start, features, rem
 from gmr_gym.thresholds import PAPER, Thresholds, adapted, decoded, encoded
 from gmr_gym.tracker import Report, check_scan
 
-SHIPPED = Path(__file__).parent / "learned-thresholds.npz"
-
 
 class Belief(NamedTuple):
     """The hypotheses, and what a policy remembers of the scan that left them."""
@@ -52,9 +50,9 @@ class LearnedThresholds:
 
 
 def learned_thresholds(
-    model: Model, components: int = PAPER.components, policy: str | None = None
+    model: Model, policy: str | Path, components: int = PAPER.components
 ) -> LearnedThresholds:
-    """MHT of up to `components` hypotheses whose thresholds a network sets: the one shipped, or that in the
-    file `policy`, as agents/export.py writes it."""
-    network = load(policy or SHIPPED, FEATURES, Thresholds._fields)
+    """MHT of up to `components` hypotheses whose thresholds are set by the network in the file `policy`, as
+    agents/export.py writes it. Raises ValueError for a file that is none, see `gmr_gym.network.load`."""
+    network = load(policy, FEATURES, Thresholds._fields)
     return LearnedThresholds(model, network, PAPER._replace(components=components))

@@ -50,7 +50,8 @@ def fit(z: np.ndarray, parts: Parts, flat: float, how: Management) -> float:
         groups = sorted(_near(targets, how.merging), key=min)
         first = np.array([min(group) for group in groups], int)
         targets = _merged(targets, groups)._replace(P=targets.P[first])
-        kept = n * targets.w >= how.target_least
+        settled = not how.repaired or len(clutter.w) == c
+        kept = n * targets.w >= (how.target_least if settled else 0.0)
         targets, origin, c = take(targets, kept), origin[first[kept]], len(clutter.w)
         w, m, P = np.concatenate([w[:1], clutter.w, targets.w]), *joined([clutter, targets])[1:]
         share, value = _shares(z, w / w.sum(), m, P, flat)

@@ -117,7 +117,7 @@ def reproduce(
     table: Annotated[list[str], typer.Option("--table", help="only this table; repeatable")] = [],  # noqa: B006
     runs: Annotated[
         int | None,
-        typer.Option("--runs", min=1, help="Monte Carlo runs; as many as the paper's unless given"),
+        typer.Option("--runs", min=1, help="Monte Carlo runs; as many as the paper's page has unless given"),
     ] = None,
     seed: Seed = 0,
     jobs: Jobs = -1,
@@ -153,7 +153,8 @@ def reproduce(
     record = {"paper": paper, "seed": seed, "runs": runs, "tables": records}
     if evidence:
         record["claims"] = module.claims(evidence)
-        screen.print(claims_grid(record["claims"]))
+        if record["claims"]:
+            screen.print(claims_grid(record["claims"]))
     for file in filter(None, (out / f"{paper}.json", json_file)):
         write_json(file, record)
     write_csv(out / f"{paper}.csv", record)

@@ -27,8 +27,10 @@ def key_value(text: str) -> tuple[str, Any]:
     for read in (ast.literal_eval, float):  # float reads nan and inf, which are then refused by name
         try:
             return key, read(value)
-        except (ValueError, SyntaxError):
+        except (ValueError, SyntaxError, TypeError):
             pass
+    if value.startswith(("[", "(", "{")):
+        raise ValueError(f"{key} cannot be read as a list: {value}")
     return key, value
 
 

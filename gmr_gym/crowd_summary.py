@@ -21,7 +21,7 @@ def crowd_summary(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> d
         rows[name] = {field: mean(getattr(runs, field).mean(axis=1)) for field in fields} | {
             "cardinality_bias": mean(surplus.mean(axis=1)),
             "cardinality_error": mean(cardinality_error(runs.named, runs.targets).mean(axis=1)),
-            "density_error": mean(_compared(runs.density_error)),
+            "density_error": mean(compared(runs.density_error)),
             "components": mean(runs.components.mean(axis=1)),
             "time_per_scan": Figure(float(np.median(runs.seconds))),
         }
@@ -46,9 +46,12 @@ def crowd_differences(
     }
 
 
-def _compared(error: np.ndarray) -> np.ndarray:
+def compared(error: np.ndarray) -> np.ndarray:
     """Means (runs,) over the scans at which intensities were compared; nan where none was."""
-    compared = np.isfinite(error)
-    return np.where(compared.any(axis=1), np.where(compared, error, 0.0).sum(axis=1), np.nan) / np.maximum(
-        compared.sum(axis=1), 1
-    )
+    return mean_where(error, np.isfinite(error))
+
+
+def mean_where(values: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """Means (runs,) of values (runs, T) over the scans that are `there` (runs, T); nan for none."""
+    total = np.where(there, values, 0.0).sum(axis=1)
+    return np.where(there.any(axis=1), total, np.nan) / np.maximum(there.sum(axis=1), 1)

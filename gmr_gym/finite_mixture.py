@@ -62,10 +62,10 @@ def management(
     if not 0 < deviation < np.inf:
         raise ValueError(f"deviation must be positive and finite, got {deviation}")
     check_whole("iterations", iterations, 1)
+    if not isinstance(repaired, bool):
+        raise ValueError(f"repaired must be True or False, got {repaired!r}")
     least = float(clutter_least), float(target_least)
-    return Management(
-        float(merging), *least, float(deviation), float(tolerance), int(iterations), bool(repaired)
-    )
+    return Management(float(merging), *least, float(deviation), float(tolerance), int(iterations), repaired)
 
 
 def check_whole(name: str, value: int, least: int) -> None:

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from gmr_gym.kalman import Sensor, predict
-from gmr_gym.mixture import Mixture, joined, matched, take
+from gmr_gym.kalman import Sensor, posterior_into, predict
+from gmr_gym.mixture import Mixture, cholesky_into, joined, matched, take
 from gmr_gym.multitarget import Account, Clutter, Population, nothing
 from gmr_gym.phd import log_ratios, posteriors
 from gmr_gym.reduction import capping
@@ -85,8 +85,7 @@ def update(
     found[track, detection] = claimed
     absent = missed * tracks.w * (1.0 - detection_probability) / miss
     C = sensor.look(tracks, expected, S, z).C
-    w, m, P, parent = posteriors(absent, found, tracks.m, tracks.P, expected, S, C, z, 0.0)
-    old = matched(Mixture(w, m, P), parent, len(tracks.w))
+    old = Mixture(*absorbed(absent, found, tracks.m, tracks.P, expected, S, C, z))
 
     exists = unclaimed * -np.expm1(-log_unowned)
     new = np.flatnonzero((exists >= least) & (exists > 0))
@@ -126,6 +125,54 @@ def account(belief: MultiBernoulli, clutter: Clutter, naming: float = 0.5) -> Ac
     everyone = joined([tracks, undetected])
     existence = np.minimum(tracks.w[surest], 1.0)  # a sum of marginals is 1 but for rounding
     return Account(tracks.m[surest], existence, label[surest], float(everyone.w.sum()), everyone, clutter)
+
+
+@njit(cache=True, error_model="numpy")
+def absorbed(absent, found, m, P, expected, S, C, z):
+    """Each track i one Gaussian again, by its moments, after it was absent with probability absent (n,) and
+    had each detection with found (n, k). With the innovations nu_j, K of S and C = H P, beta their shares:
+
+        m + K nu      (1 - beta_0) (P - K S K') + beta_0 P + K (sum beta_j nu_j nu_j' - nu nu') K',
+        nu = sum beta_j nu_j
+
+    so that no posterior of a pair is ever formed: thousands of detections in a gate need no room."""
+    (n, d), (k, p) = m.shape, z.shape
+    w_out, m_out, P_out = np.empty(n), m.copy(), P.copy()
+    L, K, W, P_hit = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty((d, d))
+    nu, spread = np.empty(p), np.empty((p, p))
+    for i in range(n):
+        hit = 0.0
+        nu[:], spread[:] = 0.0, 0.0
+        for j in range(k):
+            hit += found[i, j]
+            for r in range(p):
+                nu[r] += found[i, j] * (z[j, r] - expected[i, r])
+        w_out[i] = absent[i] + hit
+        if not hit > 0.0:
+            continue
+        nu /= w_out[i]
+        for j in range(k):
+            if found[i, j] > 0.0:
+                for r in range(p):
+                    for s in range(r + 1):
+                        off = (z[j, r] - expected[i, r] - nu[r]) * (z[j, s] - expected[i, s] - nu[s])
+                        spread[r, s] += found[i, j] / w_out[i] * off
+        cholesky_into(L, S[i])
+        posterior_into(P_hit, K, W, L, P[i], C[i])
+        missed = absent[i] / w_out[i]
+        for r in range(p):
+            for s in range(r + 1):
+                # where it was absent the mean stays, at an innovation of 0
+                spread[r, s] += missed * nu[r] * nu[s]
+                spread[s, r] = spread[r, s]
+        shift = K @ spread @ K.T
+        for r in range(d):
+            for c in range(p):
+                m_out[i, r] += K[r, c] * nu[c]
+            for c in range(r + 1):
+                P_out[i, r, c] = missed * P[i, r, c] + (1.0 - missed) * P_hit[r, c] + shift[r, c]
+                P_out[i, c, r] = P_out[i, r, c]
+    return w_out, m_out, P_out
 
 
 @njit(cache=True, error_model="numpy")

@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from gmr_gym.tracker import Report, Tracker
+from gmr_gym.multitarget import ManyTracker
+from gmr_gym.tracker import Tracker
 
 
 class Policy:
@@ -15,9 +16,9 @@ class Policy:
     >>> action = policy(observation)
     """
 
-    def __init__(self, tracker: Tracker):
+    def __init__(self, tracker: Tracker | ManyTracker):
         self.tracker = tracker
-        self.report: Report | None = None
+        self.report: Any = None  # Report, or Account
         self._belief: Any = None
         self._time = np.inf
 
@@ -29,4 +30,27 @@ class Policy:
         self._time = time
         z = observation["scan"][observation["mask"].astype(bool)]
         self._belief, self.report = self.tracker.step(self._belief, z)
+        return self._action()
+
+    def _action(self) -> np.ndarray:
         return self.report.x[0]
+
+
+class CrowdPolicy(Policy):
+    """Plays an environment of many targets with a tracker of them, up to `targets` named in a scan; `report`
+    is its last account.
+
+    >>> policy = CrowdPolicy(make_tracker("learning-pmb", env.unwrapped.scenario.population), targets=10)
+    """
+
+    def __init__(self, tracker: ManyTracker, targets: int = 10):
+        super().__init__(tracker)
+        self.targets = targets
+
+    def _action(self) -> np.ndarray:
+        """The targets it names, the surest first, as rows [existence, state] (targets, 1 + d); existence 1,
+        for whoever is named is to count."""
+        x = self.report.x[np.argsort(-self.report.existence, kind="stable")[: self.targets]]
+        rows = np.zeros((self.targets, 1 + x.shape[1]))
+        rows[: len(x), 0], rows[: len(x), 1:] = 1.0, x
+        return rows

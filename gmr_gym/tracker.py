@@ -67,6 +67,10 @@ def make_tracker(name: str, model: Model | Population, **parameters) -> Any:
     base, _, number = name.rpartition("-")
     if name not in known and base in known and number.isdigit():
         name, parameters = base, {"components": int(number), **parameters}
+    many = isinstance(model, Population)
+    if name not in known and {name, base} & _entry_points(GROUP if many else CROWD_GROUP).keys():
+        kind = "one target, and here there are many" if many else "many targets, and here there is one"
+        raise ValueError(f"tracker {name!r} is for {kind}")
     if name not in known:
         near = get_close_matches(name.rstrip("-0123456789"), known, n=1) or get_close_matches(name, known)
         hint = f"; did you mean {near[0]!r}?" if near else ""

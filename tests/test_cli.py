@@ -321,7 +321,28 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         (("evaluate", "gmr_gym/JumpMarkow-v0", "--tracker", "mmg"), f"did you mean '{JUMP}'?"),
         (("evaluate", "JumpMarkov", "--tracker", "mmg"), f"did you mean '{JUMP}'?"),
         (("evaluate", "CartPole-v1", "--tracker", "pda"), "CartPole-v1 is not a tracking environment"),
-        (("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "pda"), "unknown tracker 'pda'"),
+        (("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "pdx"), "unknown tracker 'pdx'"),
+        (
+            ("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "runnalls-30"),
+            "tracker 'runnalls-30' is for one target, and here there are many",
+        ),
+        (("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "runnalls"), "'runnalls' is for one target"),
+        (
+            ("evaluate", TURNING, "--tracker", "gm-phd"),
+            "'gm-phd' is for many targets, and here there is one",
+        ),
+        (
+            ("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "fmm-em:repaired=no"),
+            "repaired must be True or False, got 'no'",
+        ),
+        (
+            ("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "gm-phd", "--set", "groups=[[0.7,[0,0]"),
+            "groups cannot be read as a list",
+        ),
+        (
+            ("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "gm-phd", "--set", "horizon=1.5"),
+            "horizon must be between 1 and the 100 scans of the path, whole, got 1.5",
+        ),
         (("record", "gmr_gym/UnknownClutter-v0"), "many targets; choose from gmr_gym/T"),
         (("watch", JUMP, "--tracker", "mmg", "--out", "f.png"), "out must end in .gif or .mp4, got 'f.png'"),
         (("track", "missing.csv", *TRACK[2:]), "No such file or directory: 'missing.csv'"),

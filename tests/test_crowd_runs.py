@@ -134,7 +134,7 @@ def test_trackers_of_many_targets_are_found_by_name_and_others_are_not(name):
     assert tracker.population is WORLD.population
     _, account = tracker.step(tracker.init(), np.zeros((0, 2)))
     assert len(account.x) == 0 and account.clutter.expected > 0
-    with pytest.raises(ValueError, match="unknown tracker 'pda'"):
+    with pytest.raises(ValueError, match="tracker 'pda' is for one target, and here there are many"):
         make_tracker("pda", WORLD.population)
     with pytest.raises(ValueError, match="takes no 'update'"):
         make_tracker(name, WORLD.population, update="raw")

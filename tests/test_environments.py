@@ -13,8 +13,10 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import gmr_gym  # noqa: F401  registers the environments
+from baselines.learning_pmb import learning_pmb
 from baselines.mht import runnalls
 from baselines.nearest_neighbour import NearestNeighbour
+from gmr_gym.crowd_runs import crowd_once
 from gmr_gym.envs import CROWDS, ENVIRONMENTS, TRACKING
 from gmr_gym.envs.episodic import EXTENT
 from gmr_gym.envs.render import Canvas
@@ -22,7 +24,7 @@ from gmr_gym.envs.tracking import STRAYED, TrackingEnv
 from gmr_gym.mixture import mixture, moments
 from gmr_gym.montecarlo import run_once
 from gmr_gym.play import play as play_scans
-from gmr_gym.policy import Policy
+from gmr_gym.policy import CrowdPolicy, Policy
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.simulate import Truth, draw
 from gmr_gym.tracker import make_tracker
@@ -579,3 +581,24 @@ def test_two_copies_in_a_vector_environment_are_two_single_ones(env_id):
         assert observation["mask"].any()
         np.testing.assert_array_equal(observations["scan"][i], observation["scan"])
         assert rewards[i] == reward
+
+
+def test_a_policy_of_many_targets_scores_in_the_environment_as_its_tracker_does_in_a_run():
+    env = gym.make("gmr_gym/UnknownClutter-v0", metric="ospa", horizon=30).unwrapped
+    policy = CrowdPolicy(learning_pmb(env.scenario.population))
+    _, infos, _, _ = play(env, policy, seed=3)
+    wanted = crowd_once(env.scenario, learning_pmb(env.scenario.population), 3)
+    np.testing.assert_allclose([info["error"] for info in infos[1:]], wanted.ospa, rtol=1e-12)
+
+
+def test_a_policy_of_many_targets_names_the_surest_where_there_is_no_room_for_all():
+    env = gym.make("gmr_gym/UnknownClutter-v0", clutter="dense").unwrapped
+    policy = CrowdPolicy(make_tracker("gm-phd", env.scenario.population), targets=2)
+    observation, _ = env.reset(seed=0)
+    for _ in range(30):
+        rows = policy(observation)
+        observation, *_ = env.step(np.vstack([rows, np.zeros((8, 7))]))
+    assert len(policy.report.x) > 2 and rows.shape == (2, 7)
+    surest = np.sort(policy.report.existence)[-2:]
+    named = [np.abs(policy.report.x - row[1:]).sum(axis=1).argmin() for row in rows]
+    np.testing.assert_allclose(np.sort(policy.report.existence[named]), surest)

@@ -330,6 +330,7 @@ def test_a_wrong_parameter_is_refused_by_name(make, name, value):
     [
         (fmm_em, "tolerance", -1.0),
         (fmm_em, "iterations", 0),
+        (fmm_em, "repaired", "false"),
         (fmm_gibbs, "burn", -1),
         (fmm_gibbs, "sweeps", 0),
     ],

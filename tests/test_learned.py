@@ -60,12 +60,12 @@ def test_it_does_without_gym_what_the_policy_does_in_the_environment(seed):
 
 def test_a_policy_file_and_its_limits_are_checked_when_the_tracker_is_made(tmp_path):
     save(tmp_path / "p.npz", network())
-    tracker = learned_thresholds(WORLD.model, 50, str(tmp_path / "p.npz"))
+    tracker = learned_thresholds(WORLD.model, tmp_path / "p.npz", 50)
     assert tracker.rest.components == 50
     with pytest.raises(ValueError, match="components must lie in"):
-        learned_thresholds(WORLD.model, 1, str(tmp_path / "p.npz"))
+        learned_thresholds(WORLD.model, tmp_path / "p.npz", 1)
     with pytest.raises(ValueError, match="no policy that can be read"):
-        learned_thresholds(WORLD.model, policy=str(tmp_path / "none.npz"))
+        learned_thresholds(WORLD.model, tmp_path / "none.npz")
 
 
 def test_torch_is_not_imported(tmp_path):

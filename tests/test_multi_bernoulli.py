@@ -395,3 +395,28 @@ def test_a_bad_scan_is_refused(make, z, message):
 def test_a_wrong_limit_is_named(make, wrong, message):
     with pytest.raises(ValueError, match=message):
         make(told(), **wrong)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_track_after_a_scan_is_the_mixture_of_its_pairs_by_its_moments(seed):
+    rng = np.random.default_rng(seed)
+    people, n, k = told(), 4, 6
+    H, R = people.sensor
+    P = np.array([A @ A.T + np.eye(4) for A in rng.normal(0, 3, (n, 4, 4))])
+    m, z = rng.normal(0, 10, (n, 4)), rng.normal(0, 15, (k, 2))
+    absent, found = rng.random(n), rng.random((n, k)) * (rng.random((n, k)) < 0.7)
+    found[-1] = 0.0  # one that had none
+    S, C = H @ P @ H.T + R, H @ P
+    got = multi_bernoulli.absorbed(absent, found, m, P, m @ H.T, S, C, z)
+    for i in range(n):
+        K = C[i].T @ np.linalg.inv(S[i])
+        means = [m[i], *(m[i] + K @ (row - H @ m[i]) for row in z)]
+        covariances = [P[i], *[P[i] - K @ S[i] @ K.T] * k]
+        share = np.array([absent[i], *found[i]]) / (absent[i] + found[i].sum())
+        mean = share @ means
+        covariance = sum(
+            b * (V + np.outer(x - mean, x - mean)) for b, x, V in zip(share, means, covariances, strict=True)
+        )
+        assert got[0][i] == pytest.approx(absent[i] + found[i].sum(), rel=1e-14)
+        np.testing.assert_allclose(got[1][i], mean, rtol=1e-11, atol=1e-11)
+        np.testing.assert_allclose(got[2][i], covariance, rtol=1e-10, atol=1e-10)

@@ -37,8 +37,8 @@ def test_evidence_is_of_runs_with_known_scores():
     named[:, 25:50] = 0
     distance = np.where(named == 1, 10.0, 500.0)
     missed = np.zeros((RUNS, 100))
-    missed[:20, -10:] = 5000.0
-    missed[20:, -9:] = 5000.0  # one scan in ten was not
+    missed[:, 28:33] = 5000.0  # one is lost and found again
+    missed[:20, 40:] = 10000.0  # both are lost for good
     error = np.full((RUNS, 100), np.nan)
     error[:, ::5] = 0.25
     runs = runs_with(
@@ -52,7 +52,8 @@ def test_evidence_is_of_runs_with_known_scores():
     np.testing.assert_allclose(found.right, 10.0)
     np.testing.assert_allclose(found.wasserstein, 255.0)
     np.testing.assert_allclose(found.density, 0.25)
-    np.testing.assert_array_equal(found.gone, np.arange(RUNS) < 20)
+    np.testing.assert_array_equal(found.lost, np.where(np.arange(RUNS) < 20, 3, 1))
+    np.testing.assert_array_equal(found.again, 1)
 
 
 def test_where_the_number_was_never_right_there_is_no_distance():
@@ -75,7 +76,7 @@ def verdicts(records, table, runs):
 def test_the_papers_claims_hold_where_its_numbers_are_better_and_fail_where_they_are_worse(better, wanted):
     good = {"off": 0.2, "false": 0.1, "wasserstein": 50.0, "ospa": 30.0, "density": 0.4}
     bad = {"off": 1.2, "false": 2.1, "wasserstein": 350.0, "ospa": 60.0, "density": 1.4}
-    own = good | {"right": RIGHT - 4, "gone": 0.1} if better else bad | {"right": RIGHT + 4, "gone": 0.9}
+    own = good | {"right": RIGHT - 4, "again": 0.9} if better else bad | {"right": RIGHT + 4, "again": 0.1}
     found = {"fmm-em": scattered(0, **own), UNIFORM: scattered(1, **bad if better else good)}
     records = claims({"groups": found})
     assert list(verdicts(records, "groups", "fmm-em").items()) == [(c.sentence, wanted) for c in PRINTED]
@@ -87,14 +88,13 @@ def test_claims_across_tables_need_them_all_and_compare_the_right_ones():
         "uniform": {UNIFORM: scattered(0, false=0.1, ospa=25.0), "learning-phd": scattered(1, ospa=25.1)},
         "groups": {
             UNIFORM: scattered(2, false=2.0), "learning-phd": scattered(3, ospa=30.0),
-            "learning-pmb": scattered(4, ospa=17.0, surplus=-0.05),
         },
         "groups-told": {UNIFORM: scattered(5, ospa=29.0)},
         "dense": {UNIFORM: scattered(6, false=1.0), "learning-phd": scattered(7, ospa=45.0)},
         "dense-told": {UNIFORM: scattered(8, ospa=42.0)},
     }  # fmt: skip
     records = claims(tables)
-    wanted = ["holds", "fails", "holds", "fails", "holds", "holds", "holds"]
+    wanted = ["holds", "fails", "holds", "fails", "holds"]
     assert [(r["table"], r["runs"], r["verdict"]) for r in records] == [
         (table, name, verdict) for (_, table, name, _), verdict in zip(ACROSS, wanted, strict=True)
     ]
@@ -102,10 +102,16 @@ def test_claims_across_tables_need_them_all_and_compare_the_right_ones():
     assert [(r["table"], r["runs"]) for r in some] == [("uniform", "learning-phd")]
 
 
-def test_a_share_that_was_the_same_in_every_run_is_not_certain():
-    own = scattered(0)._replace(gone=np.zeros(RUNS))
+def test_a_number_that_was_the_same_in_every_run_is_not_certain():
+    own = scattered(0)._replace(again=np.ones(RUNS), lost=np.ones(RUNS))
     (record,) = [r for r in claims({"dense": {"fmm-em": own, UNIFORM: own}}) if "provisionally" in r["claim"]]
     assert record["value"] == 0.5 and 0.3 < record["low"] < 0.5 and record["verdict"] == "holds"
+
+
+def test_a_claim_about_scans_that_there_were_not_is_unknown():
+    own = scattered(0)._replace(right=np.full(RUNS, np.nan))
+    records = claims({"groups": {"fmm-em": own, UNIFORM: own}})
+    assert [r["verdict"] for r in records if "about 10 m" in r["claim"]] == ["unknown"]
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)
@@ -172,6 +178,12 @@ def test_the_fitted_phd_is_a_phd_told_scan_by_scan_what_the_finite_mixture_fits(
         np.testing.assert_array_equal(said.intensity.w, wanted.intensity.w)
         np.testing.assert_array_equal(said.x, wanted.x)
         np.testing.assert_array_equal(said.clutter.density(crowd.z), wanted.clutter.density(crowd.z))
+
+
+@pytest.mark.parametrize("by", ["gm-phd", "fitted-phd"])
+def test_the_fitted_phd_is_fed_by_a_finite_mixture_alone(by):
+    with pytest.raises(ValueError, match="by must be fmm-em or fmm-gibbs"):
+        fitted_phd(WORLD.population, by=by)
 
 
 def test_the_fitted_phd_refuses_a_limit_that_is_none():

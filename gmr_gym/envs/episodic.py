@@ -83,7 +83,10 @@ class EpisodicEnv(gym.Env):
         """The action as floats; RuntimeError where no episode is running, ValueError for a wrong shape."""
         if self._t >= self.scenario.horizon:
             raise RuntimeError("call reset() before step(): no episode is running")
-        action = np.array(action, float)
+        try:
+            action = np.array(action).astype(float, casting="same_kind")
+        except (TypeError, ValueError):
+            raise ValueError(f"action must be numbers of shape {self.action_space.shape}") from None
         if action.shape != self.action_space.shape:
             raise ValueError(f"action must have shape {self.action_space.shape}, got {action.shape}")
         return action

@@ -69,10 +69,11 @@ def _table(
 
 TABLES = (
     _table("groups", "section 7.1, trackers told that clutter is uniform", ALL),
-    _table("groups-told", "the same, told the true clutter", TOLD, {"told": "true"}),
+    _table("groups-told", "section 7.1, told the true clutter", TOLD, {"told": "true"}),
     _table("uniform", "clutter that is uniform indeed", ALL, {"clutter": "uniform"}),
     _table("dense", "groups four times denser", ALL, {"clutter": "dense"}),
-    _table("dense-told", "the same, told the true clutter", TOLD, {"clutter": "dense", "told": "true"}),
+    _table("dense-told", "groups four times denser, told the true clutter", TOLD,
+           {"clutter": "dense", "told": "true"}),
     _table("drift", "groups that drift at 7 m/s", (UNIFORM, LEARNED, "pmb", TRACKS), {"groups": DRIFT}),
     _table("reductions", "GM-PHD told the true clutter, by reduction", REDUCED, {"told": "true"},
            (*COLUMNS[:-2], "components", "time_per_scan")),
@@ -98,6 +99,7 @@ def figures(
     }
     _tracks(scenario, episode).savefig(out / "figure-1.png", dpi=120)
     errors = _density_errors(scenario, said["fmm-em"])
+    # the scan whose fit is best, and the one whose fit is worst
     for figure, t in (("figure-2", int(np.argmin(errors))), ("figure-3", int(np.argmax(errors)))):
         _fitted(scenario, episode, said["fmm-em"][t], t).savefig(out / f"{figure}.png", dpi=120)
     for figure, name in (

@@ -1,5 +1,5 @@
 """What Lv, Lian and Han say of their finite mixtures against a GM-PHD filter that takes clutter for uniform,
-in three kinds of clutter; and what learning the clutter brings beside them."""
+in three kinds of clutter; what learning the clutter brings beside, in sentences that begin with "ours"."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -8,18 +8,19 @@ import numpy as np
 
 from gmr_gym.crowd import ManyScenario
 from gmr_gym.crowd_runs import CrowdRuns
+from gmr_gym.crowd_summary import compared, mean_where
 from gmr_gym.metrics import cardinality_error
 from gmr_gym.reproduce import Claim, judged, widened
-from gmr_gym.summary import mean
+from gmr_gym.summary import Figure, mean
 
 UNIFORM, LEARNED, TRACKS = "gm-phd", "learning-phd", "learning-pmb"
 FITTED = ("fmm-em", "fmm-em:repaired=True", "fmm-gibbs", "fmm-gibbs:repaired=True")
 # m: "about 10 m, approximately the square root of trace(Sigma)", which is 14.1
 RIGHT = float(np.sqrt(200.0))
-LAST = 10  # scans at the end, when only one target is left
-CLOSE = 2.0  # m of OSPA, between a learned clutter and one that is told
-LITTLE = 0.5  # m of OSPA, which learning may cost where there is nothing to learn
-AIM, COUNTED = 18.0, 0.1  # m of OSPA, and targets, that tracks with a learned clutter are to reach
+SETTLED = slice(25, 44)  # scans 26 to 44, in which targets 1 and 2 are there, no other, and none appears
+# m of OSPA, little beside the 27 that taking clutter for uniform costs: between a clutter that is learned and
+# one that is told, and what learning may cost where there is nothing to learn
+CLOSE, LITTLE = 2.0, 0.5
 
 
 class Evidence(NamedTuple):
@@ -32,7 +33,8 @@ class Evidence(NamedTuple):
     false: np.ndarray  # estimates of nothing in a scan
     density: np.ndarray  # error of the intensity of clutter
     right: np.ndarray  # m, Wasserstein over the scans whose number was right; nan for none
-    gone: np.ndarray  # 1 where a target was missed in every one of the last scans
+    lost: np.ndarray  # targets lost in SETTLED
+    again: np.ndarray  # and found again
 
 
 def evidence(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> dict[str, Evidence]:
@@ -42,20 +44,17 @@ def evidence(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> dict[s
         surplus = (runs.named - runs.targets).astype(float)
         right = (surplus == 0) & (runs.targets > 0)
         one = scenario.cutoff**scenario.order / 2
+        missed = np.diff(np.rint(runs.missed[:, SETTLED] / one), axis=1)
         found[name] = Evidence(
             runs.ospa.mean(axis=1),
             runs.wasserstein.mean(axis=1),
             surplus.mean(axis=1),
             cardinality_error(runs.named, runs.targets).mean(axis=1),
             runs.false.mean(axis=1) / one,
-            np.nanmean(runs.density_error, axis=1),
-            np.array(
-                [
-                    w[there].mean() if there.any() else np.nan
-                    for w, there in zip(runs.wasserstein, right, strict=True)
-                ]
-            ),
-            (runs.missed[:, -LAST:] >= one * (1 - 1e-9)).all(axis=1).astype(float),
+            compared(runs.density_error),
+            mean_where(runs.wasserstein, right),
+            np.maximum(missed, 0).sum(axis=1),
+            np.maximum(-missed, 0).sum(axis=1),
         )
     return found
 
@@ -73,7 +72,10 @@ def claims(evidence: Mapping[str, Mapping[str, Evidence]]) -> list[dict[str, Any
     for claim, table, name, needed in (*asked, *ACROSS):
         if all(other in evidence.get(where, ()) for where, other in needed):
             values = claim.value(*(evidence[where][other] for where, other in needed))
-            (figure,) = widened([mean(values)], len(values))
+            if len(values):
+                (figure,) = widened([mean(values)], len(values))
+            else:
+                figure = Figure(np.nan)
             records.append(judged(claim, figure, table=table, runs=name))
     return records
 
@@ -96,7 +98,7 @@ PRINTED = (
         "gm-phd's less its own, m", 0.0, lambda own, phd: phd.wasserstein - own.wasserstein,
     ),
     Claim(
-        "so too by OSPA, which does not reward losing everything",
+        "ours: by OSPA, too, which does not reward losing everything",
         "gm-phd's less its own, m", 0.0, lambda own, phd: phd.ospa - own.ospa,
     ),
     Claim(
@@ -108,9 +110,9 @@ PRINTED = (
         "share of clutter wrong: gm-phd's less its own", 0.0, lambda own, phd: phd.density - own.density,
     ),
     Claim(
-        "a target in dense clutter gets lost provisionally",
-        f"a half less the share of runs that miss the last target in all of the last {LAST} scans", 0.0,
-        lambda own, phd: 0.5 - own.gone,
+        "a target that gets lost gets lost provisionally",
+        "targets found again in scans 26 to 44 less half of those lost there", 0.0,
+        lambda own, phd: own.again - own.lost / 2,
     ),
 )  # fmt: skip
 DENSER = Claim(
@@ -119,23 +121,14 @@ DENSER = Claim(
     lambda thin, thick: thick.false - thin.false,
 )  # fmt: skip
 AS_GOOD = Claim(
-    "a clutter that is learned is as good as one that is told",
+    "ours: a clutter that is learned is as good as one that is told",
     f"{CLOSE:g} m less the OSPA by which gm-phd with the true clutter is better", 0.0,
     lambda learned, told: CLOSE - (learned.ospa - told.ospa),
 )  # fmt: skip
 FREE = Claim(
-    "learning costs nothing where clutter is uniform",
+    "ours: learning costs nothing where clutter is uniform",
     f"{LITTLE:g} m less the OSPA by which gm-phd is better", 0.0,
     lambda learned, uniform: LITTLE - (learned.ospa - uniform.ospa),
-)  # fmt: skip
-REACHED = Claim(
-    f"tracks in a clutter that is learned reach {AIM:g} m", f"{AIM:g} m less OSPA", 0.0,
-    lambda tracks: AIM - tracks.ospa,
-)  # fmt: skip
-COUNT = Claim(
-    "and count their targets",
-    f"{COUNTED:g} less the size of the mean of those named less those there", 0.0,
-    lambda tracks: COUNTED - np.sign(tracks.surplus.mean()) * tracks.surplus,
 )  # fmt: skip
 # with the table and the tracker they are about, and whose evidence they take
 ACROSS = (
@@ -144,6 +137,4 @@ ACROSS = (
     (AS_GOOD, "groups", LEARNED, (("groups", LEARNED), ("groups-told", UNIFORM))),
     (AS_GOOD, "dense", LEARNED, (("dense", LEARNED), ("dense-told", UNIFORM))),
     (FREE, "uniform", LEARNED, (("uniform", LEARNED), ("uniform", UNIFORM))),
-    (REACHED, "groups", TRACKS, (("groups", TRACKS),)),
-    (COUNT, "groups", TRACKS, (("groups", TRACKS),)),
 )

@@ -63,7 +63,7 @@ def unknown_clutter(
     births=None,
     trajectory=None,
     horizon: int | None = None,
-    told: str = "uniform",
+    told: str | bool = "uniform",
 ) -> ManyScenario:
     """Three targets in a square of 2 km, and clutter in groups.
 
@@ -85,6 +85,8 @@ def unknown_clutter(
     check_probability("detection_probability", detection_probability)
     if clutter not in ("groups", "uniform", "dense"):
         raise ValueError(f"clutter must be groups, uniform or dense, got {clutter!r}")
+    if told is True:  # as a literal it reads so
+        told = "true"
     if told not in ("uniform", "true"):
         raise ValueError(f"told must be uniform or true, got {told!r}")
     if not 0 <= clutter_rate <= 1e4:
@@ -92,6 +94,8 @@ def unknown_clutter(
     if not 0 < group_density <= 100:
         raise ValueError(f"group_density must be positive and at most 100, got {group_density}")
     if clutter == "uniform":
+        if groups is not GROUPS:
+            raise ValueError("groups cannot be given with clutter='uniform', which has none")
         parts, share = [], 1.0
     else:
         parts, share = _groups(groups), uniform_share

@@ -91,12 +91,15 @@ def path(trajectory, period: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def shortened(x: np.ndarray, horizon: int | None) -> np.ndarray:
-    """The first `horizon` scans of x, all of them for None; ValueError when there are fewer."""
+    """The first `horizon` scans of x, all of them for None; ValueError when there are fewer, or for a
+    fraction."""
     if horizon is None:
         return x
-    if not 1 <= horizon <= len(x):
-        raise ValueError(f"horizon must be between 1 and the {len(x)} scans of the path, got {horizon}")
-    return x[:horizon]
+    if not 1 <= horizon <= len(x) or horizon != int(horizon):
+        raise ValueError(
+            f"horizon must be between 1 and the {len(x)} scans of the path, whole, got {horizon}"
+        )
+    return x[: int(horizon)]
 
 
 def fixed_box(low, high) -> Window:
