@@ -1,4 +1,4 @@
-"""From a trained model to a file of plain arrays, which the tracker `learned-thresholds` reads without torch:
+"""From a trained model to a file of plain arrays, which baselines/learned.py reads without torch:
 `python agents/export.py RUN --chapter N policy.npz`."""
 
 from pathlib import Path
