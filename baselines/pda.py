@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmr_gym.association import expand, gates
-from gmr_gym.kalman import predict
+from gmr_gym.hypotheses import expanded
 from gmr_gym.mixture import Mixture, collapsed
 from gmr_gym.model import Model
 from gmr_gym.tracker import Report, check_scan
@@ -22,13 +21,6 @@ class Pda:
         return collapsed(self.model.prior)
 
     def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
-        model = self.model
-        z = check_scan(z, len(model.sensor.H))
-        predicted = predict(belief, model.motion)
-        looked = gates(predicted, model.sensor, model.gate_probability)
-        posterior = expand(
-            predicted, looked, model.sensor, z,
-            model.detection_probability, model.gate_probability, model.clutter_density,
-        )  # fmt: skip
-        merged = collapsed(posterior.mixture)
-        return merged, Report(merged.m, merged.P, looked, merged)
+        full = expanded(belief, self.model, check_scan(z, len(self.model.sensor.H)))
+        merged = collapsed(full.posterior.mixture)
+        return merged, Report(merged.m, merged.P, full.gates, merged)
