@@ -46,7 +46,6 @@ def test_evidence_is_of_runs_with_known_scores():
         density_error=error,
     )  # fmt: skip
     (found,) = evidence(WORLD, {"one": runs}).values()
-    np.testing.assert_allclose(found.surplus, 0.25)
     np.testing.assert_allclose(found.off, 0.75)
     np.testing.assert_allclose(found.false, 0.5)
     np.testing.assert_allclose(found.right, 10.0)

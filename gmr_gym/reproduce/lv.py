@@ -18,13 +18,14 @@ from gmr_gym.metrics import wasserstein
 from gmr_gym.mixture import joined
 from gmr_gym.multitarget import Account, Clutter
 from gmr_gym.reproduce import Table
-from gmr_gym.reproduce.lv_claims import FITTED, LEARNED, TRACKS, UNIFORM, claims, evidence
+from gmr_gym.reproduce.lv_claims import FITTED, LEARNED, UNIFORM, claims, evidence
 from gmr_gym.scenarios.lv import ELLIPSE_95
 from gmr_gym.summary import Figure
 
 __all__ = ["TABLES", "claims", "figures"]
 
 RUNS = 100
+TRACKS = "learning-pmb"
 COLUMNS = (
     "cardinality_bias", "wasserstein", "ospa", "gospa", "localisation", "missed", "false", "density_error",
     "time_per_scan",

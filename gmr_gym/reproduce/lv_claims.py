@@ -13,7 +13,7 @@ from gmr_gym.metrics import cardinality_error
 from gmr_gym.reproduce import Claim, judged, widened
 from gmr_gym.summary import Figure, mean
 
-UNIFORM, LEARNED, TRACKS = "gm-phd", "learning-phd", "learning-pmb"
+UNIFORM, LEARNED = "gm-phd", "learning-phd"
 FITTED = ("fmm-em", "fmm-em:repaired=True", "fmm-gibbs", "fmm-gibbs:repaired=True")
 # m: "about 10 m, approximately the square root of trace(Sigma)", which is 14.1
 RIGHT = float(np.sqrt(200.0))
@@ -28,8 +28,7 @@ class Evidence(NamedTuple):
 
     ospa: np.ndarray  # m, mean over scans
     wasserstein: np.ndarray  # m, mean over scans
-    surplus: np.ndarray  # targets named less those there
-    off: np.ndarray  # its size
+    off: np.ndarray  # by how many targets the number named was wrong, mean over scans
     false: np.ndarray  # estimates of nothing in a scan
     density: np.ndarray  # error of the intensity of clutter
     right: np.ndarray  # m, Wasserstein over the scans whose number was right; nan for none
@@ -41,14 +40,12 @@ def evidence(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> dict[s
     """What the claims need of every tracker of a table."""
     found = {}
     for name, runs in results.items():
-        surplus = (runs.named - runs.targets).astype(float)
-        right = (surplus == 0) & (runs.targets > 0)
+        right = (runs.named == runs.targets) & (runs.targets > 0)
         one = scenario.cutoff**scenario.order / 2
         missed = np.diff(np.rint(runs.missed[:, SETTLED] / one), axis=1)
         found[name] = Evidence(
             runs.ospa.mean(axis=1),
             runs.wasserstein.mean(axis=1),
-            surplus.mean(axis=1),
             cardinality_error(runs.named, runs.targets).mean(axis=1),
             runs.false.mean(axis=1) / one,
             compared(runs.density_error),
