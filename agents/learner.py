@@ -13,7 +13,9 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import torch
 import yaml
+from critics import OffPolicy, OnPolicy
 from from_vector import FromVector
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3 import PPO, SAC
@@ -21,9 +23,11 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 import gmr_gym  # noqa: F401  registers the environments
+from gmr_gym.thresholds import PAPER, encoded
 
 ENV_ID = "gmr_gym/ReductionTuning-v0"
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC}
+CRITICS = {"ppo": OnPolicy, "sac": OffPolicy}  # with hindsight; the others' critics see what their actors see
 try:
     from sb3_contrib import TQC, RecurrentPPO
 except ImportError:  # they come with a package of their own
@@ -44,6 +48,10 @@ class Settings:
     hyperparameters: dict[str, Any]
     normalise: dict[str, Any]
     env: dict[str, Any] = field(default_factory=dict)  # arguments of the environment
+
+    @property
+    def hindsight(self) -> bool:
+        return bool(self.env.get("hindsight"))
 
 
 def settings(
@@ -84,10 +92,14 @@ class Run:
             self._taken_up()
         else:
             folder.mkdir(parents=True, exist_ok=True)
+            arguments = deepcopy(said.hyperparameters)  # the algorithms add to what they are given
+            if said.hindsight:
+                arguments["policy"] = CRITICS[said.algorithm]
             self.model = ALGORITHMS[said.algorithm](
                 env=self.venv, seed=said.seed, device="cpu", tensorboard_log=str(folder / "tensorboard"),
-                **deepcopy(said.hyperparameters),  # the algorithms add to what they are given
+                **arguments,
             )  # fmt: skip
+            _begin_at(self.model, encoded(PAPER, self.venv.get_attr("parameters")[0]))
 
     @property
     def over(self) -> bool:
@@ -134,6 +146,17 @@ class Run:
         self.model = restored(self.folder, self.chapter, self.settings, self.venv)
         if isinstance(self.model, OffPolicyAlgorithm):
             self.model.load_replay_buffer(self.folder / "replay.pkl")
+
+
+def _begin_at(model: Any, action: np.ndarray) -> None:
+    """Lets the untrained policy say about the action (j,), whatever it sees."""
+    if isinstance(model, OffPolicyAlgorithm):
+        layer, action = model.policy.actor.mu, np.arctanh(np.clip(action, -0.99, 0.99))
+    else:
+        layer = model.policy.action_net
+    with torch.no_grad():
+        layer.weight.mul_(0.1)
+        layer.bias.copy_(torch.as_tensor(action))
 
 
 def restored(folder: Path, chapter: int, said: Settings, venv: VecNormalize) -> Any:

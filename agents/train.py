@@ -44,7 +44,12 @@ def main(
     while run.chapter > len(_kept(scores)) or not run.over:
         if run.chapter == len(_kept(scores)):
             run.learn(ProgressBarCallback() if sys.stderr.isatty() else None)
-        _judge(run, {name: value for name, value in env.items() if name != "instances"}, valid_runs, scores)
+        _judge(
+            run,
+            {name: value for name, value in env.items() if name not in ("instances", "hindsight")},
+            valid_runs,
+            scores,
+        )
 
 
 def _judge(run: Run, env: dict[str, Any], runs: int, scores: Path) -> None:

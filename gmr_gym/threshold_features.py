@@ -22,6 +22,10 @@ FEATURES = (
     "effective",  # 2 log(1 / sum w^2) / log 2000 - 1
     "heaviest",  # 2 w1 - 1, w1 the largest weight
     "second",  # 2 w2 / w1 - 1, w2 the second largest, 0 where there is none
+    "over_1e-2",  # 2 log n' / log 2000 - 1, n' the hypotheses that weigh more than 1e-2, at least one
+    "over_1e-3",  # the same of 1e-3
+    "over_1e-4",  # of 1e-4: what pruning at such a weight would leave to be merged
+    "over_1e-5",  # of 1e-5
     "missed",  # 2 (weight of the hypotheses without a detection) - 1
     "spread",  # log(|S| / |R|) / 2p - 1, P the covariance of the whole posterior
     "widest",  # the same of the predicted hypothesis for which it is largest
@@ -96,6 +100,7 @@ def _seen(w, m, P, detection, log_density, S, H, R, log_odds, kept, given_up, wo
     """All but the last three features, "expected" without what "clutter" adds to it."""
     entropy, square, first, second, hit, evidence = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     pairs = 0
+    over = np.zeros(4)  # heavier than 1e-2, 1e-3, ...
     for i in range(len(w)):
         if w[i] > 0.0:
             entropy -= w[i] * np.log(w[i])
@@ -104,6 +109,8 @@ def _seen(w, m, P, detection, log_density, S, H, R, log_odds, kept, given_up, wo
             first, second = w[i], first
         elif w[i] > second:
             second = w[i]
+        for k in range(4):
+            over[k] += w[i] > 0.01 / 10**k
         if detection[i] >= 0:
             hit += w[i]
             evidence += w[i] * (log_density[i] + log_odds)
@@ -121,6 +128,10 @@ def _seen(w, m, P, detection, log_density, S, H, R, log_odds, kept, given_up, wo
         -2 * np.log(square) / LOG_MOST - 1,
         2 * first - 1,
         2 * second / first - 1,
+        2 * np.log(max(over[0], 1.0)) / LOG_MOST - 1,
+        2 * np.log(max(over[1], 1.0)) / LOG_MOST - 1,
+        2 * np.log(max(over[2], 1.0)) / LOG_MOST - 1,
+        2 * np.log(max(over[3], 1.0)) / LOG_MOST - 1,
         1 - 2 * hit,
         np.log(root_determinants(whole)[0] / smallest) / len(R) - 1,
         np.log(gates.max()) / len(R) - 1,

@@ -175,6 +175,7 @@ def test_features_are_what_they_are_called():
         "effective": 2 * np.log(1 / (w**2).sum()) / log_most - 1,
         "heaviest": 0.0,
         "second": 0.2,
+        **{f"over_1e-{k}": 2 * np.log((w > 10.0**-k).sum()) / log_most - 1 for k in (2, 3, 4, 5)},
         "missed": -0.4,
         "spread": np.log(whole / np.linalg.det(R)) / 4 - 1,
         "widest": np.log(predicted.max() / np.linalg.det(R)) / 4 - 1,
@@ -193,6 +194,13 @@ def test_features_are_what_they_are_called():
     assert list(wanted) == list(FEATURES)
     for name, value in wanted.items():
         assert found[name] == pytest.approx(value, abs=1e-9), name
+
+
+def test_hypotheses_are_counted_by_what_pruning_would_leave():
+    w = np.array([0.9, 0.09, 5e-3, 4e-3, 5e-4, 4e-4, 9e-5, 6e-6])
+    found = named(features(posterior_of(spread_out(len(w))._replace(w=w)), FIRST, TOLD, KNOWN))
+    for k, left in ((2, 2), (3, 4), (4, 6), (5, 7)):
+        assert found[f"over_1e-{k}"] == pytest.approx(2 * np.log(left) / np.log(2000) - 1)
 
 
 def test_a_motion_without_noise_has_features_too():

@@ -16,6 +16,7 @@ from gmr_gym.mixture import Mixture, moments
 from gmr_gym.reduction import at_least_one
 from gmr_gym.simulate import Scenario, draw, scan
 from gmr_gym.threshold_features import BOUND, FEATURES, at_start, features, remembered, told
+from gmr_gym.threshold_hindsight import HINDSIGHT, ahead, hindsight
 from gmr_gym.thresholds import PAPER, adapted, check_parameters, decoded, encoded
 
 PRICE = 1e-5  # of a unit of work; a scan with the target lost costs 1
@@ -56,7 +57,9 @@ class ReductionTuningEnv(gym.Env):
     ## Arguments
     `parameters`: which thresholds an action sets, of `Thresholds`. `instances`: "train", "valid", "test",
     "extrapolation", or a CSV file as `gmr_gym.instances.instances` reads it. `price`: of a unit of work.
-    `components`: the limit of hypotheses where it is not one of the parameters.
+    `components`: the limit of hypotheses where it is not one of the parameters. `hindsight`: whether what
+    only a simulation knows, `gmr_gym.threshold_hindsight.HINDSIGHT`, stands behind the features: for critics
+    that learn, never for policies.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012, gymnasium declares it so
@@ -67,7 +70,9 @@ class ReductionTuningEnv(gym.Env):
         instances: str = "train",
         price: float = PRICE,
         components: int = PAPER.components,
+        hindsight: bool = False,
     ):
+        self.hindsight = hindsight
         self.parameters = check_parameters(parameters)
         if not 0 <= price < np.inf:
             raise ValueError(f"price must be non-negative and finite, got {price}")
@@ -75,7 +80,8 @@ class ReductionTuningEnv(gym.Env):
         self._rest = PAPER._replace(components=at_least_one(components))
         encoded(self._rest, ("components",))  # a limit out of range is an error here, not in a scan
         self.instances = table_of(instances)
-        self.observation_space = gym.spaces.Box(-BOUND, BOUND, (len(FEATURES),), np.float32)
+        self._width = len(FEATURES) + len(HINDSIGHT) * hindsight
+        self.observation_space = gym.spaces.Box(-BOUND, BOUND, (self._width,), np.float32)
         self.action_space = gym.spaces.Box(-1.0, 1.0, (len(self.parameters),), np.float32)
         self._worlds: dict[str, Scenario] = {}
         self._to_come: list[str] = []  # instances, the next one last
@@ -97,6 +103,8 @@ class ReductionTuningEnv(gym.Env):
         self._known, self._memory = told(model), at_start(model)
         self._episode = draw(self._scenario, episode_seed)
         self._left, self._strayed = self._scenario.horizon, 0
+        if self.hindsight:
+            self._ahead = ahead(self._scenario, self._episode)
         return self._look(model.prior, moments(model.prior)[0]), {"instance_id": self.instance_id}
 
     def step(self, action):
@@ -125,7 +133,7 @@ class ReductionTuningEnv(gym.Env):
             "thresholds": thresholds._asdict(),
         }
         over = self._left == 0
-        observation = np.zeros(len(FEATURES), np.float32) if over else self._look(kept.mixture, estimate)
+        observation = np.zeros(self._width, np.float32) if over else self._look(kept.mixture, estimate)
         return observation, reward, terminated, over and not terminated, info
 
     def foreseen(self, action, scans: int = 1) -> float:
@@ -160,7 +168,17 @@ class ReductionTuningEnv(gym.Env):
         scenario = self._scenario
         z = scan(scenario, self._episode, scenario.horizon - self._left, scenario.centre(estimate)).z
         self._full = expanded(belief, scenario.model, z)
-        return features(self._full, self._memory, scenario.model, self._known).astype(np.float32)
+        seen = features(self._full, self._memory, scenario.model, self._known)
+        if self.hindsight:
+            full, t = self._full, scenario.horizon - self._left
+            beside = hindsight(
+                full.posterior.mixture, scenario.model.sensor.H, full.gates.size, self._episode.x[t],
+                self._left, self._strayed,
+            )  # fmt: skip
+            seen = np.concatenate(
+                (seen, np.clip(beside, -BOUND, BOUND), np.clip(self._ahead[t], -BOUND, BOUND))
+            )
+        return seen.astype(np.float32)
 
 
 class ThresholdSchedule(gym.Wrapper):
