@@ -47,18 +47,17 @@ class Settings:
     envs: int
     hyperparameters: dict[str, Any]
     normalise: dict[str, Any]
+    hindsight: bool  # whether the critic is told what only a simulation knows
     env: dict[str, Any] = field(default_factory=dict)  # arguments of the environment
-
-    @property
-    def hindsight(self) -> bool:
-        return bool(self.env.get("hindsight"))
 
 
 def settings(
-    algorithm: str, seed: int, steps: int | None, chapter: int, env: dict[str, Any], file: Path | None
-) -> Settings:
-    """Settings from a YAML file as rl_zoo3 reads it, the committed one of the algorithm unless given. Raises
-    ValueError for an unknown algorithm, or a file without the environment."""
+    algorithm: str, seed: int, steps: int | None, chapter: int, env: dict[str, Any], file: Path | None,
+    hindsight: bool = True,
+) -> Settings:  # fmt: skip
+    """Settings from a YAML file as rl_zoo3 reads it, the committed one of the algorithm unless given; without
+    `hindsight` the critic sees what the actor sees, as those of tqc and ppo_lstm always do. Raises ValueError
+    for an unknown algorithm, or a file without the environment."""
     if algorithm not in ALGORITHMS:
         raise ValueError(f"unknown algorithm {algorithm!r}; choose from {', '.join(ALGORITHMS)}")
     file = file or Path(__file__).parent / "hyperparams" / f"{algorithm}.yml"
@@ -70,13 +69,13 @@ def settings(
     entry.pop("n_timesteps", None)
     return Settings(
         algorithm, seed, most, chapter, int(entry.pop("n_envs", 1)), hyperparameters=entry,
-        normalise=dict(entry.pop("normalize", {})), env=env,
+        normalise=dict(entry.pop("normalize", {})), hindsight=hindsight and algorithm in CRITICS, env=env,
     )  # fmt: skip
 
 
 def environments(said: Settings) -> VecNormalize:
     """The run's environments in one process, normalised as its settings say."""
-    make = [partial(gym.make, ENV_ID, **said.env)] * said.envs
+    make = [partial(gym.make, ENV_ID, hindsight=said.hindsight, **said.env)] * said.envs
     vector = FromVector(SyncVectorEnv(make, autoreset_mode=AutoresetMode.SAME_STEP))
     return VecNormalize(vector, gamma=said.hyperparameters.get("gamma", 0.99), **said.normalise)
 

@@ -27,6 +27,7 @@ def main(
     steps: Annotated[int | None, typer.Option(help="of environments; as the YAML says unless given")] = None,
     chapter: Annotated[int, typer.Option(help="steps between two states on disk")] = 32768,
     set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006
+    hindsight: Annotated[bool, typer.Option(help="whether the critic knows the truth")] = True,
     hyperparameters: Annotated[Path | None, typer.Option(help="another YAML file")] = None,
     valid_runs: Annotated[
         int, typer.Option(help="episodes of every instance of VALID, after a chapter")
@@ -38,7 +39,7 @@ def main(
     env = dict(map(key_value, set_))
     run = Run(
         out or Path("results/agents") / f"{algorithm}-{seed}",
-        settings(algorithm, seed, steps, chapter, env, hyperparameters),
+        settings(algorithm, seed, steps, chapter, env, hyperparameters, hindsight),
     )
     scores = run.folder / "valid.csv"
     while run.chapter > len(_kept(scores)) or not run.over:
@@ -46,7 +47,7 @@ def main(
             run.learn(ProgressBarCallback() if sys.stderr.isatty() else None)
         _judge(
             run,
-            {name: value for name, value in env.items() if name not in ("instances", "hindsight")},
+            {name: value for name, value in env.items() if name != "instances"},
             valid_runs,
             scores,
         )

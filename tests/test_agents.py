@@ -22,7 +22,8 @@ from learner import ENV_ID, Run, environments, recorded, restored, settings  # n
 
 from gmr_gym.network import load, save  # noqa: E402
 from gmr_gym.threshold_features import FEATURES  # noqa: E402
-from gmr_gym.thresholds import Thresholds  # noqa: E402
+from gmr_gym.threshold_hindsight import HINDSIGHT  # noqa: E402
+from gmr_gym.thresholds import PAPER, Thresholds, encoded  # noqa: E402
 
 FEW = {"ppo": {"n_steps": 32, "batch_size": 64, "n_envs": 4}, "sac": {"learning_starts": 50, "n_envs": 4}}
 
@@ -69,13 +70,13 @@ def test_the_adapter_refuses_environments_that_reset_a_step_late():
         FromVector(vector(AutoresetMode.NEXT_STEP))
 
 
-def shortened(tmp_path, algorithm, steps, seed=3):
+def shortened(tmp_path, algorithm, steps, seed=3, hindsight=True):
     """Settings of a run of a few steps."""
     entry = yaml.safe_load((ROOT / f"agents/hyperparams/{algorithm}.yml").read_text())
     entry[ENV_ID] |= FEW[algorithm]
     file = tmp_path / "few.yml"
     file.write_text(yaml.safe_dump(entry))
-    return settings(algorithm, seed, steps, 256, {"components": 20}, file)
+    return settings(algorithm, seed, steps, 256, {"components": 20}, file, hindsight)
 
 
 @pytest.mark.parametrize("algorithm", FEW)
@@ -99,9 +100,12 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_been(tmp_path, algorithm):
         Run(tmp_path / "parts", shortened(tmp_path, algorithm, 512, seed=4))
 
 
+@pytest.mark.parametrize("hindsight", [True, False])
 @pytest.mark.parametrize("algorithm", FEW)
-def test_the_exported_policy_says_what_the_model_predicts(tmp_path, algorithm):
-    said = shortened(tmp_path, algorithm, 256)
+def test_the_exported_policy_says_what_the_model_predicts_whatever_the_critic_knows(
+    tmp_path, algorithm, hindsight
+):
+    said = shortened(tmp_path, algorithm, 256, hindsight=hindsight)
     run = Run(tmp_path / "run", said)
     run.learn()
     venv = environments(said)
@@ -109,9 +113,18 @@ def test_the_exported_policy_says_what_the_model_predicts(tmp_path, algorithm):
     save(tmp_path / "policy.npz", network)
     read = load(tmp_path / "policy.npz", FEATURES, Thresholds._fields)
     assert read.parameters == ("alpha", "prune")
-    observations = np.random.default_rng(0).uniform(-2, 2, (50, len(FEATURES))).astype(np.float32)
+    shape = run.venv.observation_space.shape
+    assert shape == (len(FEATURES) + hindsight * len(HINDSIGHT),)
+    observations = np.random.default_rng(0).uniform(-2, 2, (50, *shape)).astype(np.float32)
     wanted, _ = run.model.predict(venv.normalize_obs(observations), deterministic=True)
-    np.testing.assert_allclose([read(row) for row in observations], wanted, atol=2e-6)  # single precision
+    np.testing.assert_allclose([read(row[: len(FEATURES)]) for row in observations], wanted, atol=2e-6)  # single precision
+
+
+@pytest.mark.parametrize("algorithm", FEW)
+def test_an_untrained_policy_is_about_the_papers_thresholds(tmp_path, algorithm):
+    run = Run(tmp_path / "run", shortened(tmp_path, algorithm, 256))
+    action, _ = run.model.predict(run.venv.reset(), deterministic=True)
+    np.testing.assert_allclose(action, np.tile(encoded(PAPER, ("alpha", "prune")), (len(action), 1)), atol=0.1)
 
 
 def test_train_scores_every_chapter_on_valid_and_keeps_the_best(tmp_path):
