@@ -117,14 +117,16 @@ def test_the_exported_policy_says_what_the_model_predicts_whatever_the_critic_kn
     assert shape == (len(FEATURES) + hindsight * len(HINDSIGHT),)
     observations = np.random.default_rng(0).uniform(-2, 2, (50, *shape)).astype(np.float32)
     wanted, _ = run.model.predict(venv.normalize_obs(observations), deterministic=True)
-    np.testing.assert_allclose([read(row[: len(FEATURES)]) for row in observations], wanted, atol=2e-6)  # single precision
+    said = [read(row[: len(FEATURES)]) for row in observations]
+    np.testing.assert_allclose(said, wanted, atol=2e-6)  # single precision
 
 
 @pytest.mark.parametrize("algorithm", FEW)
 def test_an_untrained_policy_is_about_the_papers_thresholds(tmp_path, algorithm):
     run = Run(tmp_path / "run", shortened(tmp_path, algorithm, 256))
     action, _ = run.model.predict(run.venv.reset(), deterministic=True)
-    np.testing.assert_allclose(action, np.tile(encoded(PAPER, ("alpha", "prune")), (len(action), 1)), atol=0.1)
+    wanted = np.tile(encoded(PAPER, ("alpha", "prune")), (len(action), 1))
+    np.testing.assert_allclose(action, wanted, atol=0.1)
 
 
 def test_train_scores_every_chapter_on_valid_and_keeps_the_best(tmp_path):
