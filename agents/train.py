@@ -25,13 +25,13 @@ def main(
     algorithm: Annotated[str, typer.Argument(help="ppo or sac; with sb3-contrib also tqc")],
     seed: Annotated[int, typer.Option(min=0)] = 0,
     steps: Annotated[int | None, typer.Option(help="of environments; as the YAML says unless given")] = None,
-    chapter: Annotated[int, typer.Option(help="steps between two states on disk")] = 32768,
+    chapter: Annotated[int, typer.Option(help="steps between two states on disk")] = 65536,
     set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006
     hindsight: Annotated[bool, typer.Option(help="whether the critic knows the truth")] = True,
     hyperparameters: Annotated[Path | None, typer.Option(help="another YAML file")] = None,
     valid_runs: Annotated[
         int, typer.Option(help="episodes of every instance of VALID, after a chapter")
-    ] = 10,
+    ] = 40,
     out: Annotated[Path | None, typer.Option(help="folder; a stopped run goes on there")] = None,
 ) -> None:
     """Learns, chapter by chapter; keeps every chapter, its score on VALID, and the best as a policy."""

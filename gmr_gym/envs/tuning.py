@@ -19,7 +19,9 @@ from gmr_gym.threshold_features import BOUND, FEATURES, at_start, features, reme
 from gmr_gym.threshold_hindsight import HINDSIGHT, ahead, hindsight
 from gmr_gym.thresholds import PAPER, adapted, check_parameters, decoded, encoded
 
-PRICE = 1e-5  # of a unit of work; a scan with the target lost costs 1
+# of a unit of work; a scan with the target lost costs 1. At the paper's thresholds work then costs about as
+# much as the error of a target that is followed
+PRICE = 1e-4
 
 
 class ReductionTuningEnv(gym.Env):
