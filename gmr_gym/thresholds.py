@@ -1,14 +1,13 @@
 """The thresholds of adaptive merging as numbers that somebody sets scan by scan."""
 
 from collections.abc import Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from gmr_gym.hypotheses import Kept, reduced
 from gmr_gym.mixture import Mixture
-from gmr_gym.reduction import adaptive
+from gmr_gym.reduction import greedy
 
 
 class Thresholds(NamedTuple):
@@ -71,5 +70,5 @@ def check_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
 
 def adapted(posterior: Mixture, thresholds: Thresholds) -> Kept:
     """The posterior pruned, merged adaptively and pruned again (D'Ortenzio, Adaptive)."""
-    merge = partial(adaptive, loss_bound=thresholds.alpha, components=thresholds.components)
+    merge = greedy(thresholds.components, thresholds.alpha)
     return reduced(posterior, merge, thresholds.prune, thresholds.prune_density)
