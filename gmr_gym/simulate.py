@@ -2,17 +2,24 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import product
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
+from scipy import stats
 
 from gmr_gym.association import Gates
-from gmr_gym.kalman import Sensing
+from gmr_gym.kalman import Sensing, Sensor
+from gmr_gym.mixture import cholesky_into
 from gmr_gym.model import Model
+from gmr_gym.philox import normals_into, pair, poisson, uniforms_into
 
 Loss = Callable[[Gates, np.ndarray, np.ndarray], bool]
 CELL = 500.0  # m, side of the squares in which clutter on the ground is drawn
+# streams of an episode's key
+NOISE, DETECTION, COUNT, PLACES, GROUND_COUNT, GROUND_PLACES = range(6)
+NOWHERE = np.empty(0)  # m, the corners of no region
 
 
 class Truth(NamedTuple):
@@ -75,17 +82,14 @@ class Scenario:
 
 
 class Episode(NamedTuple):
-    """Everything that chance decides in one episode, drawn before the first scan, so that every
-    tracker meets the same world whatever it submits."""
+    """What chance decides in one episode whatever a tracker submits; its clutter follows from the key."""
 
     x: np.ndarray  # (T, d), true states
     mode: np.ndarray  # (T,), the motion that led to each, -1 for none of the model's
     z: np.ndarray  # (T, p), what the sensor would say of them
     detected: np.ndarray  # (T,), whether it does
     slot: np.ndarray  # (T,), in [0, 1): where among the clutter the target's detection stands
-    clutter: np.ndarray  # (N, p), in [0, 1): places in the window
-    first: np.ndarray  # (T + 1,), scan t has clutter[first[t] : first[t + 1]]
-    ground: np.ndarray  # (2,), key of the clutter that stands fast on the ground
+    key: np.ndarray  # (2,), of everything but the truth: with a scan's number it makes the scan
 
 
 class Scan(NamedTuple):
@@ -95,82 +99,176 @@ class Scan(NamedTuple):
     origin: np.ndarray  # (k,), index of the target, 0 where there is but one; -1 clutter
 
 
+class View(NamedTuple):
+    """What `scan_into` has to know of a scenario; `viewed` reads it off."""
+
+    clutter_rate: float  # expected false detections in the window, a scan
+    low: np.ndarray  # (p,), m, of the window, relative to its centre
+    high: np.ndarray  # (p,), m
+    ends_sight: bool
+    region_low: np.ndarray  # (2,), m, of the region; (0,) where there is none
+    region_high: np.ndarray  # (2,), m
+
+
 def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
-    """One episode; truth, detection and clutter each draw from their own stream."""
-    for_truth, for_detection, for_clutter = streams(seed)
-    x, mode = scenario.truth(for_truth)
-    R = scenario.sensor.R
-    noise = for_detection.standard_normal((len(x), len(R))) @ np.linalg.cholesky(R).T
-    detected = for_detection.random(len(x)) < scenario.detection_probability
-    slot = for_detection.random(len(x))
-    rate = scenario.clutter_rate if scenario.region is None else 0.0
-    first = np.append(0, np.cumsum(for_clutter.poisson(rate, len(x))))
-    clutter = for_clutter.random((first[-1], len(R)))
-    ground = for_clutter.integers(2**64, size=2, dtype=np.uint64)
+    """One episode: its truth drawn by a generator of its own, and of its detections and clutter, which are
+    functions of the seed's key and of a scan's number, the part that waits for no estimate."""
+    sequence = _sequence(seed)
+    x, mode = scenario.truth(stream(sequence, 0))
+    key = sequence.generate_state(2)
+    noise, luck, slot = _chances(key, len(x), scenario.sensor.R)
     z, possible = scenario.sensor.settled(scenario.sensor.observed(x) + noise)
-    return Episode(x, mode, z, detected & possible, slot, clutter, first, ground)
+    return Episode(x, mode, z, (luck < scenario.detection_probability) & possible, slot, key)
 
 
-def streams(seed: int | np.random.SeedSequence) -> list[np.random.Generator]:
-    """Three streams of one seed: for truth, detection and clutter."""
-    sequence = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+def stream(seed: int | np.random.SeedSequence, i: int) -> np.random.Generator:
+    """Stream i of a seed."""
+    sequence = _sequence(seed)
     # not spawn(), which would give other streams when one sequence is drawn from twice
-    return [
-        np.random.default_rng(np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, i)))
-        for i in range(3)
-    ]
+    return np.random.default_rng(np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, i)))
+
+
+def _sequence(seed: int | np.random.SeedSequence) -> np.random.SeedSequence:
+    return seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+
+
+@lru_cache
+def capacity(clutter_rate: float) -> int:
+    """Detections that a scan has room for: the quantile of the clutter at 1 - 1e-12, and the target's own."""
+    return int(stats.poisson.ppf(1 - 1e-12, clutter_rate)) + 1
+
+
+def viewed(scenario: Scenario) -> View:
+    """What `scan_into` has to know of the scenario."""
+    low, high, _, ends_sight = scenario.window
+    region = scenario.region
+    corners = (NOWHERE, NOWHERE) if region is None else (region.low, region.high)
+    return View(float(scenario.clutter_rate), low, high, bool(ends_sight), *corners)
 
 
 def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Scan:
     """Scan t (from 0) of the episode; centre (p,) places a window that follows."""
-    low, high, follows, ends_sight = scenario.window
-    z = low + (high - low) * episode.clutter[episode.first[t] : episode.first[t + 1]]
-    target = episode.z[t]
-    away = scenario.sensor.relative(target, centre) if follows else target
-    seen = episode.detected[t] and (not ends_sight or bool(((low <= away) & (away <= high)).all()))
-    if follows:
-        z += centre
-        low, high = low + centre, high + centre
-    z, possible = scenario.sensor.settled(z)
-    if not possible.all():
-        z = z[possible]
-    slot = int(episode.slot[t] * (len(z) + 1))
-    if scenario.region is not None:
-        low, high = np.maximum(low, scenario.region.low), np.minimum(high, scenario.region.high)
-        density = scenario.clutter_rate / scenario.window.volume
-        z, rank = _on_the_ground(episode.ground, t, density, scenario.region.low, low, high)
-        slot = int(np.searchsorted(rank, episode.slot[t]))
-        seen = seen and (not ends_sight or bool(((low <= target) & (target <= high)).all()))
+    view = viewed(scenario)
+    z = np.empty((capacity(view.clutter_rate), len(view.low)))
+    if not scenario.window.follows:
+        centre = np.zeros(len(view.low))
+    make = scan_into if isinstance(scenario.sensor, Sensor) else partial(_settled_into, scenario)
+    k, place = make(z, view, episode.key, t, centre, episode.z[t], episode.detected[t], episode.slot[t])
+    origin = np.full(k, -1)
+    if place >= 0:
+        origin[place] = 0
+    return Scan(z[:k], origin)
+
+
+def _settled_into(scenario, z, view, key, t, centre, target, detected, slot) -> tuple[int, int]:
+    """`scan_into` for a sensor that reports not every point of its space, and not all where they fell."""
+    k = clutter_into(z, view, key, t, centre)
+    settled, possible = scenario.sensor.settled(z[:k])
+    settled = settled[possible]
+    k = len(settled)
+    z[:k] = settled
+    away = scenario.sensor.relative(target, centre) if scenario.window.follows else target
+    seen = detected and (not view.ends_sight or bool(((view.low <= away) & (away <= view.high)).all()))
+    return insert_into(z, k, int(slot * (k + 1)), target) if seen else (k, -1)
+
+
+@njit(cache=True, error_model="numpy")
+def scan_into(z, view, key, t, centre, target, detected, slot):
+    """Scan t of the episode that has the key (2,), by a linear sensor whose View is placed at centre (p,),
+    zeros where it stands fast: its k detections, one a row of z (capacity, p), among them that of the target
+    (p,) where it is `detected` and in sight, in a place that `slot` in [0, 1) decides. Returns k and the
+    target's row, -1 for none; the rows from k on are left as they are."""
+    seen = detected
+    if view.ends_sight:
+        for c in range(len(target)):
+            away = target[c] - centre[c]
+            seen = seen and view.low[c] <= away and away <= view.high[c]
+            if len(view.region_low) > 0:
+                seen = seen and view.region_low[c] <= target[c] and target[c] <= view.region_high[c]
+    if len(view.region_low) > 0:
+        k, place = ground_into(z, view, key, t, centre, slot)
+    else:
+        k = clutter_into(z, view, key, t, centre)
+        place = int(slot * (k + 1))
     if not seen:
-        return Scan(z, np.full(len(z), -1))
-    origin = np.full(len(z) + 1, -1)
-    origin[slot] = 0
-    return Scan(np.concatenate((z[:slot], target[None], z[slot:])), origin)
+        return k, -1
+    return insert_into(z, k, place, target)
 
 
-def _on_the_ground(key, t, density, corner, low, high) -> tuple[np.ndarray, np.ndarray]:
-    """Clutter (k, 2) of scan t between low and high, and its rank (k,) in [0, 1), by which it is sorted: a
-    Poisson process, drawn square by square from a stream that each square of the grid about `corner`
-    has to itself. Without ranks of its own the order of squares would give the target away."""
-    z, rank = np.empty((0, 2)), np.empty(0)
-    if density == 0 or not (low < high).all():
-        return z, rank
-    squares = [
-        range(int(first), int(last) + 1)
-        for first, last in zip((low - corner) // CELL, (high - corner) // CELL, strict=True)
-    ]
-    bits = np.random.Philox(key=key)
-    draws, fresh = np.random.Generator(bits), bits.state
-    parts = []
-    for at in product(*squares):
-        # the counter's first word counts draws; the other three name the scan and the square of the plane
-        fresh["state"]["counter"][:] = (0, t, *at)
-        bits.state = fresh
-        points = draws.random((draws.poisson(density * CELL**2), 3))
-        points[:, :2] = corner + CELL * (np.array(at) + points[:, :2])
-        parts.append(points)
-    points = np.concatenate(parts)
-    z, rank = points[:, :2], points[:, 2]
-    inside = np.flatnonzero(((low <= z) & (z <= high)).all(axis=1))
-    order = inside[np.argsort(rank[inside])]
-    return z[order], rank[order]
+@njit(cache=True, error_model="numpy")
+def insert_into(z, k, place, target):
+    """Makes room among the first k rows of z for the target (p,) in a place of its own; returns k + 1 and
+    the place."""
+    p = len(target)
+    for i in range(k, place, -1):
+        for c in range(p):
+            z[i, c] = z[i - 1, c]
+    for c in range(p):
+        z[place, c] = target[c]
+    return k + 1, place
+
+
+@njit(cache=True, error_model="numpy")
+def clutter_into(z, view, key, t, centre):
+    """Clutter of scan t, uniform in the window placed at centre (p,), one point a row of z (capacity, p);
+    returns how many, always less than the rows."""
+    at = (t, 0, 0)
+    k, p = min(poisson(view.clutter_rate, key, COUNT, at), len(z) - 1), z.shape[1]
+    uniforms_into(z.reshape(-1)[: k * p], key, PLACES, at)
+    for c in range(p):
+        low, side, middle = view.low[c], view.high[c] - view.low[c], centre[c]
+        for i in range(k):
+            z[i, c] = low + side * z[i, c] + middle
+    return k
+
+
+@njit(cache=True, error_model="numpy")
+def ground_into(z, view, key, t, centre, slot):
+    """What a window at centre (2,) shows of the clutter of scan t that stands fast on a region's ground, one
+    point a row of z (capacity, 2); returns how many, always less than the rows, and how many of them rank
+    below `slot`.
+
+    It is a Poisson process, drawn square by square from streams that each square of the grid about the
+    region's corner has to itself. Its order is by ranks of its own: that of the squares would give the
+    target away."""
+    corner = view.region_low
+    low, high = np.maximum(view.low + centre, corner), np.minimum(view.high + centre, view.region_high)
+    sides = view.high - view.low
+    expected = view.clutter_rate / (sides[0] * sides[1]) * CELL**2  # of a square
+    if expected == 0.0 or not (low[0] < high[0] and low[1] < high[1]):
+        return 0, 0
+    first, last = (low - corner) // CELL, (high - corner) // CELL
+    ranks = np.empty(len(z))
+    k = 0
+    for i in range(int(first[0]), int(last[0]) + 1):
+        for j in range(int(first[1]), int(last[1]) + 1):
+            # squares are counted from 1: 0 is where the episode's other streams are
+            at = (t, i + 1, j + 1)
+            points = np.empty((poisson(expected, key, GROUND_COUNT, at), 3))
+            uniforms_into(points.reshape(-1), key, GROUND_PLACES, at)
+            for n in range(len(points)):
+                x, y = corner[0] + CELL * (i + points[n, 0]), corner[1] + CELL * (j + points[n, 1])
+                if low[0] <= x <= high[0] and low[1] <= y <= high[1] and k < len(z) - 1:
+                    z[k, 0], z[k, 1], ranks[k] = x, y, points[n, 2]
+                    k += 1
+    order = np.argsort(ranks[:k])
+    z[:k] = z[:k][order]
+    return k, int(np.sum(ranks[:k] < slot))
+
+
+@njit(cache=True, error_model="numpy")
+def _chances(key, T, R):
+    """Noise (T, p) of covariance R (p, p), and for every scan two uniforms (T,) in [0, 1)."""
+    p = len(R)
+    L, normal = np.zeros((p, p)), np.empty(p)
+    cholesky_into(L, R)
+    noise, luck, slot = np.empty((T, p)), np.empty(T), np.empty(T)
+    for t in range(T):
+        at = (t, 0, 0)
+        normals_into(normal, key, NOISE, at)
+        for r in range(p):
+            noise[t, r] = 0.0
+            for c in range(r + 1):
+                noise[t, r] += L[r, c] * normal[c]
+        luck[t], slot[t] = pair(key, DETECTION, 0, at)
+    return noise, luck, slot
