@@ -231,29 +231,46 @@ def ground_into(z, view, key, t, centre, slot):
     It is a Poisson process, drawn square by square from streams that each square of the grid about the
     region's corner has to itself. Its order is by ranks of its own: that of the squares would give the
     target away."""
-    corner = view.region_low
-    low, high = np.maximum(view.low + centre, corner), np.minimum(view.high + centre, view.region_high)
-    sides = view.high - view.low
-    expected = view.clutter_rate / (sides[0] * sides[1]) * CELL**2  # of a square
-    if expected == 0.0 or not (low[0] < high[0] and low[1] < high[1]):
-        return 0, 0
-    first, last = (low - corner) // CELL, (high - corner) // CELL
-    ranks = np.empty(len(z))
-    k = 0
-    for i in range(int(first[0]), int(last[0]) + 1):
-        for j in range(int(first[1]), int(last[1]) + 1):
+    low, high, squares = np.empty(2), np.empty(2), np.empty((2, 2), np.int64)
+    corner, expected = view.region_low, view.clutter_rate * CELL**2
+    for c in range(2):
+        low[c] = max(view.low[c] + centre[c], corner[c])
+        high[c] = min(view.high[c] + centre[c], view.region_high[c])
+        expected /= view.high[c] - view.low[c]
+        if not low[c] < high[c]:
+            return 0, 0
+        squares[c, 0], squares[c, 1] = (low[c] - corner[c]) // CELL, (high[c] - corner[c]) // CELL
+    ranks, k = np.empty(len(z)), 0
+    for i in range(squares[0, 0], squares[0, 1] + 1):
+        for j in range(squares[1, 0], squares[1, 1] + 1):
             # squares are counted from 1: 0 is where the episode's other streams are
             at = (t, i + 1, j + 1)
-            points = np.empty((poisson(expected, key, GROUND_COUNT, at), 3))
-            uniforms_into(points.reshape(-1), key, GROUND_PLACES, at)
-            for n in range(len(points)):
-                x, y = corner[0] + CELL * (i + points[n, 0]), corner[1] + CELL * (j + points[n, 1])
+            points = np.empty(3 * poisson(expected, key, GROUND_COUNT, at))
+            uniforms_into(points, key, GROUND_PLACES, at)
+            for n in range(0, len(points), 3):
+                x, y = corner[0] + CELL * (i + points[n]), corner[1] + CELL * (j + points[n + 1])
                 if low[0] <= x <= high[0] and low[1] <= y <= high[1] and k < len(z) - 1:
-                    z[k, 0], z[k, 1], ranks[k] = x, y, points[n, 2]
+                    z[k, 0], z[k, 1], ranks[k] = x, y, points[n + 2]
                     k += 1
-    order = np.argsort(ranks[:k])
-    z[:k] = z[:k][order]
-    return k, int(np.sum(ranks[:k] < slot))
+    _sort(z, ranks, k)
+    place = 0
+    while place < k and ranks[place] < slot:
+        place += 1
+    return k, place
+
+
+@njit(cache=True, error_model="numpy")
+def _sort(z, ranks, k):
+    """Puts the first k rows of z (capacity, 2) in the order of their ranks (Shell 1959)."""
+    gap = k
+    while gap > 1:
+        gap = max(1, int(gap / 2.25))
+        for i in range(gap, k):
+            x, y, rank, j = z[i, 0], z[i, 1], ranks[i], i
+            while j >= gap and ranks[j - gap] > rank:
+                z[j, 0], z[j, 1], ranks[j] = z[j - gap, 0], z[j - gap, 1], ranks[j - gap]
+                j -= gap
+            z[j, 0], z[j, 1], ranks[j] = x, y, rank
 
 
 @njit(cache=True, error_model="numpy")
