@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare, kstest
 
+from gmr_gym.scans import CELL, ground_into, scan_into
 from gmr_gym.scenarios.dortenzio import printed_path, turning_target
 from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.scenarios.planar import fixed_box, path
 from gmr_gym.scenarios.recorded import recorded_flight
 from gmr_gym.scenarios.zhang import jump_markov
-from gmr_gym.simulate import CELL, capacity, draw, ground_into, scan, scan_into, viewed
+from gmr_gym.simulate import capacity, draw, scan, viewed
 
 NOWHERE = np.zeros(2)
 LOW, HIGH = np.array([[-3100.0, 950.0], [6900.0, 19_950.0]])  # corners of a region of 10 km by 19 km
@@ -318,7 +319,7 @@ def test_only_the_squares_under_the_window_are_drawn(monkeypatch):
         squares.append(at[1:])
         return 0
 
-    monkeypatch.setattr("gmr_gym.simulate.poisson", counting)
+    monkeypatch.setattr("gmr_gym.scans.poisson", counting)
     plain = getattr(ground_into, "py_func", ground_into)  # as it reads, not as it was compiled
     for kilometres in (10, 1000):
         scenario, episode = grounded(high=LOW + 1000 * kilometres)
