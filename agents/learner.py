@@ -7,7 +7,6 @@ goes on as if it had not been, to the last bit."""
 import json
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ import torch
 import yaml
 from critics import OffPolicy, OnPolicy
 from from_vector import FromVector
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
@@ -75,9 +73,11 @@ def settings(
 
 def environments(said: Settings) -> VecNormalize:
     """The run's environments in one process, normalised as its settings say."""
-    make = [partial(gym.make, ENV_ID, hindsight=said.hindsight, **said.env)] * said.envs
-    vector = FromVector(SyncVectorEnv(make, autoreset_mode=AutoresetMode.SAME_STEP))
-    return VecNormalize(vector, gamma=said.hyperparameters.get("gamma", 0.99), **said.normalise)
+    made = gym.make_vec(
+        ENV_ID, said.envs, vectorization_mode="vector_entry_point", autoreset_mode="SameStep",
+        hindsight=said.hindsight, **said.env,
+    )  # fmt: skip
+    return VecNormalize(FromVector(made), gamma=said.hyperparameters.get("gamma", 0.99), **said.normalise)
 
 
 class Run:

@@ -71,15 +71,15 @@ def merge_greedily(w, m, P, components, budget):
 
 @njit(cache=True, error_model="numpy")
 def cost_of_all(w, m, P):
-    """Cost of merging everything: the sum of the costs B of any way down to one; and the covariance (d, d) of
-    that one."""
+    """Cost of merging everything: the sum of the costs B of any way down to one; and the mean (d,) and
+    covariance (d, d) of that one."""
     _, _, entries = by_entry(w, m, P)
     room = np.empty((len(entries), BLOCK)), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
     apart = weighted_log_determinants(w, entries, room).sum()
     weight, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), 1)
     _, _, entries = by_entry(weight, mean, covariance)
     whole = weighted_log_determinants(weight, entries, room)[0]
-    return max(0.0, 0.5 * (whole - apart)), covariance[0]
+    return max(0.0, 0.5 * (whole - apart)), mean[0], covariance[0]
 
 
 # no comparison here meets a nan; told so, the compiler vectorises the search for a minimum

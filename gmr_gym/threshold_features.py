@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.association import Gates, gate_size, volumes
-from gmr_gym.hypotheses import MOST, Expanded, Kept
+from gmr_gym.hypotheses import MOST, Expanded, Kept, odds
 from gmr_gym.merging import cost_of_all
 from gmr_gym.mixture import root_determinants
 from gmr_gym.model import Model
@@ -61,10 +61,8 @@ def at_start(model: Model) -> Memory:
 def remembered(full: Expanded, kept: Kept) -> Memory:
     """What is remembered of a scan when the next is looked at. Its work is the Gaussians that were updated
     and the costs of pairs that were evaluated."""
-    before, after = total_merge_cost(full.posterior.mixture), total_merge_cost(kept.mixture)
-    # what is left of the greedy way to one Gaussian is the cost of what is left, see `total_merge_cost`
-    given_up = max(0.0, 1 - after / before) if before > 0 else 0.0
-    return Memory(len(kept.mixture.w), given_up, full.gated + kept.merge_costs)
+    lost = given_up(total_merge_cost(full.posterior.mixture), total_merge_cost(kept.mixture))
+    return Memory(len(kept.mixture.w), lost, full.gated + kept.merge_costs)
 
 
 def told(model: Model) -> np.ndarray:
@@ -83,21 +81,23 @@ def told(model: Model) -> np.ndarray:
 def features(full: Expanded, memory: Memory, model: Model, known: np.ndarray) -> np.ndarray:
     """FEATURES (k,) of a scan's full posterior, each within +-BOUND; `known` is told(model). They do not
     depend on the order of the hypotheses."""
-    posterior = full.posterior
-    log_odds = log(model.detection_probability / model.clutter_density)
-    seen = _seen(
-        *posterior.mixture, posterior.detection, posterior.log_density,
-        full.gates.S, model.sensor.H, model.sensor.R, log_odds, *memory,
-    )  # fmt: skip
-    # a gate is to one about R alone as the roots of their determinants
-    values = np.concatenate((seen, known))
-    values[len(seen) - 1] += known[0]
-    return np.minimum(np.maximum(values, -BOUND), BOUND)
+    posterior, sensor = full.posterior, model.sensor
+    return observe(
+        *posterior.mixture, posterior.detection, posterior.log_density, full.gates.S,
+        sensor.H, sensor.R, odds(model)[2], known, *memory,
+    )[0]  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
-def _seen(w, m, P, detection, log_density, S, H, R, log_odds, kept, given_up, work):
-    """All but the last three features, "expected" without what "clutter" adds to it."""
+def given_up(before, after):
+    """Share of the cost of merging everything that is gone: what is left of the greedy way to one Gaussian is
+    the cost of what is left, see `total_merge_cost`."""
+    return max(0.0, 1 - after / before) if before > 0 else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def observe(w, m, P, detection, log_density, S, H, R, log_odds, known, kept, given_up, work):
+    """FEATURES (k,), the cost of merging everything, and how many hypotheses have a detection."""
     entropy, square, first, second, hit, evidence = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     pairs = 0
     over = np.zeros(4)  # heavier than 1e-2, 1e-3, ...
@@ -115,14 +115,14 @@ def _seen(w, m, P, detection, log_density, S, H, R, log_odds, kept, given_up, wo
             hit += w[i]
             evidence += w[i] * (log_density[i] + log_odds)
             pairs += 1
-    cost, covariance = cost_of_all(w, m, P)
+    cost, _, covariance = cost_of_all(w, m, P)
     whole = np.empty((1, *R.shape))
     whole[0] = H @ covariance @ H.T + R
     alone = np.empty((1, *R.shape))
     alone[0] = R
     smallest = root_determinants(alone)[0]
     gates = root_determinants(S) / smallest
-    return np.array([
+    values = np.array([
         2 * np.log(len(w)) / LOG_MOST - 1,
         2 * entropy / LOG_MOST - 1,
         -2 * np.log(square) / LOG_MOST - 1,
@@ -142,5 +142,10 @@ def _seen(w, m, P, detection, log_density, S, H, R, log_odds, kept, given_up, wo
         2 * given_up - 1,
         2 * np.log(kept) / LOG_MOST - 1,
         np.log10(1 + work) / 3 - 1,
-        np.log10(gates.mean()),
+        # a gate is to one about R alone as the roots of their determinants
+        np.log10(gates.mean()) + known[0],
+        known[0],
+        known[1],
+        known[2],
     ])  # fmt: skip
+    return np.minimum(np.maximum(values, -BOUND), BOUND), cost, pairs

@@ -9,8 +9,9 @@ input-dependent baselines, Mao et al. 2019)."""
 import numpy as np
 from numba import njit
 
-from gmr_gym.mixture import Mixture, cholesky_into, mahalanobis_squared
+from gmr_gym.mixture import cholesky_into, mahalanobis_squared
 from gmr_gym.simulate import Episode, Scenario
+from gmr_gym.threshold_features import BOUND
 
 HINDSIGHT = (
     "left",  # 2 (scans to come / 100) - 1
@@ -24,6 +25,7 @@ HINDSIGHT = (
     "noise",  # 5 log(deviation of the sensor / as told), the first axis
 )
 AHEAD = 5  # scans
+FORESEEN = 3  # of HINDSIGHT, the last: they do not depend on the tracker
 
 
 def ahead(scenario: Scenario, episode: Episode) -> np.ndarray:
@@ -40,13 +42,10 @@ def ahead(scenario: Scenario, episode: Episode) -> np.ndarray:
     return np.column_stack([np.log10(0.1 + away) - 0.5, 2 * share - 1, np.full(T, noise)])
 
 
-def hindsight(posterior: Mixture, H: np.ndarray, size: float, x: np.ndarray, left: int, strayed: int):
-    """The first of HINDSIGHT, those that depend on the full posterior and the true state x (d,)."""
-    return _hindsight(*posterior, H, size, x, left, strayed)
-
-
 @njit(cache=True, error_model="numpy")
-def _hindsight(w, m, P, H, size, x, left, strayed):
+def hindsight(w, m, P, H, size, x, left, strayed, foreseen):
+    """HINDSIGHT (9,), each within +-BOUND, of the full posterior, whose gates have that size, and the true
+    state x (d,); `left` scans are to come with this one, and `foreseen` (3,) is the scan's row of `ahead`."""
     p, d = H.shape
     target, place, y = np.zeros(p), np.zeros(p), np.empty(p)
     L, S, mean = np.zeros((p, p)), np.empty((p, p)), np.zeros(p)
@@ -72,11 +71,15 @@ def _hindsight(w, m, P, H, size, x, left, strayed):
             holding += w[i]
             hope = max(hope, w[i])
     error = np.sqrt(((mean - target) ** 2).sum())
-    return np.array([
+    values = np.array([
         2 * left / 100 - 1,
         strayed / 5 - 1,
         np.log10(1 + error) / 1.5 - 1,
         np.log10(0.1 + nearest) / 2,
         2 * min(holding, 1.0) - 1,
         np.log10(hope) / 4 + 1,
+        foreseen[0],
+        foreseen[1],
+        foreseen[2],
     ])  # fmt: skip
+    return np.minimum(np.maximum(values, -BOUND), BOUND)

@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 import gmr_gym  # noqa: F401  registers the environments
+from gmr_gym.hypotheses import expanded
+from gmr_gym.mixture import moments
+from gmr_gym.simulate import scan
 from gmr_gym.threshold_features import FEATURES
 from gmr_gym.threshold_hindsight import AHEAD, HINDSIGHT
-from gmr_gym.thresholds import PAPER, encoded
+from gmr_gym.thresholds import PAPER, adapted, encoded
 
 ACTION = encoded(PAPER, ("alpha", "prune"))
 
@@ -36,10 +39,13 @@ def test_hindsight_stands_behind_the_features_and_changes_nothing_else():
 def test_hindsight_is_what_it_is_called(seed):
     _, env = pair(instances="train")
     observation, _ = env.reset(seed=seed)
-    strayed = 0
+    scenario, episode = env._scenario, env._episode
+    H, R, x = scenario.model.sensor.H, scenario.model.sensor.R, episode.x
+    strayed, belief = 0, scenario.model.prior
     for t in range(60):
-        scenario, episode, full = env._scenario, env._episode, env._full
-        H, R, x = scenario.model.sensor.H, scenario.model.sensor.R, episode.x
+        z = scan(scenario, episode, t, scenario.centre(moments(belief)[0])).z
+        full = expanded(belief, scenario.model, z)
+        belief = adapted(full.posterior.mixture, PAPER).mixture
         w, m, P = full.posterior.mixture
         found = dict(zip(HINDSIGHT, observation[len(FEATURES) :].tolist(), strict=True))
         target = H @ x[t]

@@ -25,4 +25,7 @@ def register_envs() -> None:
             if env_id not in gym.registry:
                 gym.register(env_id, f"gmr_gym.envs.{made_by}", kwargs={"scenario": scenario})
     if TUNING not in gym.registry:
-        gym.register(TUNING, "gmr_gym.envs.tuning:ReductionTuningEnv")
+        gym.register(
+            TUNING, "gmr_gym.envs.tuning:ReductionTuningEnv",
+            vector_entry_point="gmr_gym.envs.tuning_vector:ReductionTuningVectorEnv",
+        )  # fmt: skip

@@ -2,11 +2,10 @@
 
 import gymnasium as gym
 import numpy as np
-from scipy.stats import poisson
 
 from gmr_gym.envs.episodic import EXTENT, EpisodicEnv
 from gmr_gym.mixture import moments
-from gmr_gym.simulate import Episode, Scan, Scenario, draw, scan
+from gmr_gym.simulate import Episode, Scan, Scenario, capacity, draw, scan
 
 STRAYED = 10  # scans in a row beyond the cutoff that end an episode
 
@@ -63,7 +62,7 @@ class TrackingEnv(EpisodicEnv):
         super().__init__(scenario, render_mode, world)
         p, d = self.scenario.model.sensor.H.shape
         reach = 2 * EXTENT * (1 + max(1.0, self.scenario.period))
-        self._capacity = int(poisson.ppf(1 - 1e-12, self.scenario.clutter_rate)) + 1
+        self._capacity = capacity(self.scenario.clutter_rate)
         self.observation_space = gym.spaces.Dict({
             # wider than the action: a window may be centred on an estimate carried one period on, and a range
             # is up to the root of three times longer than a coordinate

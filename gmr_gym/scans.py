@@ -1,0 +1,146 @@
+"""A scan made in place: clutter that is a function of a key and of the scan's number, and the target's own
+detection among it."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from gmr_gym.mixture import cholesky_into
+from gmr_gym.philox import normals_into, pair, poisson, uniforms_into
+
+CELL = 500.0  # m, side of the squares in which clutter on the ground is drawn
+# streams of an episode's key
+NOISE, DETECTION, COUNT, PLACES, GROUND_COUNT, GROUND_PLACES = range(6)
+
+
+class View(NamedTuple):
+    """What `scan_into` has to know of a scenario; `simulate.viewed` reads it off."""
+
+    clutter_rate: float  # expected false detections in the window, a scan
+    low: np.ndarray  # (p,), m, of the window, relative to its centre
+    high: np.ndarray  # (p,), m
+    ends_sight: bool
+    region_low: np.ndarray  # (2,), m, of the region; (0,) where there is none
+    region_high: np.ndarray  # (2,), m
+
+
+@njit(cache=True, error_model="numpy")
+def chances(key, T, R):
+    """What the key (2,) says of T scans but for their clutter: noise (T, p) of covariance R (p, p), and two
+    uniforms (T,) in [0, 1), of which one decides whether the target is detected and the other where its
+    detection stands."""
+    p = len(R)
+    L, normal = np.zeros((p, p)), np.empty(p)
+    cholesky_into(L, R)
+    noise, luck, slot = np.empty((T, p)), np.empty(T), np.empty(T)
+    for t in range(T):
+        at = (t, 0, 0)
+        normals_into(normal, key, NOISE, at)
+        for r in range(p):
+            noise[t, r] = 0.0
+            for c in range(r + 1):
+                noise[t, r] += L[r, c] * normal[c]
+        luck[t], slot[t] = pair(key, DETECTION, 0, at)
+    return noise, luck, slot
+
+
+@njit(cache=True, error_model="numpy")
+def scan_into(z, view, key, t, centre, target, detected, slot):
+    """Scan t of the episode that has the key (2,), by a linear sensor whose View is placed at centre (p,),
+    zeros where it stands fast: its k detections, one a row of z (capacity, p), among them that of the target
+    (p,) where it is `detected` and in sight, in a place that `slot` in [0, 1) decides. Returns k and the
+    target's row, -1 for none; the rows from k on are left as they are."""
+    seen = detected
+    if view.ends_sight:
+        for c in range(len(target)):
+            away = target[c] - centre[c]
+            seen = seen and view.low[c] <= away and away <= view.high[c]
+            if len(view.region_low) > 0:
+                seen = seen and view.region_low[c] <= target[c] and target[c] <= view.region_high[c]
+    if len(view.region_low) > 0:
+        k, place = ground_into(z, view, key, t, centre, slot)
+    else:
+        k = clutter_into(z, view, key, t, centre)
+        place = int(slot * (k + 1))
+    if not seen:
+        return k, -1
+    return insert_into(z, k, place, target)
+
+
+@njit(cache=True, error_model="numpy")
+def insert_into(z, k, place, target):
+    """Makes room among the first k rows of z for the target (p,) in a place of its own; returns k + 1 and
+    the place."""
+    p = len(target)
+    for i in range(k, place, -1):
+        for c in range(p):
+            z[i, c] = z[i - 1, c]
+    for c in range(p):
+        z[place, c] = target[c]
+    return k + 1, place
+
+
+@njit(cache=True, error_model="numpy")
+def clutter_into(z, view, key, t, centre):
+    """Clutter of scan t, uniform in the window placed at centre (p,), one point a row of z (capacity, p);
+    returns how many, always less than the rows."""
+    at = (t, 0, 0)
+    k, p = min(poisson(view.clutter_rate, key, COUNT, at), len(z) - 1), z.shape[1]
+    uniforms_into(z.reshape(-1)[: k * p], key, PLACES, at)
+    for c in range(p):
+        low, side, middle = view.low[c], view.high[c] - view.low[c], centre[c]
+        for i in range(k):
+            z[i, c] = low + side * z[i, c] + middle
+    return k
+
+
+@njit(cache=True, error_model="numpy")
+def ground_into(z, view, key, t, centre, slot):
+    """What a window at centre (2,) shows of the clutter of scan t that stands fast on a region's ground, one
+    point a row of z (capacity, 2); returns how many, always less than the rows, and how many of them rank
+    below `slot`.
+
+    It is a Poisson process, drawn square by square from streams that each square of the grid about the
+    region's corner has to itself. Its order is by ranks of its own: that of the squares would give the
+    target away."""
+    low, high, squares = np.empty(2), np.empty(2), np.empty((2, 2), np.int64)
+    corner, expected = view.region_low, view.clutter_rate * CELL**2
+    for c in range(2):
+        low[c] = max(view.low[c] + centre[c], corner[c])
+        high[c] = min(view.high[c] + centre[c], view.region_high[c])
+        expected /= view.high[c] - view.low[c]
+        if not low[c] < high[c]:
+            return 0, 0
+        squares[c, 0], squares[c, 1] = (low[c] - corner[c]) // CELL, (high[c] - corner[c]) // CELL
+    ranks, k = np.empty(len(z)), 0
+    for i in range(squares[0, 0], squares[0, 1] + 1):
+        for j in range(squares[1, 0], squares[1, 1] + 1):
+            # squares are counted from 1: 0 is where the episode's other streams are
+            at = (t, i + 1, j + 1)
+            points = np.empty(3 * poisson(expected, key, GROUND_COUNT, at))
+            uniforms_into(points, key, GROUND_PLACES, at)
+            for n in range(0, len(points), 3):
+                x, y = corner[0] + CELL * (i + points[n]), corner[1] + CELL * (j + points[n + 1])
+                if low[0] <= x <= high[0] and low[1] <= y <= high[1] and k < len(z) - 1:
+                    z[k, 0], z[k, 1], ranks[k] = x, y, points[n + 2]
+                    k += 1
+    _sort(z, ranks, k)
+    place = 0
+    while place < k and ranks[place] < slot:
+        place += 1
+    return k, place
+
+
+@njit(cache=True, error_model="numpy")
+def _sort(z, ranks, k):
+    """Puts the first k rows of z (capacity, 2) in the order of their ranks (Shell 1959)."""
+    gap = k
+    while gap > 1:
+        gap = max(1, int(gap / 2.25))
+        for i in range(gap, k):
+            x, y, rank, j = z[i, 0], z[i, 1], ranks[i], i
+            while j >= gap and ranks[j - gap] > rank:
+                z[j, 0], z[j, 1], ranks[j] = z[j - gap, 0], z[j - gap, 1], ranks[j - gap]
+                j -= gap
+            z[j, 0], z[j, 1], ranks[j] = x, y, rank
