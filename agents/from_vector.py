@@ -49,15 +49,13 @@ class FromVector(VecEnv):
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices=None) -> list[Any]:
-        values = self.envs.get_attr(attr_name)
-        return [values[i] for i in self._get_indices(indices)]
+        return [getattr(self.envs, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices=None) -> None:
         raise NotImplementedError("an environment is changed by making another")
 
     def env_method(self, method_name: str, *args, indices=None, **kwargs) -> list[Any]:
-        results = self.envs.call(method_name, *args, **kwargs)
-        return [results[i] for i in self._get_indices(indices)]
+        raise NotImplementedError("environments that are stepped as one have no methods of their own")
 
     def env_is_wrapped(self, wrapper_class, indices: Sequence[int] | None = None) -> list[bool]:
         return [False] * len(list(self._get_indices(indices)))

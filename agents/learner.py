@@ -7,7 +7,6 @@ goes on as if it had not been, to the last bit."""
 import json
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,6 @@ import gymnasium as gym
 import numpy as np
 import yaml
 from from_vector import FromVector
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
@@ -68,9 +66,10 @@ def settings(
 
 def environments(said: Settings) -> VecNormalize:
     """The run's environments in one process, normalised as its settings say."""
-    make = [partial(gym.make, ENV_ID, **said.env)] * said.envs
-    vector = FromVector(SyncVectorEnv(make, autoreset_mode=AutoresetMode.SAME_STEP))
-    return VecNormalize(vector, gamma=said.hyperparameters.get("gamma", 0.99), **said.normalise)
+    made = gym.make_vec(
+        ENV_ID, said.envs, vectorization_mode="vector_entry_point", autoreset_mode="SameStep", **said.env
+    )
+    return VecNormalize(FromVector(made), gamma=said.hyperparameters.get("gamma", 0.99), **said.normalise)
 
 
 class Run:
