@@ -7,11 +7,10 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.association import Gates, gate_size, volumes
-from gmr_gym.hypotheses import MOST, Expanded, Kept, odds
+from gmr_gym.hypotheses import MOST, Expanded, odds
 from gmr_gym.merging import cost_of_all
 from gmr_gym.mixture import root_determinants
 from gmr_gym.model import Model
-from gmr_gym.reduction import total_merge_cost
 
 # In this order, and scaled so that most of them lie within [-1, 1] most of the time. n: hypotheses of the
 # full posterior, w: their weights, c: cost of merging them all, S = H P H' + R: covariance of a detection,
@@ -49,20 +48,13 @@ class Memory(NamedTuple):
     """What a policy knows of the scan before."""
 
     kept: int  # hypotheses
-    given_up: float  # share of the cost of merging all of the posterior that is gone from what is left
+    given_up: float  # see `thresholds.Adapted`
     work: int
 
 
 def at_start(model: Model) -> Memory:
     """The memory before the first scan."""
     return Memory(len(model.prior.w), 0.0, 0)
-
-
-def remembered(full: Expanded, kept: Kept) -> Memory:
-    """What is remembered of a scan when the next is looked at. Its work is the Gaussians that were updated
-    and the costs of pairs that were evaluated."""
-    lost = given_up(total_merge_cost(full.posterior.mixture), total_merge_cost(kept.mixture))
-    return Memory(len(kept.mixture.w), lost, full.gated + kept.merge_costs)
 
 
 def told(model: Model) -> np.ndarray:
@@ -86,13 +78,6 @@ def features(full: Expanded, memory: Memory, model: Model, known: np.ndarray) ->
         *posterior.mixture, posterior.detection, posterior.log_density, full.gates.S,
         sensor.H, sensor.R, odds(model)[2], known, *memory,
     )[0]  # fmt: skip
-
-
-@njit(cache=True, error_model="numpy")
-def given_up(before, after):
-    """Share of the cost of merging everything that is gone: what is left of the greedy way to one Gaussian is
-    the cost of what is left, see `total_merge_cost`."""
-    return max(0.0, 1 - after / before) if before > 0 else 0.0
 
 
 @njit(cache=True, error_model="numpy")

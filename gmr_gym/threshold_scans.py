@@ -7,17 +7,16 @@ and the posterior that waits for its thresholds.
 from threading import Lock
 
 import numpy as np
-from numba import njit, prange
+from numba import get_num_threads, njit, prange
 
-from gmr_gym.hypotheses import MOST, expand_scan, merge_costs, odds, reduce_scan
+from gmr_gym.hypotheses import MOST, expand_scan, odds
 from gmr_gym.instances import SCANS
-from gmr_gym.merging import cost_of_all
 from gmr_gym.reduction import among_heaviest, heavier, selected_by
 from gmr_gym.scans import View, scan_into
 from gmr_gym.simulate import Episode, Scenario, capacity, viewed
-from gmr_gym.threshold_features import given_up, observe, told
+from gmr_gym.threshold_features import observe, told
 from gmr_gym.threshold_hindsight import FORESEEN, ahead, hindsight
-from gmr_gym.thresholds import RANGES
+from gmr_gym.thresholds import RANGES, adapt
 
 LEAST = RANGES["prune"][0]  # what weighs less enters no reduction
 EPISODE = np.dtype(
@@ -121,10 +120,14 @@ def stepped(
         _together(_step_all, episodes, rows, thresholds, price, steps, observations)
 
 
-def _together(call, *args) -> None:
+def _together(call, episodes: np.ndarray, rows: np.ndarray, *args) -> None:
+    # every thread has one stretch of the rows: they are dealt out so that each has as much to merge
+    threads = get_num_threads()
+    rows = rows[np.argsort(-episodes["hypotheses"][rows], kind="stable")]
+    rows = np.concatenate([rows[first::threads] for first in range(threads)])
     with _one_at_a_time:
         try:
-            call(*args)
+            call(episodes, rows, *args)
         except SystemError as error:  # so a parallel loop hands on what is raised in it
             raise error.__cause__ or error from None
 
@@ -150,13 +153,11 @@ def look_first(episodes, i, observations):
 @njit(cache=True, error_model="numpy")
 def step(episodes, i, thresholds, price, steps, observations):
     e, out, t = episodes[i], steps[i], episodes[i].t
-    alpha, prune, density, components = thresholds[i]
     n = e.hypotheses
-    w, m, P, entered, left = reduce_scan(
-        e.w[:n], e.m[:n], e.P[:n], prune, MOST, int(components), alpha, density
+    w, m, P, estimate, _, e.given_up, e.work = adapt(
+        e.w[:n], e.m[:n], e.P[:n], thresholds[i], e.cost, e.gated
     )
-    cost, estimate, _ = cost_of_all(w, m, P)
-    e.kept, e.given_up, e.work = len(w), given_up(e.cost, cost), e.gated + merge_costs(entered, left)
+    e.kept = len(w)
     # the sensor sees positions
     squared = 0.0
     for r in range(len(e.H)):

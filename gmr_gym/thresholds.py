@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from gmr_gym.hypotheses import Kept, reduced
+from gmr_gym.hypotheses import MOST, Expanded, merge_costs, reduce_scan
+from gmr_gym.merging import cost_of_all
 from gmr_gym.mixture import Mixture
-from gmr_gym.reduction import greedy
 
 
 class Thresholds(NamedTuple):
@@ -33,7 +33,7 @@ def decoded(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = PA
     """The thresholds that an action (k,) in [-1, 1] stands for, one of `parameters` each, on a logarithmic
     scale over RANGES; the others are those of `rest`. Raises ValueError for another shape, and for a number
     that is not finite or outside the box."""
-    action = np.asarray(action, float)
+    action = np.array(action, float)
     if action.shape != (len(parameters),):
         raise ValueError(
             f"action must have shape {(len(parameters),)}, one number each for {', '.join(parameters)}, "
@@ -48,7 +48,7 @@ def decoded(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = PA
 def check_actions(actions: np.ndarray, n: int, parameters: Sequence[str], used: np.ndarray) -> np.ndarray:
     """Actions (n, k) as floats; ValueError for another shape, and for what `decoded` refuses in one that is
     `used` (n,)."""
-    actions = np.asarray(actions, float)
+    actions = np.array(actions, float, order="C")
     if actions.shape != (n, len(parameters)):
         raise ValueError(
             f"actions must have shape {(n, len(parameters))}, one number each for {', '.join(parameters)}, "
@@ -103,7 +103,29 @@ def check_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
     return tuple(parameters)
 
 
-def adapted(posterior: Mixture, thresholds: Thresholds) -> Kept:
-    """The posterior pruned, merged adaptively and pruned again (D'Ortenzio, Adaptive)."""
-    merge = greedy(thresholds.components, thresholds.alpha)
-    return reduced(posterior, merge, thresholds.prune, thresholds.prune_density)
+class Adapted(NamedTuple):
+    """What the thresholds left of a scan."""
+
+    mixture: Mixture  # weights sum to 1
+    mean: np.ndarray  # (d,), of the whole mixture
+    covariance: np.ndarray  # (d, d)
+    given_up: float  # share of the cost of merging all of the posterior that is gone from what is left
+    work: int  # Gaussians that were updated, and costs of pairs that were evaluated
+
+
+def adapted(full: Expanded, thresholds: np.ndarray | Thresholds, cost: float) -> Adapted:
+    """The posterior pruned, merged adaptively and pruned again (D'Ortenzio, Adaptive) by thresholds (4,); the
+    cost is that of merging all of it."""
+    w, m, P, *rest = adapt(*full.posterior.mixture, np.array(thresholds, float), cost, full.gated)
+    return Adapted(Mixture(w, m, P), *rest)
+
+
+@njit(cache=True, error_model="numpy")
+def adapt(w, m, P, thresholds, cost, gated):
+    """The fields of `Adapted`, w, m and P apart."""
+    alpha, prune, density = thresholds[0], thresholds[1], thresholds[2]
+    w, m, P, entered, left = reduce_scan(w, m, P, prune, MOST, int(thresholds[COMPONENTS]), alpha, density)
+    after, mean, covariance = cost_of_all(w, m, P)
+    # what is left of the greedy way to one Gaussian is the cost of what is left, see `total_merge_cost`
+    given_up = max(0.0, 1 - after / cost) if cost > 0.0 else 0.0
+    return w, m, P, mean, covariance, given_up, gated + merge_costs(entered, left)

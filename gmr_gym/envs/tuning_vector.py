@@ -24,7 +24,8 @@ class ReductionTuningVectorEnv(VectorEnv):
     ## Arguments
     Those of the single environment. `autoreset_mode`: "NextStep", in which the step after an episode's last
     takes no heed of the action and shows scan 1 of the next, or "SameStep", in which the last step does, with
-    `final_obs` and `final_info` of what it was. `copy`: whether observations are arrays of their own at every
+    `final_obs` and `final_info` of what it was, or "Disabled", in which nothing more happens there until
+    `reset` begins all episodes anew. `copy`: whether observations are arrays of their own at every
     step, or one that the next step overwrites.
     """
 
@@ -42,8 +43,6 @@ class ReductionTuningVectorEnv(VectorEnv):
         if num_envs < 1:
             raise ValueError(f"num_envs must be at least 1, got {num_envs}")
         mode = AutoresetMode(autoreset_mode)
-        if mode is AutoresetMode.DISABLED:
-            raise ValueError("autoreset_mode must be 'NextStep' or 'SameStep'")
         self.num_envs, self.copy = num_envs, copy
         self.metadata = {"autoreset_mode": mode}
         self.parameters, self.price = check_parameters(parameters), checked_price(price)
@@ -74,7 +73,7 @@ class ReductionTuningVectorEnv(VectorEnv):
     def step(self, actions: np.ndarray):
         """One scan of every environment under the thresholds of the actions (n, j): features (n, k), rewards
         (n,), terminated (n,), truncated (n,) and infos."""
-        same = self.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+        mode = self.metadata["autoreset_mode"]
         running = self._state["t"] < self._state["scans"]
         if self._names[0] is None:
             raise RuntimeError("call reset() before step(): no episode is running")
@@ -84,8 +83,9 @@ class ReductionTuningVectorEnv(VectorEnv):
         stepped(self._state, np.flatnonzero(running), thresholds, self.price, steps, self._observations)
         terminated, truncated = steps["terminated"].copy(), steps["truncated"].copy()
         infos: dict[str, Any] = {}
-        fresh, over = ~running, terminated | truncated
-        if same and over.any():
+        over = terminated | truncated
+        fresh = ~running & (mode is AutoresetMode.NEXT_STEP)
+        if mode is AutoresetMode.SAME_STEP and over.any():
             infos["final_obs"], infos["_final_obs"] = np.full(self.num_envs, None, object), over.copy()
             for i in np.flatnonzero(over):
                 infos["final_obs"][i] = self._observations[i].copy()
