@@ -68,6 +68,59 @@ def scan_into(z, view, key, t, centre, target, detected, slot):
     return insert_into(z, k, place, target)
 
 
+@njit(cache=True, error_model="numpy", nogil=True)
+def scans_into(
+    first, last, z, mask, origin, filled, view, carried, key, heard, detected, slot, t, estimates
+):  # fmt: skip
+    """One scan of each of the episodes from `first` to before `last` of n: scan t[i] of that with key[i]
+    (n, 2), or nothing where it has none of that number, into z (n, capacity, p). Of every episode `heard`
+    (n, T, p), `detected` (n, T) and `slot` (n, T) are the target's part, and the estimate (n, d) of the scan
+    before, as `carried`, places the window. For `mask`, `origin` and `filled` see `label_into`."""
+    centre = np.zeros(z.shape[2])
+    for i in range(first, last):
+        k, place, now = 0, -1, t[i]
+        if now < heard.shape[1]:
+            carry_into(centre, carried, estimates[i])
+            k, place = scan_into(
+                z[i], view, key[i], now, centre, heard[i, now], detected[i, now], slot[i, now]
+            )
+        label_into(z[i], mask[i], origin[i], filled[i], k, place)
+        filled[i] = k
+
+
+@njit(cache=True, error_model="numpy")
+def label_into(z, mask, origin, filled, k, place):
+    """Tells of a scan of k detections in the rows of z (capacity, p): mask (capacity,) 1 for a detection and
+    0 for none, origin (capacity,) 0 in the target's row `place`, unless that is -1, then -1, and -2 for no
+    detection. Rows from k to before `filled` are made zero; those behind it have been so before, as has the
+    mask there."""
+    for i in range(k):
+        mask[i] = 1
+        origin[i] = -1
+    if place >= 0:
+        origin[place] = 0
+    for i in range(k, len(z)):
+        origin[i] = -2
+    for i in range(k, filled):
+        mask[i] = 0
+        for c in range(z.shape[1]):
+            z[i, c] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def carry_into(centre, carried, estimate):
+    """Where the next scan's window stands (p,) after the estimate (d,): nowhere else for no motion."""
+    F, offset, H = carried
+    d = len(F)
+    for c in range(len(H)):
+        centre[c] = 0.0
+        for i in range(d):
+            moved = offset[i]
+            for j in range(d):
+                moved += F[i, j] * estimate[j]
+            centre[c] += H[c, i] * moved
+
+
 @njit(cache=True, error_model="numpy")
 def insert_into(z, k, place, target):
     """Makes room among the first k rows of z for the target (p,) in a place of its own; returns k + 1 and
