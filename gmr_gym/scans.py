@@ -7,11 +7,12 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.mixture import cholesky_into
-from gmr_gym.philox import normals_into, pair, poisson, uniforms_into
+from gmr_gym.philox import normals_into, pair, points_into, poisson
 
 CELL = 500.0  # m, side of the squares in which clutter on the ground is drawn
 # streams of an episode's key
-NOISE, DETECTION, COUNT, PLACES, GROUND_COUNT, GROUND_PLACES = range(6)
+NOISE, DETECTION, COUNT, GROUND_COUNT = range(4)
+PLACES, GROUND_PLACES = 4, 8  # and those after them, one for every two coordinates
 
 
 class View(NamedTuple):
@@ -26,23 +27,35 @@ class View(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def chances(key, T, R):
-    """What the key (2,) says of T scans but for their clutter: noise (T, p) of covariance R (p, p), and two
-    uniforms (T,) in [0, 1), of which one decides whether the target is detected and the other where its
-    detection stands."""
-    p = len(R)
-    L, normal = np.zeros((p, p)), np.empty(p)
+def hear_all(heard, key, R):
+    """Adds to what a sensor would say of T scans (T, p) the noise of covariance R (p, p) that goes with the
+    key (2,). Returns for every scan two numbers (T,) in [0, 1): the target is detected if the first is below
+    its probability, and the second decides where among the clutter its detection stands."""
+    L, luck, slot = factor(R), np.empty(len(heard)), np.empty(len(heard))
+    for t in range(len(heard)):
+        luck[t], slot[t] = hear(heard[t], key, t, L)
+    return luck, slot
+
+
+@njit(cache=True, error_model="numpy")
+def hear(heard, key, t, L):
+    """`hear_all` of scan t alone, heard (p,), for noise of covariance L L'."""
+    at, normal = (t, 0, 0), np.empty(len(L))
+    normals_into(normal, key, NOISE, at)
+    for r in range(len(L)):
+        noise = 0.0
+        for c in range(r + 1):
+            noise += L[r, c] * normal[c]
+        heard[r] += noise
+    return pair(key, DETECTION, 0, at)
+
+
+@njit(cache=True, error_model="numpy")
+def factor(R):
+    """Lower factor L (p, p) of the covariance R = L L'."""
+    L = np.zeros_like(R)
     cholesky_into(L, R)
-    noise, luck, slot = np.empty((T, p)), np.empty(T), np.empty(T)
-    for t in range(T):
-        at = (t, 0, 0)
-        normals_into(normal, key, NOISE, at)
-        for r in range(p):
-            noise[t, r] = 0.0
-            for c in range(r + 1):
-                noise[t, r] += L[r, c] * normal[c]
-        luck[t], slot[t] = pair(key, DETECTION, 0, at)
-    return noise, luck, slot
+    return L
 
 
 @njit(cache=True, error_model="numpy")
@@ -69,21 +82,20 @@ def scan_into(z, view, key, t, centre, target, detected, slot):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def scans_into(
-    first, last, z, mask, origin, filled, view, carried, key, heard, detected, slot, t, estimates
-):  # fmt: skip
+def scans_into(first, last, z, mask, origin, filled, view, carried, R, chance, key, expected, t, estimates):
     """One scan of each of the episodes from `first` to before `last` of n: scan t[i] of that with key[i]
-    (n, 2), or nothing where it has none of that number, into z (n, capacity, p). Of every episode `heard`
-    (n, T, p), `detected` (n, T) and `slot` (n, T) are the target's part, and the estimate (n, d) of the scan
-    before, as `carried`, places the window. For `mask`, `origin` and `filled` see `label_into`."""
-    centre = np.zeros(z.shape[2])
+    (n, 2), or nothing where it has none of that number, into z (n, capacity, p). What the sensor would say of
+    the truth without noise is `expected` (n, T, p), the noise's covariance R (p, p), the target's probability
+    of detection `chance`, and the estimate (n, d) of the scan before, as `carried`, places the window. For
+    `mask`, `origin` and `filled` see `label_into`."""
+    centre, heard, L = np.zeros(len(R)), np.empty(len(R)), factor(R)
     for i in range(first, last):
         k, place, now = 0, -1, t[i]
-        if now < heard.shape[1]:
+        if now < expected.shape[1]:
             carry_into(centre, carried, estimates[i])
-            k, place = scan_into(
-                z[i], view, key[i], now, centre, heard[i, now], detected[i, now], slot[i, now]
-            )
+            heard[:] = expected[i, now]
+            luck, slot = hear(heard, key[i], now, L)
+            k, place = scan_into(z[i], view, key[i], now, centre, heard, luck < chance, slot)
         label_into(z[i], mask[i], origin[i], filled[i], k, place)
         filled[i] = k
 
@@ -139,12 +151,8 @@ def clutter_into(z, view, key, t, centre):
     """Clutter of scan t, uniform in the window placed at centre (p,), one point a row of z (capacity, p);
     returns how many, always less than the rows."""
     at = (t, 0, 0)
-    k, p = min(poisson(view.clutter_rate, key, COUNT, at), len(z) - 1), z.shape[1]
-    uniforms_into(z.reshape(-1)[: k * p], key, PLACES, at)
-    for c in range(p):
-        low, side, middle = view.low[c], view.high[c] - view.low[c], centre[c]
-        for i in range(k):
-            z[i, c] = low + side * z[i, c] + middle
+    k = min(poisson(view.clutter_rate, key, COUNT, at), len(z) - 1)
+    points_into(z, k, view.low + centre, view.high + centre, key, PLACES, at)
     return k
 
 
@@ -171,12 +179,12 @@ def ground_into(z, view, key, t, centre, slot):
         for j in range(squares[1, 0], squares[1, 1] + 1):
             # squares are counted from 1: 0 is where the episode's other streams are
             at = (t, i + 1, j + 1)
-            points = np.empty(3 * poisson(expected, key, GROUND_COUNT, at))
-            uniforms_into(points, key, GROUND_PLACES, at)
-            for n in range(0, len(points), 3):
-                x, y = corner[0] + CELL * (i + points[n]), corner[1] + CELL * (j + points[n + 1])
+            points = np.empty((poisson(expected, key, GROUND_COUNT, at), 3))
+            points_into(points, len(points), np.zeros(3), np.ones(3), key, GROUND_PLACES, at)
+            for n in range(len(points)):
+                x, y = corner[0] + CELL * (i + points[n, 0]), corner[1] + CELL * (j + points[n, 1])
                 if low[0] <= x <= high[0] and low[1] <= y <= high[1] and k < len(z) - 1:
-                    z[k, 0], z[k, 1], ranks[k] = x, y, points[n + 2]
+                    z[k, 0], z[k, 1], ranks[k] = x, y, points[n, 2]
                     k += 1
     _sort(z, ranks, k)
     place = 0

@@ -11,9 +11,10 @@ from scipy import stats
 from gmr_gym.association import Gates
 from gmr_gym.kalman import Sensing, Sensor
 from gmr_gym.model import Model
-from gmr_gym.scans import View, carry_into, chances, clutter_into, insert_into, scan_into
+from gmr_gym.scans import View, carry_into, clutter_into, hear_all, insert_into, scan_into
 
 Loss = Callable[[Gates, np.ndarray, np.ndarray], bool]
+UNUSED = np.random.default_rng(0)
 NOWHERE = np.empty(0)  # m, the corners of no region
 
 
@@ -100,12 +101,32 @@ class Scan(NamedTuple):
 def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
     """One episode: its truth drawn by a generator of its own, and of its detections and clutter, which are
     functions of the seed's key and of a scan's number, the part that waits for no estimate."""
-    sequence = _sequence(seed)
-    x, mode = scenario.truth(stream(sequence, 0))
-    key = sequence.generate_state(2)
-    noise, luck, slot = chances(key, len(x), scenario.sensor.R)
-    z, possible = scenario.sensor.settled(scenario.sensor.observed(x) + noise)
+    x, mode = true(scenario, seed)
+    key, z = key_of(seed), np.array(scenario.sensor.observed(x))
+    luck, slot = hear_all(z, key, scenario.sensor.R)
+    z, possible = scenario.sensor.settled(z)
     return Episode(x, mode, z, (luck < scenario.detection_probability) & possible, slot, key)
+
+
+def true(scenario: Scenario, seed: int | np.random.SeedSequence) -> Truth:
+    """The truth of the episode of a seed."""
+    # a script draws nothing, and a generator of its own would take as long as ten scans
+    return scenario.truth(UNUSED if is_scripted(scenario) else stream(seed, 0))
+
+
+def is_scripted(scenario: Scenario) -> bool:
+    """Whether the target goes the same way in every episode."""
+    return getattr(scenario.truth, "func", None) is scripted
+
+
+def scripted(x: np.ndarray, rng: np.random.Generator) -> Truth:
+    """The truth of a target whose states x (T, d) chance has no part in."""
+    return Truth(x, np.full(len(x), -1))
+
+
+def key_of(seed: int | np.random.SeedSequence) -> np.ndarray:
+    """Key (2,) of an episode's detections and clutter."""
+    return _sequence(seed).generate_state(2)
 
 
 def stream(seed: int | np.random.SeedSequence, i: int) -> np.random.Generator:

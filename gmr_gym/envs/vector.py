@@ -17,7 +17,7 @@ from numba import config
 from gmr_gym.envs.episodic import EXTENT, ORIGIN
 from gmr_gym.envs.tracking import STRAYED, TrackingEnv, distance
 from gmr_gym.scans import label_into, scans_into
-from gmr_gym.simulate import Episode, carried, draw, make_scan, viewed
+from gmr_gym.simulate import carried, draw, is_scripted, key_of, make_scan, true, viewed
 
 SHARE = 32  # environments that a thread is worth
 
@@ -72,7 +72,13 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         self._view, self._carried = viewed(self.scenario), carried(self.scenario)
         self._rows = np.arange(num_envs)
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
-        self._episodes: Any = None  # an Episode whose arrays have an axis of environments before their own
+        x, mode = true(self.scenario, 0)
+        # of every environment's episode; filled here for good where all are of one truth
+        self._x, self._mode = (np.tile(part, (num_envs, *[1] * part.ndim)) for part in (x, mode))
+        expected = self.scenario.sensor.observed(x)
+        self._expected = np.tile(expected, (num_envs, 1, 1))  # what the sensor would say without noise
+        self._keys = np.zeros((num_envs, 2), np.uint32)
+        self._drawn: list[Any] = [None] * num_envs  # whole episodes, where the sensor is not linear
         self._t = np.full(num_envs, self.scenario.horizon)  # the scan shown; the horizon for none
         self._estimates = np.tile(self._single.prior[0], (num_envs, 1))  # of the scan before
         self._strayed = np.zeros(num_envs, int)
@@ -105,7 +111,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         if (self._t >= horizon)[~anew].any():
             raise RuntimeError("call reset() before step(): no episode is running")
         self._estimates = self._checked(actions, ~anew)
-        truth = self._episodes.x[self._rows, np.minimum(self._t, horizon - 1)]
+        truth = self._x[self._rows, np.minimum(self._t, horizon - 1)]
         error = distance(self._estimates.T, truth.T, self.scenario.position)
         self._strayed = np.where(error > cutoff, self._strayed + 1, 0)
         self._t = self._t + 1
@@ -149,13 +155,16 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
     def _begin(self, chosen: np.ndarray, seeds: Sequence[int | None]) -> None:
         """A new episode in the chosen environments, of its seed, or for None of the stream's next."""
         for i in np.flatnonzero(chosen).tolist():
-            seed = seeds[i]
-            episode = draw(self.scenario, self._next_seed(i) if seed is None else seed)
-            if self._episodes is None:
-                shapes = [((self.num_envs, *part.shape), part.dtype) for part in episode]
-                self._episodes = Episode(*(np.zeros(*shape) for shape in shapes))
-            for parts, part in zip(self._episodes, episode, strict=True):
-                parts[i] = part
+            given = seeds[i]
+            seed = self._next_seed(i) if given is None else given
+            if self._carried is None:
+                self._drawn[i] = draw(self.scenario, seed)
+                self._x[i], self._mode[i] = self._drawn[i].x, self._drawn[i].mode
+                continue
+            self._keys[i] = key_of(seed)
+            if not is_scripted(self.scenario):
+                self._x[i], self._mode[i] = true(self.scenario, seed)
+                self._expected[i] = self.scenario.sensor.observed(self._x[i])
         self._t[chosen], self._strayed[chosen], self._ended[chosen] = 0, 0, False
         self._estimates[chosen] = self._single.prior[0]
 
@@ -192,7 +201,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         if not told.any():
             return observation, {}
         at = self._rows, np.where(told, self._t, 0)
-        truth, mode = self._episodes.x[at], self._episodes.mode[at]
+        truth, mode = self._x[at], self._mode[at]
         if not told.all():
             origin = origin.copy()
             truth[~told], mode[~told], origin[~told] = 0, 0, 0
@@ -207,18 +216,17 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         for i in range(self.num_envs):
             k, place = 0, -1
             if shown[i]:
-                episode = Episode(*(part[i] for part in self._episodes))
                 centre = self.scenario.centre(self._estimates[i])
-                k, place = make_scan(z[i], self.scenario, self._view, episode, int(self._t[i]), centre)
+                k, place = make_scan(z[i], self.scenario, self._view, self._drawn[i], int(self._t[i]), centre)
             label_into(z[i], mask[i], origin[i], filled[i], k, place)
             filled[i] = k
 
     def _scans_at_once(self) -> None:
         """The scans of a linear sensor, each thread making those of a share of the environments."""
-        episodes = self._episodes
+        sensor, chance = self.scenario.sensor, float(self.scenario.detection_probability)
         everything = (
-            *self._handed_out, self._view, self._carried, episodes.key, episodes.z, episodes.detected,
-            episodes.slot, self._t, self._estimates,
+            *self._handed_out, self._view, self._carried, sensor.R, chance, self._keys, self._expected,
+            self._t, self._estimates,
         )  # fmt: skip
         shares = list(pairwise(np.linspace(0, self.num_envs, self._threads + 1).astype(int).tolist()))
         pool = _pool(os.getpid(), self._threads) if self._threads > 1 else None
