@@ -135,13 +135,10 @@ def carry_into(centre, carried, estimate):
 
 @njit(cache=True, error_model="numpy")
 def insert_into(z, k, place, target):
-    """Makes room among the first k rows of z for the target (p,) in a place of its own; returns k + 1 and
-    the place."""
-    p = len(target)
-    for i in range(k, place, -1):
-        for c in range(p):
-            z[i, c] = z[i - 1, c]
-    for c in range(p):
+    """Puts the target (p,) in its place among the first k rows of z, whose order says nothing; the row that
+    stood there becomes the last. Returns k + 1 and the place."""
+    for c in range(len(target)):
+        z[k, c] = z[place, c]
         z[place, c] = target[c]
     return k + 1, place
 

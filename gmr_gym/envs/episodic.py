@@ -84,7 +84,9 @@ class EpisodicEnv(gym.Env):
         if self._t >= self.scenario.horizon:
             raise RuntimeError("call reset() before step(): no episode is running")
         try:
-            action = np.array(action).astype(float, casting="same_kind")
+            action = np.array(action)
+            if action.dtype != float:
+                action = action.astype(float, casting="same_kind")
         except (TypeError, ValueError):
             raise ValueError(f"action must be numbers of shape {self.action_space.shape}") from None
         if action.shape != self.action_space.shape:

@@ -85,7 +85,7 @@ class TrackingEnv(EpisodicEnv):
     def step(self, action):
         """Scores the estimate (d,) of the scan just seen; the next scan, if there is one."""
         estimate = self._checked(action)
-        error = float(distance(estimate, self._episode.x[self._t], self._position))
+        error = float(distance(estimate.tolist(), self._episode.x[self._t].tolist(), self._position))
         self._strayed = self._strayed + 1 if error > self.scenario.cutoff else 0
         self._estimates.append(estimate)
         self._t += 1
@@ -144,7 +144,7 @@ class TrackingEnv(EpisodicEnv):
 
     def _checked(self, action) -> np.ndarray:
         estimate = super()._checked(action)
-        if not (np.abs(estimate) <= EXTENT).all():
+        if not all(-EXTENT <= value <= EXTENT for value in estimate.tolist()):
             raise ValueError(f"action must be finite and within +-{EXTENT:g}, got {estimate.tolist()}")
         return estimate
 
@@ -154,7 +154,7 @@ class TrackingEnv(EpisodicEnv):
         return Canvas(self.scenario, on_screen)
 
 
-def distance(estimate: np.ndarray, truth: np.ndarray, position: Sequence[int]) -> np.ndarray:
+def distance(estimate, truth, position: Sequence[int]):
     """How far apart (...,) states (d, ...) are in the given coordinates, summed in order: one pair and many
     come out alike."""
     total = 0.0
