@@ -68,7 +68,9 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         self.single_action_space = self._single.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._threads = min(-(-num_envs // SHARE), threads or config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+        limit = threads or config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+        bounds = np.linspace(0, num_envs, min(-(-num_envs // SHARE), limit) + 1).astype(int)
+        self._shares = list(pairwise(bounds.tolist()))  # of the threads, the caller's own first
         self._view, self._carried = viewed(self.scenario), carried(self.scenario)
         self._rows = np.arange(num_envs)
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
@@ -183,19 +185,20 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
                 np.empty((n, *shape)), np.empty((n, shape[0]), np.int8), np.empty((n, shape[0]), ORIGIN),
                 np.full(n, shape[0]),
             )  # fmt: skip
+            self._priors = [np.tile(part, (n, 1)) for part in self._single.prior]
         z, mask, origin, _ = self._handed_out
         shown = self._t < self.scenario.horizon
         if self._carried is None:
             self._scans_in_turn(shown)
         else:
             self._scans_at_once()
-        mean, covariance = self._single.prior
+        mean, covariance = self._priors
         observation = {
             "scan": z,
             "mask": mask,
             "time": (self._t[:, None] + 1) * self.scenario.period,
-            "prior_mean": np.tile(mean, (n, 1)),
-            "prior_covariance": np.tile(covariance, (n, 1)),
+            "prior_mean": mean,
+            "prior_covariance": covariance,
         }
         told = told & shown
         if not told.any():
@@ -228,10 +231,10 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
             *self._handed_out, self._view, self._carried, sensor.R, chance, self._keys, self._expected,
             self._t, self._estimates,
         )  # fmt: skip
-        shares = list(pairwise(np.linspace(0, self.num_envs, self._threads + 1).astype(int).tolist()))
-        pool = _pool(os.getpid(), self._threads) if self._threads > 1 else None
-        others = [pool.submit(scans_into, *share, *everything) for share in shares[1:]] if pool else []
-        scans_into(*shares[0], *everything)
+        helpers = len(self._shares) - 1
+        pool = _pool(os.getpid(), helpers) if helpers else None
+        others = [pool.submit(scans_into, *share, *everything) for share in self._shares[1:]] if pool else []
+        scans_into(*self._shares[0], *everything)
         for other in others:
             other.result()
 
@@ -268,6 +271,6 @@ def _chosen(options: dict[str, Any] | None, n: int) -> np.ndarray:
 
 
 @lru_cache
-def _pool(process: int, threads: int) -> ThreadPoolExecutor:
-    """The threads that help the caller's own; a forked process has to have others than its parent."""
-    return ThreadPoolExecutor(threads - 1, "gmr_gym-scans")
+def _pool(process: int, helpers: int) -> ThreadPoolExecutor:
+    """Threads to help the caller's own; a forked process has to have others than its parent."""
+    return ThreadPoolExecutor(helpers, "gmr_gym-scans")
