@@ -203,6 +203,21 @@ def test_an_ended_episode_has_to_be_begun_anew_by_hand_where_nothing_else_does_i
         envs.step(prior)
 
 
+def test_what_is_given_for_an_episode_that_is_over_does_not_count():
+    envs, other = native(FLIGHT, 2, horizon=3), native(FLIGHT, 2, horizon=3)
+    prior = envs.reset(seed=0)[0]["prior_mean"]
+    other.reset(seed=0)
+    for step in range(9):
+        over = step % 4 == 3
+        a, b = (
+            envs.step(prior),
+            other.step(np.full_like(prior, np.nan if step == 3 else 1e300) if over else prior),
+        )
+        assert_same(a[0], b[0])
+        assert_same(a[4], b[4])
+        assert not over or ("error" not in a[4] and not a[1].any())
+
+
 def test_a_pickled_copy_goes_on_as_the_original():
     envs = native(FLIGHT, 3, horizon=8)
     prior = envs.reset(seed=0)[0]["prior_mean"]

@@ -113,6 +113,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         if (self._t >= horizon)[~anew].any():
             raise RuntimeError("call reset() before step(): no episode is running")
         self._estimates = self._checked(actions, ~anew)
+        self._estimates[anew] = self._single.prior[0]  # whatever was given for an episode that is over
         truth = self._x[self._rows, np.minimum(self._t, horizon - 1)]
         error = distance(self._estimates.T, truth.T, self.scenario.position)
         self._strayed = np.where(error > cutoff, self._strayed + 1, 0)
