@@ -7,13 +7,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+import gmr_gym
 from gmr_gym.hypotheses import expanded, odds
+from gmr_gym.kalman import Sensor
 from gmr_gym.mixture import Mixture
 from gmr_gym.model import Model
 from gmr_gym.network import Network, forward, load
 from gmr_gym.threshold_features import FEATURES, Memory, at_start, observe, told
 from gmr_gym.thresholds import PAPER, Thresholds, adapted, decode, encoded, places
 from gmr_gym.tracker import Report, check_scan
+
+SHIPPED = Path(gmr_gym.__file__).parent / "data" / "policies" / "thresholds.npz"
 
 
 class Belief(NamedTuple):
@@ -35,6 +39,8 @@ class LearnedThresholds:
     _same: tuple[Any, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self):
+        if not isinstance(self.model.sensor, Sensor):
+            raise ValueError("learned thresholds need a linear sensor of positions, and here it is a radar")
         encoded(self.rest, ("components",))  # a limit out of range is an error here, not in a scan
         same = (
             odds(self.model)[2], told(self.model), *self.network.packed(),
@@ -70,9 +76,10 @@ def _chosen(
 
 
 def learned_thresholds(
-    model: Model, policy: str | Path, components: int = PAPER.components
+    model: Model, policy: str | Path | None = None, components: int = PAPER.components
 ) -> LearnedThresholds:
-    """MHT of up to `components` hypotheses whose thresholds are set by the network in the file `policy`, as
-    agents/export.py writes it. Raises ValueError for a file that is none, see `gmr_gym.network.load`."""
-    network = load(policy, FEATURES, Thresholds._fields)
+    """MHT of up to `components` hypotheses whose thresholds are set by a network: that which comes with
+    gmr_gym, or that in the file `policy`, as agents/export.py writes it. For one motion and a linear sensor.
+    Raises ValueError for a file that is none, see `gmr_gym.network.load`, and for a model of another kind."""
+    network = load(policy or SHIPPED, FEATURES, Thresholds._fields)
     return LearnedThresholds(model, network, PAPER._replace(components=components))
