@@ -47,23 +47,34 @@ def pair(key, stream, draw, at):
 
 
 @njit(cache=True, error_model="numpy")
-def uniforms_into(out, key, stream, at):
-    """Fills out (n,) with the stream's uniforms in [0, 1): the numbers of its pairs in their order."""
-    n = len(out)
-    blocks = (n + 1) // 2
-    words = np.empty((4, blocks), np.uint32)
+def points_into(z, n, low, high, key, stream, at):
+    """The first n rows of z (capacity, p), contiguous, become points uniform between low and high (p,): row i
+    of the i-th pairs of the stream and of those after it, each of which gives two coordinates."""
+    p = z.shape[1]
+    flat, words = z.reshape(-1), np.empty((4, n), np.uint32)
     w0, w1, w2, w3 = words[0], words[1], words[2], words[3]
-    first, c1, c2, c3 = np.uint64(stream << DRAWS), np.uint64(at[0]), np.uint64(at[1]), np.uint64(at[2])
+    c1, c2, c3 = np.uint64(at[0]), np.uint64(at[1]), np.uint64(at[2])
     k0, k1 = np.uint64(key[0]), np.uint64(key[1])
-    for i in range(blocks):
-        w0[i], w1[i], w2[i], w3[i] = block(first + np.uint64(np.uint32(i)), c1, c2, c3, k0, k1)
-    for i in range(n // 2):
-        u = uniform(np.uint64(w0[i]), np.uint64(w1[i]))
-        v = uniform(np.uint64(w2[i]), np.uint64(w3[i]))
-        out[2 * i] = u
-        out[2 * i + 1] = v
-    if n % 2 == 1:
-        out[n - 1] = uniform(np.uint64(w0[blocks - 1]), np.uint64(w1[blocks - 1]))
+    for c in range(0, p, 2):
+        first = np.uint64((stream + c // 2) << DRAWS)
+        # words first and numbers after them: either loop is turned into vectors, one of both would not be
+        for i in range(n):
+            w0[i], w1[i], w2[i], w3[i] = block(first + np.uint64(np.uint32(i)), c1, c2, c3, k0, k1)
+        start, side = low[c], high[c] - low[c]
+        if p == 2:
+            other, length = low[1], high[1] - low[1]
+            for i in range(n):
+                u = start + side * uniform(np.uint64(w0[i]), np.uint64(w1[i]))
+                v = other + length * uniform(np.uint64(w2[i]), np.uint64(w3[i]))
+                flat[2 * i] = u
+                flat[2 * i + 1] = v
+            return
+        for i in range(n):
+            flat[p * i + c] = start + side * uniform(np.uint64(w0[i]), np.uint64(w1[i]))
+        if c + 1 < p:
+            start, side = low[c + 1], high[c + 1] - low[c + 1]
+            for i in range(n):
+                flat[p * i + c + 1] = start + side * uniform(np.uint64(w2[i]), np.uint64(w3[i]))
 
 
 @njit(cache=True, error_model="numpy")

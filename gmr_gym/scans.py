@@ -7,11 +7,12 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.mixture import cholesky_into
-from gmr_gym.philox import normals_into, pair, poisson, uniforms_into
+from gmr_gym.philox import normals_into, pair, points_into, poisson
 
 CELL = 500.0  # m, side of the squares in which clutter on the ground is drawn
 # streams of an episode's key
-NOISE, DETECTION, COUNT, PLACES, GROUND_COUNT, GROUND_PLACES = range(6)
+NOISE, DETECTION, COUNT, GROUND_COUNT = range(4)
+PLACES, GROUND_PLACES = 4, 8  # and those after them, one for every two coordinates
 
 
 class View(NamedTuple):
@@ -26,23 +27,35 @@ class View(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def chances(key, T, R):
-    """What the key (2,) says of T scans but for their clutter: noise (T, p) of covariance R (p, p), and two
-    uniforms (T,) in [0, 1), of which one decides whether the target is detected and the other where its
-    detection stands."""
-    p = len(R)
-    L, normal = np.zeros((p, p)), np.empty(p)
+def hear_all(heard, key, R):
+    """Adds to what a sensor would say of T scans (T, p) the noise of covariance R (p, p) that goes with the
+    key (2,). Returns for every scan two numbers (T,) in [0, 1): the target is detected if the first is below
+    its probability, and the second decides where among the clutter its detection stands."""
+    L, luck, slot = factor(R), np.empty(len(heard)), np.empty(len(heard))
+    for t in range(len(heard)):
+        luck[t], slot[t] = hear(heard[t], key, t, L)
+    return luck, slot
+
+
+@njit(cache=True, error_model="numpy")
+def hear(heard, key, t, L):
+    """`hear_all` of scan t alone, heard (p,), for noise of covariance L L'."""
+    at, normal = (t, 0, 0), np.empty(len(L))
+    normals_into(normal, key, NOISE, at)
+    for r in range(len(L)):
+        noise = 0.0
+        for c in range(r + 1):
+            noise += L[r, c] * normal[c]
+        heard[r] += noise
+    return pair(key, DETECTION, 0, at)
+
+
+@njit(cache=True, error_model="numpy")
+def factor(R):
+    """Lower factor L (p, p) of the covariance R = L L'."""
+    L = np.zeros_like(R)
     cholesky_into(L, R)
-    noise, luck, slot = np.empty((T, p)), np.empty(T), np.empty(T)
-    for t in range(T):
-        at = (t, 0, 0)
-        normals_into(normal, key, NOISE, at)
-        for r in range(p):
-            noise[t, r] = 0.0
-            for c in range(r + 1):
-                noise[t, r] += L[r, c] * normal[c]
-        luck[t], slot[t] = pair(key, DETECTION, 0, at)
-    return noise, luck, slot
+    return L
 
 
 @njit(cache=True, error_model="numpy")
@@ -68,15 +81,64 @@ def scan_into(z, view, key, t, centre, target, detected, slot):
     return insert_into(z, k, place, target)
 
 
+@njit(cache=True, error_model="numpy", nogil=True)
+def scans_into(first, last, z, mask, origin, filled, view, carried, R, chance, key, expected, t, estimates):
+    """One scan of each of the episodes from `first` to before `last` of n: scan t[i] of that with key[i]
+    (n, 2), or nothing where it has none of that number, into z (n, capacity, p). What the sensor would say of
+    the truth without noise is `expected` (n, T, p), the noise's covariance R (p, p), the target's probability
+    of detection `chance`, and the estimate (n, d) of the scan before, as `carried`, places the window. For
+    `mask`, `origin` and `filled` see `label_into`."""
+    centre, heard, L = np.zeros(len(R)), np.empty(len(R)), factor(R)
+    for i in range(first, last):
+        k, place, now = 0, -1, t[i]
+        if now < expected.shape[1]:
+            carry_into(centre, carried, estimates[i])
+            heard[:] = expected[i, now]
+            luck, slot = hear(heard, key[i], now, L)
+            k, place = scan_into(z[i], view, key[i], now, centre, heard, luck < chance, slot)
+        label_into(z[i], mask[i], origin[i], filled[i], k, place)
+        filled[i] = k
+
+
+@njit(cache=True, error_model="numpy")
+def label_into(z, mask, origin, filled, k, place):
+    """Tells of a scan of k detections in the rows of z (capacity, p): mask (capacity,) 1 for a detection and
+    0 for none, origin (capacity,) 0 in the target's row `place`, unless that is -1, then -1, and -2 for no
+    detection. Rows from k to before `filled` are made zero; those behind it have been so before, as has the
+    mask there."""
+    for i in range(k):
+        mask[i] = 1
+        origin[i] = -1
+    if place >= 0:
+        origin[place] = 0
+    for i in range(k, len(z)):
+        origin[i] = -2
+    for i in range(k, filled):
+        mask[i] = 0
+        for c in range(z.shape[1]):
+            z[i, c] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def carry_into(centre, carried, estimate):
+    """Where the next scan's window stands (p,) after the estimate (d,): nowhere else for no motion."""
+    F, offset, H = carried
+    d = len(F)
+    for c in range(len(H)):
+        centre[c] = 0.0
+        for i in range(d):
+            moved = offset[i]
+            for j in range(d):
+                moved += F[i, j] * estimate[j]
+            centre[c] += H[c, i] * moved
+
+
 @njit(cache=True, error_model="numpy")
 def insert_into(z, k, place, target):
-    """Makes room among the first k rows of z for the target (p,) in a place of its own; returns k + 1 and
-    the place."""
-    p = len(target)
-    for i in range(k, place, -1):
-        for c in range(p):
-            z[i, c] = z[i - 1, c]
-    for c in range(p):
+    """Puts the target (p,) in its place among the first k rows of z, whose order says nothing; the row that
+    stood there becomes the last. Returns k + 1 and the place."""
+    for c in range(len(target)):
+        z[k, c] = z[place, c]
         z[place, c] = target[c]
     return k + 1, place
 
@@ -86,12 +148,8 @@ def clutter_into(z, view, key, t, centre):
     """Clutter of scan t, uniform in the window placed at centre (p,), one point a row of z (capacity, p);
     returns how many, always less than the rows."""
     at = (t, 0, 0)
-    k, p = min(poisson(view.clutter_rate, key, COUNT, at), len(z) - 1), z.shape[1]
-    uniforms_into(z.reshape(-1)[: k * p], key, PLACES, at)
-    for c in range(p):
-        low, side, middle = view.low[c], view.high[c] - view.low[c], centre[c]
-        for i in range(k):
-            z[i, c] = low + side * z[i, c] + middle
+    k = min(poisson(view.clutter_rate, key, COUNT, at), len(z) - 1)
+    points_into(z, k, view.low + centre, view.high + centre, key, PLACES, at)
     return k
 
 
@@ -118,12 +176,12 @@ def ground_into(z, view, key, t, centre, slot):
         for j in range(squares[1, 0], squares[1, 1] + 1):
             # squares are counted from 1: 0 is where the episode's other streams are
             at = (t, i + 1, j + 1)
-            points = np.empty(3 * poisson(expected, key, GROUND_COUNT, at))
-            uniforms_into(points, key, GROUND_PLACES, at)
-            for n in range(0, len(points), 3):
-                x, y = corner[0] + CELL * (i + points[n]), corner[1] + CELL * (j + points[n + 1])
+            points = np.empty((poisson(expected, key, GROUND_COUNT, at), 3))
+            points_into(points, len(points), np.zeros(3), np.ones(3), key, GROUND_PLACES, at)
+            for n in range(len(points)):
+                x, y = corner[0] + CELL * (i + points[n, 0]), corner[1] + CELL * (j + points[n, 1])
                 if low[0] <= x <= high[0] and low[1] <= y <= high[1] and k < len(z) - 1:
-                    z[k, 0], z[k, 1], ranks[k] = x, y, points[n + 2]
+                    z[k, 0], z[k, 1], ranks[k] = x, y, points[n, 2]
                     k += 1
     _sort(z, ranks, k)
     place = 0

@@ -11,9 +11,10 @@ from scipy import stats
 from gmr_gym.association import Gates
 from gmr_gym.kalman import Sensing, Sensor
 from gmr_gym.model import Model
-from gmr_gym.scans import View, chances, clutter_into, insert_into, scan_into
+from gmr_gym.scans import View, carry_into, clutter_into, hear_all, insert_into, scan_into
 
 Loss = Callable[[Gates, np.ndarray, np.ndarray], bool]
+UNUSED = np.random.default_rng(0)
 NOWHERE = np.empty(0)  # m, the corners of no region
 
 
@@ -70,10 +71,13 @@ class Scenario:
     def centre(self, estimate: np.ndarray) -> np.ndarray:
         """Where the window of the next scan is centred after the estimate (d,) of this one: on it,
         carried forward one period, or, fixed on the ground, nowhere else than where it was."""
-        if not self.window.follows:
-            return np.zeros(len(self.window.low))
-        motion = self.model.motions[0]
-        return self.model.sensor.observed(motion.F @ estimate + motion.offset)
+        centre = np.zeros(len(self.window.low))
+        if self.window.follows:
+            motion, sensor = self.model.motions[0], self.model.sensor
+            if not isinstance(sensor, Sensor):
+                return sensor.observed(motion.F @ estimate + motion.offset)
+            carry_into(centre, (motion.F, motion.offset, sensor.H), np.asarray(estimate, float))
+        return centre
 
 
 class Episode(NamedTuple):
@@ -97,12 +101,32 @@ class Scan(NamedTuple):
 def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
     """One episode: its truth drawn by a generator of its own, and of its detections and clutter, which are
     functions of the seed's key and of a scan's number, the part that waits for no estimate."""
-    sequence = _sequence(seed)
-    x, mode = scenario.truth(stream(sequence, 0))
-    key = sequence.generate_state(2)
-    noise, luck, slot = chances(key, len(x), scenario.sensor.R)
-    z, possible = scenario.sensor.settled(scenario.sensor.observed(x) + noise)
+    x, mode = true(scenario, seed)
+    key, z = key_of(seed), np.array(scenario.sensor.observed(x))
+    luck, slot = hear_all(z, key, scenario.sensor.R)
+    z, possible = scenario.sensor.settled(z)
     return Episode(x, mode, z, (luck < scenario.detection_probability) & possible, slot, key)
+
+
+def true(scenario: Scenario, seed: int | np.random.SeedSequence) -> Truth:
+    """The truth of the episode of a seed."""
+    # a script draws nothing, and a generator of its own would take as long as ten scans
+    return scenario.truth(UNUSED if is_scripted(scenario) else stream(seed, 0))
+
+
+def is_scripted(scenario: Scenario) -> bool:
+    """Whether the target goes the same way in every episode."""
+    return getattr(scenario.truth, "func", None) is scripted
+
+
+def scripted(x: np.ndarray, rng: np.random.Generator) -> Truth:
+    """The truth of a target whose states x (T, d) chance has no part in."""
+    return Truth(x, np.full(len(x), -1))
+
+
+def key_of(seed: int | np.random.SeedSequence) -> np.ndarray:
+    """Key (2,) of an episode's detections and clutter."""
+    return _sequence(seed).generate_state(2)
 
 
 def stream(seed: int | np.random.SeedSequence, i: int) -> np.random.Generator:
@@ -130,18 +154,36 @@ def viewed(scenario: Scenario) -> View:
     return View(float(scenario.clutter_rate), low, high, bool(ends_sight), *corners)
 
 
+def carried(scenario: Scenario) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """F (d, d), offset (d,) and H (p, d) by which `carry_into` places the window, empty where it stands fast;
+    None where the sensor is not linear."""
+    motion, sensor = scenario.model.motions[0], scenario.model.sensor
+    if not isinstance(sensor, Sensor):
+        return None
+    if not scenario.window.follows:
+        return np.empty((0, 0)), np.empty(0), np.empty((0, 0))
+    return motion.F, motion.offset, sensor.H
+
+
 def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Scan:
     """Scan t (from 0) of the episode; centre (p,) places a window that follows."""
-    view = viewed(scenario)
-    z = np.empty((capacity(view.clutter_rate), len(view.low)))
+    z = np.empty((capacity(scenario.clutter_rate), len(centre)))
     if not scenario.window.follows:
-        centre = np.zeros(len(view.low))
-    make = scan_into if isinstance(scenario.sensor, Sensor) else partial(_settled_into, scenario)
-    k, place = make(z, view, episode.key, t, centre, episode.z[t], episode.detected[t], episode.slot[t])
+        centre = np.zeros(len(centre))
+    k, place = make_scan(z, scenario, viewed(scenario), episode, t, centre)
     origin = np.full(k, -1)
     if place >= 0:
         origin[place] = 0
     return Scan(z[:k], origin)
+
+
+def make_scan(
+    z: np.ndarray, scenario: Scenario, view: View, episode: Episode, t: int, centre: np.ndarray
+) -> tuple[int, int]:
+    """`scan` written to the rows of z (capacity, p), for a centre that is zeros where the window does not
+    follow: how many detections there are, and the row of the target's own, -1 for none."""
+    make = scan_into if isinstance(scenario.sensor, Sensor) else partial(_settled_into, scenario)
+    return make(z, view, episode.key, t, centre, episode.z[t], episode.detected[t], episode.slot[t])
 
 
 def _settled_into(scenario, z, view, key, t, centre, target, detected, slot) -> tuple[int, int]:

@@ -3,6 +3,8 @@
 All statistical tests are seeded, so that they hold for good or not at all; p-values below one in ten thousand
 would be called a failure."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.stats import chisquare, kstest, norm
@@ -19,10 +21,14 @@ def words(counter, key):
     return [int(word) for word in block(*map(np.uint64, (*counter, *key)))]
 
 
-def uniforms(n, key=KEY, stream=1, at=(0, 0, 0)):
-    out = np.empty(n)
-    philox.uniforms_into(out, np.array(key, np.uint32), stream, at)
+def points(n, p, key=KEY, stream=1, at=(0, 0, 0)):
+    out = np.empty((n, p))
+    philox.points_into(out, n, np.zeros(p), np.ones(p), np.array(key, np.uint32), stream, at)
     return out
+
+
+def uniforms(n, *args, **kwargs):
+    return points(n // 2, 2, *args, **kwargs).ravel()
 
 
 def counts(rate, n, stream=3):
@@ -46,17 +52,28 @@ def test_words_are_the_published_ones(counter, key, known):
     assert words(counter, key) == [int(word, 16) for word in known.split()]
 
 
-def test_uniforms_are_the_words_of_the_counter_two_by_two():
-    at, stream = (2**32 - 1, 5, 9), 6
-    for n in (0, 1, 2, 7, 64, 1001):
-        expected = []
-        for draw in range((n + 1) // 2):
-            a, b, c, d = words(((stream << 28) + draw, *at), KEY)
-            # 53 of 64 bits, in whole numbers
-            expected += [((a << 32 | b) >> 11) / 2**53, ((c << 32 | d) >> 11) / 2**53]
-        np.testing.assert_array_equal(uniforms(n, KEY, stream, at), expected[:n])
-        for draw in range(n // 2):
-            assert philox.pair(KEY, stream, draw, at) == tuple(expected[2 * draw : 2 * draw + 2])
+def pair_of(stream, draw, at):
+    """Two uniforms of 53 bits, in whole numbers until the last step."""
+    a, b, c, d = words(((stream << 28) + draw, *at), KEY)
+    return ((a << 32 | b) >> 11) / 2**53, ((c << 32 | d) >> 11) / 2**53
+
+
+def test_pairs_are_the_words_of_the_counter_two_by_two():
+    for draw, at in product((0, 1, 2**28 - 1), ((0, 0, 0), (2**32 - 1, 5, 9))):
+        assert philox.pair(KEY, 6, draw, at) == pair_of(6, draw, at)
+
+
+def test_points_take_two_coordinates_of_a_pair_and_the_next_of_the_next_stream():
+    at = (2**32 - 1, 5, 9)
+    for n, p in product((0, 1, 2, 7, 64, 1001), (1, 2, 3, 4)):
+        expected = [
+            sum((pair_of(6 + c, i, at) for c in range(2)), ())[:p] for i in range(n)
+        ]  # fmt: skip
+        np.testing.assert_array_equal(points(n, p, KEY, 6, at), np.array(expected).reshape(n, p))
+    out, low, high = np.full((9, 3), np.nan), np.array([-5.0, 1.0, 10.0]), np.array([5.0, 2.0, 40.0])
+    philox.points_into(out, 8, low, high, KEY, 6, at)
+    np.testing.assert_allclose(out[:8], low + (high - low) * points(8, 3, KEY, 6, at), rtol=1e-15)
+    assert np.isnan(out[8]).all()
 
 
 def test_uniforms_reach_zero_but_never_one():
@@ -80,7 +97,7 @@ def test_another_key_stream_scan_or_square_has_other_numbers():
 
 def test_uniforms_are_uniform_along_draws_and_along_scans():
     along = uniforms(100_000)
-    across = np.concatenate([uniforms(3, at=(t, 0, 0)) for t in range(30_000)])
+    across = np.concatenate([points(1, 3, at=(t, 0, 0)).ravel() for t in range(30_000)])
     for u in (along, across):
         assert (u >= 0).all() and (u < 1).all()
         assert kstest(u, "uniform").pvalue > LEAST

@@ -102,7 +102,9 @@ def test_a_scan_holds_no_more_than_it_has_room_for():
 
 
 def clutter_of(seen):
-    return seen.z[seen.origin < 0]
+    """Clutter in the order of its coordinates: the point in whose place the target stands is the last."""
+    z = seen.z[seen.origin < 0]
+    return z[np.lexsort(z.T)]
 
 
 def test_detections_come_at_their_rate_with_the_worlds_own_noise():
@@ -158,10 +160,10 @@ def test_window_that_follows_carries_the_same_points_to_any_centre():
     far = np.array([1e4, -3e4])
     for t in range(500):
         here, there = scan(scenario, episode, t, NOWHERE), scan(scenario, episode, t, far)
-        clutter = here.z[here.origin < 0]
+        clutter = clutter_of(here)
         assert (np.abs(clutter) <= [100, 30]).all()
         assert (there.origin < 0).all()  # the target is out of the window
-        np.testing.assert_allclose(there.z - far, clutter, atol=1e-10)  # rounding at 3e4
+        np.testing.assert_allclose(clutter_of(there) - far, clutter, atol=1e-10)  # rounding at 3e4
 
 
 def test_detection_outside_a_window_is_not_seen_and_outside_the_papers_own_box_it_is():

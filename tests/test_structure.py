@@ -9,8 +9,8 @@ ROOT = Path(__file__).parents[1]
 NUMERICS = [
     "mixture", "kalman", "association", "merging", "reduction", "ise", "distances", "model",
     "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
-    "curves", "philox", "scans", "simulate", "play", "metrics", "montecarlo", "summary", "tracker", "scenarios",
-    "crowd", "crowd_runs", "crowd_summary", "multitarget", "phd", "cardinality",
+    "curves", "philox", "scans", "simulate", "play", "metrics", "montecarlo", "summary", "tracker",
+    "scenarios", "crowd", "crowd_runs", "crowd_summary", "multitarget", "phd", "cardinality",
     "clutter_learning", "multi_bernoulli", "finite_mixture", "gibbs", "hypotheses", "instances",
     "thresholds", "threshold_features", "threshold_policies", "threshold_scans",
     "network",
