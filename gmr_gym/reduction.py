@@ -176,11 +176,23 @@ def among_heaviest(w, most):
     n = len(w)
     if n <= most:
         return np.ones(n, np.bool_)
-    least = np.partition(w, n - most)[n - most]
-    kept = w > least
-    left = most - kept.sum()
+    # numbers that are not negative are in the order of their bits: the largest that `most` of them reach
+    bits = w.view(np.int64)
+    low, high = np.int64(0), bits.max()
+    while low < high:
+        middle = high - (high - low) // 2
+        reached = 0
+        for i in range(n):
+            reached += bits[i] >= middle
+        if reached >= most:
+            low = middle
+        else:
+            high = middle - 1
+    kept, left = bits > low, most
     for i in range(n):
-        if left and w[i] == least:
+        left -= kept[i]
+    for i in range(n):
+        if left > 0 and bits[i] == low:
             kept[i] = True
             left -= 1
     return kept

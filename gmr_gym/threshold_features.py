@@ -8,6 +8,7 @@ from numba import njit
 
 from gmr_gym.association import Gates, gate_size, volumes
 from gmr_gym.hypotheses import MOST, Expanded, odds
+from gmr_gym.kalman import innovation
 from gmr_gym.merging import cost_of_all
 from gmr_gym.mixture import root_determinants
 from gmr_gym.model import Model
@@ -100,14 +101,15 @@ def observe(w, m, P, detection, log_density, S, H, R, log_odds, known, kept, giv
             hit += w[i]
             evidence += w[i] * (log_density[i] + log_odds)
             pairs += 1
-    cost, _, covariance = cost_of_all(w, m, P)
-    whole = np.empty((1, *R.shape))
-    whole[0] = H @ covariance @ H.T + R
+    cost, mean, covariance = cost_of_all(w, m, P)
+    d = len(mean)
+    _, whole, _ = innovation(mean.reshape(1, d), covariance.reshape(1, d, d), H, R)
     alone = np.empty((1, *R.shape))
     alone[0] = R
     smallest = root_determinants(alone)[0]
     gates = root_determinants(S) / smallest
-    values = np.array([
+    values = np.empty(len(FEATURES))
+    for i, value in enumerate((
         2 * np.log(len(w)) / LOG_MOST - 1,
         2 * entropy / LOG_MOST - 1,
         -2 * np.log(square) / LOG_MOST - 1,
@@ -132,5 +134,6 @@ def observe(w, m, P, detection, log_density, S, H, R, log_odds, known, kept, giv
         known[0],
         known[1],
         known[2],
-    ])  # fmt: skip
-    return np.minimum(np.maximum(values, -BOUND), BOUND), cost, pairs
+    )):  # fmt: skip
+        values[i] = min(max(value, -BOUND), BOUND)
+    return values, cost, pairs

@@ -4,10 +4,13 @@ An episode is a record, and n of them are an array (n,): what there is to see, w
 and the posterior that waits for its thresholds.
 """
 
-from threading import Lock
+import os
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
+import numba
 import numpy as np
-from numba import get_num_threads, njit, prange
+from numba import njit
 
 from gmr_gym.hypotheses import MOST, expand_scan, odds
 from gmr_gym.instances import SCANS
@@ -44,7 +47,7 @@ EPISODE = np.dtype(
         ("odds", "f8", (3,)),
         ("known", "f8", (3,)),
         # what has come of it
-        ("t", "i8"),  # the scan, from 0, that waits for its thresholds
+        ("t", "i8"),  # the scan, from 0, that waits for its thresholds; -1 before the first look
         ("scans", "i8"),  # in all; where t is as many, no episode is running
         ("strayed", "i8"),  # scans in a row beyond the cutoff
         ("hypotheses", "i8"),  # of the posterior that may enter a reduction
@@ -73,11 +76,10 @@ STEP = np.dtype(
     ],
     align=True,
 )
-_one_at_a_time = Lock()  # the threads that come with numba alone serve one caller
 
 
 def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode, patience: int) -> None:
-    """Puts an episode of a scenario of `instances.world` into its record (); `look` is next."""
+    """Puts an episode of a scenario of `instances.world` into its record (), to be looked at."""
     view, model, n = viewed(scenario), scenario.model, scenario.horizon
     episode["x"][:n], episode["z"][:n], episode["slot"][:n] = drawn.x, drawn.z, drawn.slot
     episode["detected"][:n], episode["key"] = drawn.detected, drawn.key
@@ -90,17 +92,8 @@ def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode, patience: int
     episode["F"], episode["Q"], episode["offset"] = model.motion
     episode["H"], episode["R"] = model.sensor.H, model.sensor.R
     episode["odds"], episode["known"] = odds(model), told(model)
-    episode["t"], episode["scans"], episode["strayed"] = 0, n, 0
+    episode["t"], episode["scans"], episode["strayed"] = -1, n, 0
     episode["kept"], episode["given_up"], episode["work"] = 1, 0.0, 0
-
-
-def looked(episodes: np.ndarray, rows: np.ndarray, observations: np.ndarray) -> None:
-    """The first scans of the episodes at `rows`, which have just begun; FEATURES of each to its row of the
-    observations (n, k)."""
-    if len(rows) == 1:  # waking a thread takes as long as a scan
-        look_first(episodes, rows[0], observations)
-    else:
-        _together(_look_all, episodes, rows, observations)
 
 
 def stepped(
@@ -113,72 +106,72 @@ def stepped(
 ) -> None:
     """Reduces the posteriors of the episodes at `rows` by the thresholds (n, 4), see `Thresholds`, and looks
     at their next scans: what came of it to the same rows of `steps` (n,), and FEATURES of the next scan to
-    those of the observations (n, k), zeros where the episode is over."""
-    if len(rows) == 1:
-        step(episodes, rows[0], thresholds, price, steps, observations)
-    else:
-        _together(_step_all, episodes, rows, thresholds, price, steps, observations)
-
-
-def _together(call, episodes: np.ndarray, rows: np.ndarray, *args) -> None:
-    # every thread has one stretch of the rows: they are dealt out so that each has as much to merge
-    threads = get_num_threads()
+    those of the observations (n, k), zeros where the episode is over. Of an episode that has just begun it
+    looks at the first scan, and there is nothing to reduce."""
+    threads = min(numba.config.NUMBA_NUM_THREADS, len(rows))  # type: ignore[attr-defined]
+    if threads < 2:
+        step(episodes, rows, thresholds, price, steps, observations)
+        return
+    # dealt out so that each thread has as much to merge
     rows = rows[np.argsort(-episodes["hypotheses"][rows], kind="stable")]
-    rows = np.concatenate([rows[first::threads] for first in range(threads)])
-    with _one_at_a_time:
-        try:
-            call(episodes, rows, *args)
-        except SystemError as error:  # so a parallel loop hands on what is raised in it
-            raise error.__cause__ or error from None
+    shares = [rows[first::threads].copy() for first in range(threads)]
+    others = [
+        _pool(threads - 1).submit(step, episodes, share, thresholds, price, steps, observations)
+        for share in shares[1:]
+    ]
+    step(episodes, shares[0], thresholds, price, steps, observations)
+    for other in others:
+        other.result()
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def _look_all(episodes, rows, observations):
-    for a in prange(len(rows)):
-        look_first(episodes, rows[a], observations)
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads)
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def _step_all(episodes, rows, thresholds, price, steps, observations):
-    for a in prange(len(rows)):
-        step(episodes, rows[a], thresholds, price, steps, observations)
+if hasattr(os, "register_at_fork"):  # threads are not there in a child
+    os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def step(episodes, rows, thresholds, price, steps, observations):
+    for i in rows:
+        e = episodes[i]
+        w, m, P, estimate = np.ones(1), e.prior[:], e.prior_covariance[:], e.prior[0]
+        if e.t >= 0:
+            n = e.hypotheses
+            w, m, P, estimate, _, e.given_up, e.work = adapt(
+                e.w[:n], e.m[:n], e.P[:n], thresholds[i], e.cost, e.gated
+            )
+            e.kept = len(w)
+            score(e, estimate, thresholds[i], price, steps[i])
+        e.t += 1
+        observations[i] = 0.0
+        if e.t < e.scans:
+            look(e, w, m, P, estimate, observations[i])
 
 
 @njit(cache=True, error_model="numpy")
-def look_first(episodes, i, observations):
-    e = episodes[i]
-    look(e, np.ones(1), e.prior, e.prior_covariance, e.prior[0], observations[i])
-
-
-@njit(cache=True, error_model="numpy")
-def step(episodes, i, thresholds, price, steps, observations):
-    e, out, t = episodes[i], steps[i], episodes[i].t
-    n = e.hypotheses
-    w, m, P, estimate, _, e.given_up, e.work = adapt(
-        e.w[:n], e.m[:n], e.P[:n], thresholds[i], e.cost, e.gated
-    )
-    e.kept = len(w)
+def score(e, estimate, thresholds, price, out):
+    """What the estimate (d,) of the scan at which the episode stands is worth; a loss sends it to the end."""
     # the sensor sees positions
-    squared = 0.0
+    squared, left = 0.0, e.scans - e.t - 1
     for r in range(len(e.H)):
         away = 0.0
         for c in range(len(estimate)):
-            away += e.H[r, c] * (estimate[c] - e.x[t, c])
+            away += e.H[r, c] * (estimate[c] - e.x[e.t, c])
         squared += away * away
     error = np.sqrt(squared)
     e.strayed = e.strayed + 1 if error > e.cutoff else 0
-    e.t = t + 1
     out.reward = -min(error / e.cutoff, 1.0) - price * e.work
     out.error, out.work, out.components = error, e.work, e.kept
-    out.thresholds[:] = thresholds[i]
+    for i in range(len(thresholds)):
+        out.thresholds[i] = thresholds[i]
     out.terminated = e.strayed >= e.patience
+    out.truncated = left == 0 and not out.terminated
     if out.terminated:
-        out.reward -= e.scans - e.t
-        e.t = e.scans
-    out.truncated = e.t == e.scans and not out.terminated
-    observations[i] = 0.0
-    if e.t < e.scans:
-        look(e, w, m, P, estimate, observations[i])
+        out.reward -= left
+        e.t += left
 
 
 @njit(cache=True, error_model="numpy")
@@ -194,20 +187,22 @@ def look(e, w, m, P, estimate, observation):
         for c in range(d):
             centre[r] += e.H[r, c] * ahead[c]
     nowhere = np.empty(0)
-    view = View(e.clutter_rate, e.low, e.high, e.ends_sight > 0, nowhere, nowhere)
+    view = View(e.clutter_rate, e.low[:], e.high[:], e.ends_sight > 0, nowhere, nowhere)
     z = np.empty((e.capacity, p))
-    k, _ = scan_into(z, view, e.key, t, centre, e.z[t], e.detected[t] > 0, e.slot[t])
+    k, _ = scan_into(z, view, e.key[:], t, centre, e.z[t], e.detected[t] > 0, e.slot[t])
     size, log_miss, log_detect = e.odds[0], e.odds[1], e.odds[2]
     _, S, w, m, P, _, detection, log_density = expand_scan(
-        w, m, P, e.F, e.Q, e.offset, e.H, e.R, size, log_miss, log_detect, z[:k]
+        w, m, P, e.F[:], e.Q[:], e.offset[:], e.H[:], e.R[:], size, log_miss, log_detect, z[:k]
     )
     seen, e.cost, e.gated = observe(
-        w, m, P, detection, log_density, S, e.H, e.R, log_detect, e.known, e.kept, e.given_up, e.work
+        w, m, P, detection, log_density, S, e.H[:], e.R[:], log_detect, e.known[:], e.kept, e.given_up, e.work
     )
     for f in range(len(seen)):
         observation[f] = seen[f]
     if len(observation) > len(seen):
-        observation[len(seen) :] = hindsight(w, m, P, e.H, size, e.x[t], e.scans - t, e.strayed, e.ahead[t])
-    w, m, P, _ = selected_by(w, m, P, among_heaviest(w, MOST) & heavier(w, w, LEAST))
+        observation[len(seen) :] = hindsight(
+            w, m, P, e.H[:], size, e.x[t], e.scans - t, e.strayed, e.ahead[t]
+        )
+    w, m, P, _ = selected_by(w, m, P, among_heaviest(w, len(e.w)) & heavier(w, w, LEAST))
     e.hypotheses = n = len(w)
     e.w[:n], e.m[:n], e.P[:n] = w, m, P

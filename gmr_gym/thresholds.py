@@ -124,7 +124,9 @@ def adapted(full: Expanded, thresholds: np.ndarray | Thresholds, cost: float) ->
 def adapt(w, m, P, thresholds, cost, gated):
     """The fields of `Adapted`, w, m and P apart."""
     alpha, prune, density = thresholds[0], thresholds[1], thresholds[2]
-    w, m, P, entered, left = reduce_scan(w, m, P, prune, MOST, int(thresholds[COMPONENTS]), alpha, density)
+    w, m, P, entered, left = reduce_scan(
+        w, m, P, prune, np.int64(MOST), int(thresholds[COMPONENTS]), alpha, density
+    )
     after, mean, covariance = cost_of_all(w, m, P)
     # what is left of the greedy way to one Gaussian is the cost of what is left, see `total_merge_cost`
     given_up = max(0.0, 1 - after / cost) if cost > 0.0 else 0.0

@@ -18,6 +18,7 @@ sys.path.insert(0, str(ROOT / "agents"))
 from export import network_of  # noqa: E402
 from from_vector import FromVector  # noqa: E402
 from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
+from judge import Episodes, played  # noqa: E402
 from learner import ENV_ID, Run, environments, recorded, restored, settings  # noqa: E402
 
 from gmr_gym.network import load, save  # noqa: E402
@@ -145,6 +146,28 @@ def test_train_scores_every_chapter_on_valid_and_keeps_the_best(tmp_path):
     last = load(tmp_path / "run/last.npz", FEATURES, Thresholds._fields)
     same = all(np.array_equal(a, b) for a, b in zip(best.weights, last.weights, strict=True))
     assert same == (rows[1]["reward"] > rows[0]["reward"])
+
+
+def test_episodes_side_by_side_are_judged_as_one_by_one():
+    def rule(features, t):
+        return np.clip([0.4 + 0.1 * features[0], 0.2 + 0.01 * t], -1, 1)
+
+    class Alone:
+        def watching(self, env):
+            return rule
+
+    class Together:
+        def many(self, features, t):
+            return np.array([rule(row, t) for row in features])
+
+    policies = {"plain": rule, "alone": Alone(), "together": Together()}
+    found = played(policies, "extrapolation", 3, jobs=1, only=("extrapolation-00", "extrapolation-03"))
+    for field in Episodes._fields:
+        if field != "seconds":
+            one, *others = (getattr(found[name], field) for name in policies)
+            assert one.shape == (2, 3)
+            for other in others:
+                np.testing.assert_array_equal(one, other)
 
 
 def test_an_unknown_algorithm_and_a_file_without_the_environment_are_refused(tmp_path):

@@ -66,20 +66,16 @@ def test_they_are_single_ones_to_the_last_bit_through_several_episodes(table, mo
         assert_same(one, other, "reset without a seed")
 
 
-def test_neither_the_number_of_threads_nor_of_neighbours_changes_anything(table):
-    actions, threads = np.full((6, 2), 0.3, np.float32), numba.get_num_threads()
-    found = []
-    try:
-        for count, n in ((1, 6), (threads, 6), (threads, 4)):
-            numba.set_num_threads(count)
-            envs = vector(n, instances=table)
-            rows = [envs.reset(seed=2)[0]]
-            for _ in range(20):
-                observation, reward, *_ = envs.step(actions[:n])
-                rows.append(np.column_stack([observation, reward]))
-            found.append(rows)
-    finally:
-        numba.set_num_threads(threads)
+def test_neither_the_number_of_threads_nor_of_neighbours_changes_anything(table, monkeypatch):
+    actions, found = np.full((6, 2), 0.3, np.float32), []
+    for threads, n in ((1, 6), (3, 6), (3, 4)):
+        monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", threads)
+        envs = vector(n, instances=table)
+        rows = [envs.reset(seed=2)[0]]
+        for _ in range(20):
+            observation, reward, *_ = envs.step(actions[:n])
+            rows.append(np.column_stack([observation, reward]))
+        found.append(rows)
     for one, other, fewer in zip(*found, strict=True):
         np.testing.assert_array_equal(one, other)
         np.testing.assert_array_equal(one[:4], fewer)

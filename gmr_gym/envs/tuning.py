@@ -16,7 +16,7 @@ from gmr_gym.reduction import at_least_one
 from gmr_gym.simulate import Episode, Scenario, draw
 from gmr_gym.threshold_features import BOUND, FEATURES
 from gmr_gym.threshold_hindsight import HINDSIGHT
-from gmr_gym.threshold_scans import EPISODE, STEP, begin, looked, stepped
+from gmr_gym.threshold_scans import EPISODE, STEP, begin, stepped
 from gmr_gym.thresholds import PAPER, Thresholds, check_parameters, decoded, encoded
 
 # of a unit of work; a scan with the target lost costs 1. At the paper's thresholds work then costs about as
@@ -91,9 +91,8 @@ class ReductionTuningEnv(gym.Env):
         super().reset(seed=seed)
         self.instance_id, self._scenario, self._episode = self._draws.next(seed, self, options or {})
         begin(self._state[0], self._scenario, self._episode, STRAYED)
-        observation = np.zeros((1, self._width), np.float32)
-        looked(self._state, ONE, observation)
-        return observation[0], {"instance_id": self.instance_id}
+        observation, _ = self._stepped(PAPER)
+        return observation, {"instance_id": self.instance_id}
 
     def step(self, action):
         """Reduces the scan just looked at by the thresholds of the action (j,), and looks at the next. Raises
@@ -101,9 +100,8 @@ class ReductionTuningEnv(gym.Env):
         if self._state["t"][0] == self._state["scans"][0]:
             raise RuntimeError("call reset() before step(): no episode is running")
         thresholds = decoded(action, self.parameters, self._rest)
-        observation, steps = np.zeros((1, self._width), np.float32), np.zeros(1, STEP)
-        stepped(self._state, ONE, np.array([thresholds], float), self.price, steps, observation)
-        reward, error, work, components, _, terminated, truncated = steps[0].item()
+        observation, outcome = self._stepped(thresholds)
+        reward, error, work, components, _, terminated, truncated = outcome.item()
         info = {
             "instance_id": self.instance_id,
             "error": error,
@@ -111,7 +109,7 @@ class ReductionTuningEnv(gym.Env):
             "components": components,
             "thresholds": thresholds._asdict(),
         }
-        return observation[0], reward, terminated, truncated, info
+        return observation, reward, terminated, truncated, info
 
     def foreseen(self, action, scans: int = 1) -> float:
         """The rewards, in all, that the action would bring if held for so many scans, or to the end of the
@@ -126,6 +124,11 @@ class ReductionTuningEnv(gym.Env):
             if terminated or truncated:
                 break
         return total
+
+    def _stepped(self, thresholds: Thresholds) -> tuple[np.ndarray, np.ndarray]:
+        observation, steps = np.zeros((1, self._width), np.float32), np.zeros(1, STEP)
+        stepped(self._state, ONE, np.array([thresholds], float), self.price, steps, observation)
+        return observation[0], steps[0]
 
 
 class Draws:

@@ -11,7 +11,7 @@ from gymnasium.vector.utils import batch_space
 from gmr_gym.envs.tracking import STRAYED
 from gmr_gym.envs.tuning import PRICE, Draws, checked_price, rest_of, spaces_of
 from gmr_gym.instances import instances as table_of
-from gmr_gym.threshold_scans import EPISODE, STEP, begin, looked, stepped
+from gmr_gym.threshold_scans import EPISODE, STEP, begin, stepped
 from gmr_gym.thresholds import PAPER, RANGES, check_actions, check_parameters, decode, places
 
 
@@ -78,9 +78,7 @@ class ReductionTuningVectorEnv(VectorEnv):
         if self._names[0] is None:
             raise RuntimeError("call reset() before step(): no episode is running")
         actions = check_actions(actions, self.num_envs, self.parameters, running)
-        steps = np.zeros(self.num_envs, STEP)
-        thresholds = decode(actions, self._places, self._rest)
-        stepped(self._state, np.flatnonzero(running), thresholds, self.price, steps, self._observations)
+        steps = self._stepped(np.flatnonzero(running), decode(actions, self._places, self._rest))
         terminated, truncated = steps["terminated"].copy(), steps["truncated"].copy()
         infos: dict[str, Any] = {}
         over = terminated | truncated
@@ -103,7 +101,12 @@ class ReductionTuningVectorEnv(VectorEnv):
         for i, (name, scenario, episode) in zip(rows, drawn, strict=True):
             self._names[i] = name
             begin(self._state[i], scenario, episode, STRAYED)
-        looked(self._state, rows, self._observations)
+        self._stepped(rows, np.tile(self._rest, (self.num_envs, 1)))
+
+    def _stepped(self, rows: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
+        steps = np.zeros(self.num_envs, STEP)
+        stepped(self._state, rows, thresholds, self.price, steps, self._observations)
+        return steps
 
     def _shown(self) -> np.ndarray:
         return self._observations.copy() if self.copy else self._observations
