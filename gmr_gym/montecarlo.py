@@ -156,8 +156,10 @@ class _Sweep(NamedTuple):
         """Where each block is kept, if anywhere."""
         if self.folder is None:
             return {}
+        # by themselves: hashed together they would tell whether a model is one object or two that are equal
+        world = joblib.hash(self.scenario)
         told = {
-            name: joblib.hash((self.scenario, tracker, source.code(tracker), self.seed, __version__))
+            name: joblib.hash((world, joblib.hash(tracker), source.code(tracker), self.seed, __version__))
             for name, tracker in self.trackers.items()
         }
         return {
