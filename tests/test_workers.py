@@ -14,6 +14,7 @@ from baselines.gm_phd import gm_phd
 from baselines.mht import runnalls
 from baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym import source, workers
+from gmr_gym.cli import app
 from gmr_gym.crowd_runs import CrowdRuns
 from gmr_gym.montecarlo import BLOCK, Runs, run
 from gmr_gym.scenarios.dortenzio import turning_target
@@ -202,3 +203,18 @@ def test_a_backend_that_is_none_or_not_installed_or_not_there_is_named(monkeypat
     monkeypatch.setitem(workers.BACKENDS, "dask", "joblib")
     with pytest.raises(ValueError, match="backend 'dask' needs scheduler, the address"):
         check_backend("dask", None)
+
+
+def test_the_command_line_on_a_dask_cluster_leaves_what_it_leaves_on_one_process(
+    cluster, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("gmr_gym.curves.RESAMPLES", 20)
+    words = "evaluate", "gmr_gym/JumpMarkov-v0", "--tracker", "imm-pda", "--tracker", "mmg-3", "--runs", "21"
+    here, there = tmp_path / "here", tmp_path / "there"
+    app([*words, "--jobs", "1", "--out", str(here)], standalone_mode=False)
+    on_cluster = "--backend", "dask", "--scheduler", cluster.scheduler_address
+    app([*words, *on_cluster, "--out", str(there)], standalone_mode=False)
+    assert (here / "runs.csv").read_bytes() == (there / "runs.csv").read_bytes()
+    assert {file.name for file in (here / "blocks").iterdir()} == {
+        file.name for file in (there / "blocks").iterdir()
+    }
