@@ -95,6 +95,7 @@ def run_shard(
         raise ValueError(f"shard must be (i, n) with 1 <= i <= n, got {shard}")
     sweep = _Sweep(scenario, trackers, runs, seed, folder, progress, jobs, backend, scheduler)
     files = sweep.files()
+    Path(folder).mkdir(parents=True, exist_ok=True)  # for `merge`, where this shard has nothing to do
     # not the first n-th for all: in a sweep of many small parts the first machine had the most to do
     mine = [task for task, file in files.items() if (int(file.name[:8], 16) + task[1] // BLOCK) % n == i - 1]
     there = {task for task in mine if files[task].exists()}
@@ -173,7 +174,7 @@ def _computed(sweep: _Sweep, tasks: list, there: Container, files: Mapping) -> I
     missing = [task for task in tasks if task not in there]
     total, left = (sum(map(sweep.size, some)) for some in (tasks, missing))
     done, finished = total - left, len(tasks) - len(missing)
-    if sweep.progress:
+    if sweep.progress and tasks:
         sweep.progress(done, total)
     sources = {}
     for name in {name for name, _ in missing}:
@@ -194,10 +195,12 @@ def _computed(sweep: _Sweep, tasks: list, there: Container, files: Mapping) -> I
                 sweep.progress(done, total)
             yield task, result
     except workers.WorkersLost as error:
-        kept = f"kept in {sweep.folder}" if files else "lost: without a folder nothing is kept"
+        kept = (
+            f"kept in {sweep.folder}: the same again goes on from there" if files else "lost without a folder"
+        )
         raise workers.WorkersLost(
-            f"{error}; {finished} of {len(tasks)} blocks of runs are done and {kept}. Give each worker more "
-            "memory, or take fewer jobs; the same command goes on from there"
+            f"{error}; {finished} of {len(tasks)} blocks of runs are done and {kept}. Fewer jobs, or more "
+            "memory for each worker, may help"
         ) from error
 
 

@@ -84,6 +84,14 @@ def test_a_shard_goes_on_where_it_stopped_and_says_how_much_there_is(shards, tmp
         run_shard(WORLD, BUILT, RUNS, seed=7, shard=(1, 3), folder=tmp_path)
 
 
+def test_a_shard_with_nothing_to_do_leaves_a_folder_that_can_be_merged(tmp_path):
+    left, seen = [tmp_path / str(i) for i in (1, 2)], []
+    for i, folder in enumerate(left, 1):
+        run_shard(WORLD, NEAREST, 1, shard=(i, 2), folder=folder, progress=lambda *at: seen.append(at))
+    assert sorted(len(names(folder)) for folder in left) == [0, 1] and seen == [(0, 1), (1, 1)]
+    assert len(merge(left, tmp_path / "into", *KINDS).copied) == 1
+
+
 def test_a_part_of_a_block_is_not_taken_for_the_block(tmp_path):
     run(WORLD, NEAREST, BLOCK, folder=tmp_path)
     run(WORLD, NEAREST, 5, folder=tmp_path)
