@@ -3,7 +3,10 @@
 import importlib
 import os
 import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -13,7 +16,7 @@ import pytest
 from baselines.gm_phd import gm_phd
 from baselines.mht import runnalls
 from baselines.nearest_neighbour import NearestNeighbour
-from gmr_gym import source, workers
+from gmr_gym import montecarlo, source, workers
 from gmr_gym.cli import app
 from gmr_gym.crowd_runs import CrowdRuns
 from gmr_gym.montecarlo import BLOCK, Runs, run
@@ -123,8 +126,8 @@ def test_a_block_that_the_cluster_gives_up_is_made_again(cluster, tmp_path, monk
     assert graves(tmp_path) == 1
 
 
-@pytest.mark.parametrize("deaths", [1, ATTEMPTS - 1])
-def test_a_killed_process_of_this_machine_loses_and_doubles_nothing(tmp_path, deaths):
+def test_a_killed_process_of_this_machine_loses_and_doubles_nothing(tmp_path):
+    deaths = ATTEMPTS - 1
     built, seen, blocks = dying(tmp_path, deaths), [], tmp_path / "blocks"
     found = run(WORLD, built, RUNS, jobs=2, folder=blocks, progress=lambda *at: seen.append(at[0]))
     assert graves(tmp_path) >= deaths
@@ -135,13 +138,13 @@ def test_a_killed_process_of_this_machine_loses_and_doubles_nothing(tmp_path, de
 
 def test_what_is_done_when_the_last_process_dies_is_kept_and_the_same_call_goes_on(tmp_path):
     blocks = tmp_path / "blocks"
-    first = run(WORLD, dying(tmp_path, 0), 2 * BLOCK, jobs=2, folder=blocks)["nearest"]
+    first = run(WORLD, dying(tmp_path, 0), 2 * BLOCK, folder=blocks)["nearest"]
     message = (
         rf"died {ATTEMPTS} times in a row \(.*terminated.*\); 2 of 4 blocks .* kept in {blocks}: .* goes on"
     )
     with pytest.raises(WorkersLost, match=message):
         run(WORLD, dying(tmp_path, 1000), 4 * BLOCK, jobs=2, folder=blocks)
-    found = run(WORLD, dying(tmp_path, 0), 4 * BLOCK, jobs=2, folder=blocks)
+    found = run(WORLD, dying(tmp_path, 0), 4 * BLOCK, folder=blocks)
     np.testing.assert_array_equal(found["nearest"].seconds[: 2 * BLOCK], first.seconds)
     assert_same(found, run(WORLD, NEAREST, 4 * BLOCK))
 
@@ -182,6 +185,22 @@ def test_workers_with_several_threads_are_refused():
         pytest.raises(ValueError, match=r"has 2 threads, .* --nthreads 1 --nworkers 2"),
     ):
         on_dask(cluster, WORLD, NEAREST, 1)
+
+
+def test_two_threads_of_a_worker_that_joined_later_take_turns(monkeypatch):
+    inside, most = [], []
+
+    def block(i):
+        inside.append(i)
+        time.sleep(0.05)
+        most.append(len(inside))
+        inside.remove(i)
+        return i
+
+    monkeypatch.setattr(montecarlo, "_block", block)
+    with ThreadPoolExecutor(2) as threads:
+        assert list(threads.map(partial(montecarlo._block_alone, {}), range(4))) == [0, 1, 2, 3]
+    assert most == [1] * 4
 
 
 def test_what_is_on_disk_asks_for_no_cluster(tmp_path):
