@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 import gmr_gym
 from gmr_gym.instances import Instance, instances, world
-from gmr_gym.montecarlo import LOOKERS
+from gmr_gym.source import LOOKERS
 
 ENV_ID = "gmr_gym/ReductionTuning-v0"
 # policy(features (k,), t) -> action (j,). It is asked about the episodes of an instance side by side, and of
