@@ -34,7 +34,7 @@ from gmr_gym.thresholds import PAPER, encoded
 LOW = -0.5  # of an action: alpha 8e-4, gamma 1e-5; what lies below costs more than a lost target
 PIECES, EVERY = 4, 15  # scans: the start, from the true state, differs most, and some episodes have 44
 GAIN = 0.5  # of a rule's features, which span about 2
-RULES = (("clutter", "detection"), ("kept",), ("spread", "entropy"), ("merge_cost", "size"))
+RULES = (("clutter", "detection"), ("kept", "over_1e-4"), ("spread", "entropy"), ("merge_cost", "size"))
 CLUTTER, DETECTION = 3, 2  # cells of a table
 ROUNDS = 4  # of a candidate, each an episode of every instance; the worse half stops earlier
 FINALISTS = 5  # of a search, on VALID
