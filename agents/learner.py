@@ -77,7 +77,9 @@ def environments(said: Settings) -> VecNormalize:
         ENV_ID, said.envs, vectorization_mode="vector_entry_point", autoreset_mode="SameStep",
         hindsight=said.hindsight, **said.env,
     )  # fmt: skip
-    return VecNormalize(FromVector(made), gamma=said.hyperparameters.get("gamma", 0.99), **said.normalise)
+    # rewards are summed to the last scan and no further
+    vector = FromVector(made, horizon_ends=True)
+    return VecNormalize(vector, gamma=said.hyperparameters.get("gamma", 0.99), **said.normalise)
 
 
 class Run:

@@ -66,6 +66,15 @@ def test_the_adapter_tells_the_last_observation_and_who_ended_by_time_alone():
     np.testing.assert_array_equal(seen[2][1], [1, 3])
 
 
+def test_where_the_horizon_ends_a_problem_nobody_is_told_of_an_end_by_time():
+    venv = FromVector(vector(), horizon_ends=True)
+    venv.reset()
+    _, _, over, infos = [venv.step(np.zeros((2, 1))) for _ in range(2)][1]
+    assert over.tolist() == [True, False] and not any(info["TimeLimit.truncated"] for info in infos)
+    run = environments(settings("ppo", 0, None, 100, {"components": 20}, None))
+    assert run.venv.horizon_ends
+
+
 def test_the_adapter_refuses_environments_that_reset_a_step_late():
     with pytest.raises(ValueError, match="SAME_STEP"):
         FromVector(vector(AutoresetMode.NEXT_STEP))

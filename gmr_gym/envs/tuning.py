@@ -182,6 +182,8 @@ def rest_of(components: int) -> Thresholds:
 
 def spaces_of(parameters: Sequence[str], hindsight: bool) -> tuple[gym.spaces.Box, gym.spaces.Box]:
     """What is observed of one environment, and what is done to it."""
+    if not isinstance(hindsight, bool):
+        raise ValueError(f"hindsight must be True or False, got {hindsight!r}")
     seen = len(FEATURES) + len(HINDSIGHT) * hindsight
     return (
         gym.spaces.Box(-BOUND, BOUND, (seen,), np.float32),
