@@ -28,8 +28,9 @@ def network_of(model, venv) -> Network:
     layers = [layer for layer in layers if not isinstance(layer, Seen)]
     linear, between = layers[::2], layers[1::2]
     kinds = {ACTIVATIONS.get(type(layer)) for layer in between}
-    if not all(isinstance(layer, torch.nn.Linear) for layer in linear) or len(kinds) > 1 or None in kinds:
-        raise ValueError(f"a policy must be of linear layers with tanh or ReLU between, got {layers}")
+    sound = all(isinstance(layer, torch.nn.Linear) for layer in linear) and len(kinds - {None}) < 2
+    if not sound or None in kinds or linear[0].in_features != len(FEATURES):
+        raise ValueError(f"a policy must lead from FEATURES by linear layers with tanh or ReLU, got {layers}")
     k = len(FEATURES)
     return Network(
         FEATURES,

@@ -13,8 +13,8 @@ class FromVector(VecEnv):
     """Environments of one process under stable-baselines3's interface, which asks for the last observation of
     an episode as `terminal_observation` and for `TimeLimit.truncated` where it ended by time alone.
 
-    With `horizon_ends` nothing is expected after the last scan: an end by time is reported as an end. Without,
-    a learner adds what its critic says of the last observation, as if the episode had gone on.
+    With `horizon_ends` nothing is expected after the last scan: an end by time is reported as an end.
+    Without, a learner adds what its critic says of the last observation, as if the episode had gone on.
 
     Raises ValueError unless `envs` resets in the step that ends an episode (AutoresetMode.SAME_STEP).
     """

@@ -35,8 +35,8 @@ class Episodes(NamedTuple):
     components: np.ndarray  # (instances, runs)
     capped: np.ndarray  # (instances, runs), m, error at most the cutoff, which scans after a loss count as
     scans: np.ndarray  # (instances, runs), played
-    # (instances, runs), of a scan, median: policy, reduction, next scan and its features; of episodes played
-    # side by side, those of their step divided by how many
+    # (instances, runs), of a scan of the instance's first run, played alone on one thread, median: policy,
+    # reduction, next scan and its features
     seconds: np.ndarray
 
 
@@ -96,6 +96,7 @@ def code() -> str:
     package, here = Path(gmr_gym.__file__).parent, Path(__file__)
     files = [file for file in package.rglob("*.py") if file.relative_to(package).parts[0] not in LOOKERS]
     files += [
+        package / "envs" / "tracking.py",
         package / "envs" / "tuning.py",
         package / "envs" / "tuning_vector.py",
         here,
@@ -121,6 +122,9 @@ def _of_instance(policy, settings, row: Instance, place: int, runs: int, seed: i
                 reward.sum(), error.mean(), lost, work.mean(), components.mean(), capped, len(scans),
                 np.median(seconds),
             )  # fmt: skip
+        if play is _side_by_side and runs > 1:
+            alone, _ = next(_one_by_one(policy, settings, row.instance_id, seeds[:1]))
+            out[-1] = np.median([scan[-1] for scan in alone])
     return out
 
 
@@ -128,7 +132,7 @@ def _one_by_one(policy, settings, name: str, seeds: list[int]) -> Iterator[tuple
     """Reward, error, work, components and seconds, scan by scan, of the episode of each seed, and whether a
     loss ended it."""
     env = _environment(settings)
-    act = policy.watching(env)
+    act = policy.watching(env) if hasattr(policy, "watching") else policy
     for seed in seeds:
         observation, _ = env.reset(seed=seed, options={"instance_id": name})
         scans: list[tuple] = []
@@ -143,7 +147,7 @@ def _one_by_one(policy, settings, name: str, seeds: list[int]) -> Iterator[tuple
 
 
 def _side_by_side(policy, settings, name: str, seeds: list[int]) -> Iterator[tuple[list[tuple], bool]]:
-    """As `_one_by_one`, all at once; a scan's seconds are those of the step divided by the episodes in it."""
+    """As `_one_by_one`, all at once; the seconds are those of the whole step."""
     envs = _environments(settings, len(seeds))
     observations, _ = envs.reset(seed=seeds, options={"instance_id": name})
     scans: list[list[tuple]] = [[] for _ in seeds]
@@ -158,7 +162,7 @@ def _side_by_side(policy, settings, name: str, seeds: list[int]) -> Iterator[tup
             for i in there:
                 actions[i] = policy(observations[i], t)
         observations, rewards, terminated, truncated, infos = envs.step(actions)
-        seconds = (perf_counter() - started) / len(there)
+        seconds = perf_counter() - started
         told = (infos[field].tolist() for field in ("error", "work", "components"))
         rows = list(zip(rewards.tolist(), *told, strict=True))
         for i in there.tolist():

@@ -25,13 +25,13 @@ from gmr_gym.thresholds import PAPER, encoded
 
 ENV_ID = "gmr_gym/ReductionTuning-v0"
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC}
-CRITICS = {"ppo": OnPolicy, "sac": OffPolicy}  # with hindsight; the others' critics see what their actors see
+CRITICS = {"ppo": OnPolicy, "sac": OffPolicy}  # with hindsight; TQC's critics see what its actor sees
 try:
-    from sb3_contrib import TQC, RecurrentPPO
+    from sb3_contrib import TQC
 except ImportError:  # they come with a package of their own
     pass
 else:
-    ALGORITHMS |= {"tqc": TQC, "ppo_lstm": RecurrentPPO}
+    ALGORITHMS["tqc"] = TQC
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,17 @@ def settings(
     hindsight: bool = True,
 ) -> Settings:  # fmt: skip
     """Settings from a YAML file as rl_zoo3 reads it, the committed one of the algorithm unless given; without
-    `hindsight` the critic sees what the actor sees, as those of tqc and ppo_lstm always do. Raises ValueError
-    for an unknown algorithm, or a file without the environment."""
+    `hindsight` the critic sees what the actor sees, as that of tqc always does. Raises ValueError for an
+    unknown algorithm, and for a file that cannot be read or is without the environment."""
     if algorithm not in ALGORITHMS:
         raise ValueError(f"unknown algorithm {algorithm!r}; choose from {', '.join(ALGORITHMS)}")
     file = file or Path(__file__).parent / "hyperparams" / f"{algorithm}.yml"
-    entries = yaml.safe_load(file.read_text())
+    if "hindsight" in env:
+        raise ValueError("hindsight is a matter of the critic: see the option of that name")
+    try:
+        entries = yaml.safe_load(file.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ValueError(f"cannot read the hyperparameters {file}: {error}") from None
     if not isinstance(entries, dict) or ENV_ID not in entries:
         raise ValueError(f"{file} must have an entry {ENV_ID}")
     entry = dict(entries[ENV_ID])
@@ -123,8 +128,7 @@ class Run:
         stem = self.folder / f"chapter-{self.chapter:04d}"
         self.model.save(stem.with_suffix(".zip"))
         if isinstance(self.model, OffPolicyAlgorithm):
-            self.model.save_replay_buffer(self.folder / "replay-part.pkl")
-            (self.folder / "replay-part.pkl").replace(self.folder / "replay.pkl")
+            self.model.save_replay_buffer(self._replay(self.chapter))
         moments = {"observations": self.venv.obs_rms, "returns": self.venv.ret_rms}
         with stem.with_suffix(".npz").open("wb") as stream:
             np.savez(stream, **{
@@ -134,7 +138,8 @@ class Run:
             })  # fmt: skip
         part = self.folder / "run.part"
         part.write_text(json.dumps({"settings": asdict(self.settings), "chapter": self.chapter}, indent=1))
-        part.replace(self.folder / "run.json")  # last: what it names is whole
+        part.replace(self.folder / "run.json")  # only now: what it names is whole
+        self._replay(self.chapter - 1).unlink(missing_ok=True)
 
     def _taken_up(self) -> None:
         kept = json.loads((self.folder / "run.json").read_text())
@@ -146,7 +151,10 @@ class Run:
         self.chapter = kept["chapter"]
         self.model = restored(self.folder, self.chapter, self.settings, self.venv)
         if isinstance(self.model, OffPolicyAlgorithm):
-            self.model.load_replay_buffer(self.folder / "replay.pkl")
+            self.model.load_replay_buffer(self._replay(self.chapter))
+
+    def _replay(self, chapter: int) -> Path:
+        return self.folder / f"replay-{chapter:04d}.pkl"
 
 
 def _begin_at(model: Any, action: np.ndarray) -> None:

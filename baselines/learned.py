@@ -13,6 +13,7 @@ from gmr_gym.kalman import Sensor
 from gmr_gym.mixture import Mixture
 from gmr_gym.model import Model
 from gmr_gym.network import Network, forward, load
+from gmr_gym.reduction import at_least_one
 from gmr_gym.threshold_features import FEATURES, Memory, at_start, observe, told
 from gmr_gym.thresholds import PAPER, Thresholds, adapted, decode, encoded, places
 from gmr_gym.tracker import Report, check_scan
@@ -81,5 +82,5 @@ def learned_thresholds(
     """MHT of up to `components` hypotheses whose thresholds are set by a network: that which comes with
     gmr_gym, or that in the file `policy`, as agents/export.py writes it. For one motion and a linear sensor.
     Raises ValueError for a file that is none, see `gmr_gym.network.load`, and for a model of another kind."""
-    network = load(policy or SHIPPED, FEATURES, Thresholds._fields)
-    return LearnedThresholds(model, network, PAPER._replace(components=components))
+    network = load(SHIPPED if policy is None else policy, FEATURES, Thresholds._fields)
+    return LearnedThresholds(model, network, PAPER._replace(components=at_least_one(components)))

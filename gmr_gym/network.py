@@ -4,7 +4,8 @@ pass. Nothing is unpickled, and no framework is needed."""
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
+from zlib import error as BadStream
 
 import numpy as np
 from numba import njit
@@ -12,6 +13,7 @@ from numba import njit
 FORMAT = "gmr_gym thresholds 1"
 ACTIVATIONS = ("tanh", "relu")
 MOST_LAYERS, MOST_UNITS = 8, 4096  # a file that asks for more is none of ours
+MOST_BYTES = 2**26  # nor is one that unpacks to more
 
 
 class Network(NamedTuple):
@@ -61,9 +63,15 @@ def load(file: Path | str, features: Sequence[str], parameters: Sequence[str]) -
     unknown parameters, shapes that do not fit, numbers of another kind or not finite."""
     file = Path(file)
     try:
+        with ZipFile(file) as packed:
+            size = sum(part.file_size for part in packed.infolist())
+        if size > MOST_BYTES:
+            raise ValueError(f"it unpacks to {size} bytes")
         with np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
-    except (OSError, ValueError, EOFError, BadZipFile, KeyError) as error:
+    except (
+        OSError, ValueError, TypeError, EOFError, KeyError, BadZipFile, BadStream, MemoryError, RuntimeError,
+    ) as error:  # fmt: skip
         raise ValueError(f"{file} is no policy that can be read: {error}") from None
     try:
         return _checked(arrays, tuple(features), tuple(parameters))
@@ -119,10 +127,10 @@ def _checked(
     }
     if set(arrays) != wanted or not 1 <= depth <= MOST_LAYERS:
         raise ValueError(f"arrays must be {sorted(wanted)}, got {sorted(arrays)}")
-    names = tuple(arrays["features"].tolist()) if arrays["features"].dtype.kind == "U" else ()
+    names = _names(arrays["features"])
     if names != features:
         raise ValueError(f"features must be {features}, got {names}")
-    sets = tuple(arrays["parameters"].tolist()) if arrays["parameters"].dtype.kind == "U" else ()
+    sets = _names(arrays["parameters"])
     if not sets or len(set(sets)) < len(sets) or not set(sets) <= set(parameters):
         raise ValueError(f"parameters must be different ones of {parameters}, got {sets}")
     activation, squashed = str(arrays["activation"]), arrays["squashed"]
@@ -155,3 +163,7 @@ def _checked(
         tuple(numbers[f"weights_{i}"] for i in range(depth)),
         tuple(numbers[f"biases_{i}"] for i in range(depth)),
     )  # fmt: skip
+
+
+def _names(array: np.ndarray) -> tuple[str, ...]:
+    return tuple(array.tolist()) if array.dtype.kind == "U" and array.ndim == 1 else ()

@@ -2,9 +2,9 @@
 
 How much a choice of thresholds will cost depends mostly on chance: on whether the target is about to turn or
 to be missed, and on whether the hypothesis that is right is still there. A critic that is told explains that
-part away, and what is left of the reward is due to the choice. It is a baseline that depends on nothing the
-action decides, so it does not bias what is learned (asymmetric actor-critic, Pinto et al. 2018;
-input-dependent baselines, Mao et al. 2019)."""
+part away, and what is left of the reward is due to the choice. Nothing here depends on the action that is
+judged, so it does not bias what is learned (asymmetric actor-critic, Pinto et al. 2018; input-dependent
+baselines, Mao et al. 2019)."""
 
 import numpy as np
 from numba import njit
@@ -21,7 +21,7 @@ HINDSIGHT = (
     "holding",  # 2 (weight of the hypotheses that hold the true position in their gate) - 1
     "hope",  # log10(the largest weight of one of them, at least 1e-8) / 4 + 1
     "turning",  # log10(0.1 + how far it turns from its straight way in AHEAD scans, in deviations of R) - 0.5
-    "showing",  # 2 (share of the AHEAD next scans in which it is seen) - 1
+    "showing",  # 2 (share of this scan and the AHEAD next in which it is seen) - 1
     "noise",  # 5 log(deviation of the sensor / as told), the first axis
 )
 AHEAD = 5  # scans

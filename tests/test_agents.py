@@ -185,5 +185,9 @@ def test_an_unknown_algorithm_and_a_file_without_the_environment_are_refused(tmp
     (tmp_path / "other.yml").write_text("CartPole-v1:\n  n_envs: 1\n")
     with pytest.raises(ValueError, match="must have an entry gmr_gym/ReductionTuning-v0"):
         settings("ppo", 0, None, 100, {}, tmp_path / "other.yml")
+    with pytest.raises(ValueError, match="cannot read the hyperparameters"):
+        settings("ppo", 0, None, 100, {}, tmp_path / "none.yml")
+    with pytest.raises(ValueError, match="hindsight is a matter of the critic"):
+        settings("ppo", 0, None, 100, {"hindsight": True}, None)
     with pytest.raises(ValueError, match="holds no run"):
         recorded(tmp_path)

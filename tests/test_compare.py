@@ -348,8 +348,11 @@ def test_a_comparison_from_end_to_end(compared, table, monkeypatch):
 
 def test_a_policy_of_other_thresholds_and_a_file_without_a_constant_are_refused(compared, tmp_path):
     with pytest.raises(ValueError, match=r"best.npz sets .'alpha', 'prune'.*, but the others set .'alpha',"):
-        evaluate.learned([compared / "net-0" / "best.npz"], ["alpha"])
-    groups = evaluate.learned([compared / f"net-{seed}" / "best.npz" for seed in (0, 1)], NAMES)
+        evaluate.learned([compared / "net-0" / "best.npz"], ["alpha"], {})
+    files = [compared / f"net-{seed}" / "best.npz" for seed in (0, 1)]
+    with pytest.raises(ValueError, match="net-1 is given twice"):
+        evaluate.learned([files[1], files[1]], NAMES, {})
+    groups = evaluate.learned(files, NAMES, {})
     assert list(groups) == ["net"] and len(groups["net"]) == 2
     competitors.write(tmp_path / "static.json", {}, {})
     with pytest.raises(ValueError, match="holds no 'best constant'"):

@@ -35,6 +35,12 @@ def test_hindsight_stands_behind_the_features_and_changes_nothing_else():
             seen, more = plain.reset()[0], told.reset()[0]
 
 
+@pytest.mark.parametrize("wrong", [-1, 2, "yes", None])
+def test_hindsight_is_there_or_it_is_not(wrong):
+    with pytest.raises(ValueError, match="hindsight must be True or False"):
+        gym.make("gmr_gym/ReductionTuning-v0", hindsight=wrong)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_hindsight_is_what_it_is_called(seed):
     _, env = pair(instances="train")

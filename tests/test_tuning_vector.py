@@ -127,7 +127,7 @@ def test_what_cannot_be_is_refused(table):
     envs = vector(2, instances=table)
     with pytest.raises(RuntimeError, match=r"call reset\(\) before step\(\)"):
         envs.step(np.zeros((2, 2)))
-    with pytest.raises(ValueError, match="seed must be a number or 2 of them, got 3"):
+    with pytest.raises(ValueError, match="seed must be a whole number or 2 of them"):
         envs.reset(seed=[1, 2, 3])
     envs.reset(seed=0)
     for actions, message in (

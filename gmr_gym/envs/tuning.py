@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from difflib import get_close_matches
 from functools import cache
+from numbers import Real
 from typing import Any
 
 import gymnasium as gym
@@ -160,7 +161,7 @@ class Draws:
                 self._to_come = [str(name) for name in env.np_random.permutation(list(self.instances))]
             return self._to_come.pop()
         name = options["instance_id"]
-        if name not in self.instances:
+        if not isinstance(name, str) or name not in self.instances:
             near = get_close_matches(str(name), self.instances, n=1) or list(self.instances)[:1]
             raise ValueError(f"unknown instance {name!r}; did you mean {near[0]!r}?")
         return name
@@ -168,7 +169,7 @@ class Draws:
 
 def checked_price(price: float) -> float:
     """The price; ValueError unless it is non-negative and finite."""
-    if not 0 <= price < np.inf:
+    if not isinstance(price, Real) or not 0 <= price < np.inf:
         raise ValueError(f"price must be non-negative and finite, got {price}")
     return price
 
@@ -198,6 +199,7 @@ class ThresholdSchedule(gym.Wrapper):
     def __init__(self, env: gym.Env, policy: Callable[[np.ndarray, int], np.ndarray]):
         super().__init__(env)
         self.policy = policy
+        self._observation: np.ndarray | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """As the environment inside does."""
@@ -206,7 +208,9 @@ class ThresholdSchedule(gym.Wrapper):
         return self._observation, info
 
     def step(self, action=None):
-        """One scan under the policy's thresholds."""
+        """One scan under the policy's thresholds. RuntimeError before the first `reset`."""
+        if self._observation is None:
+            raise RuntimeError("call reset() before step(): no episode is running")
         self._observation, *rest = self.env.step(self.policy(self._observation, self._t))
         self._t += 1
         return self._observation, *rest

@@ -1,6 +1,7 @@
 """Many trackers whose thresholds are set scan by scan, stepped in one call."""
 
 from collections.abc import Sequence
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -58,11 +59,11 @@ class ReductionTuningVectorEnv(VectorEnv):
 
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
         """Scan 1 of new episodes: features (n, k). Seeds are s, s + 1, ... for a number s, or one each."""
-        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
-        if seeds is None:
-            seeds = [None] * self.num_envs
-        if len(seeds) != self.num_envs:
-            raise ValueError(f"seed must be a number or {self.num_envs} of them, got {len(seeds)}")
+        seeds: Any = [None] * self.num_envs if seed is None else seed
+        if isinstance(seed, Integral):
+            seeds = [int(seed) + i for i in range(self.num_envs)]
+        if not isinstance(seeds, Sequence | np.ndarray) or len(seeds) != self.num_envs:
+            raise ValueError(f"seed must be a whole number or {self.num_envs} of them, got {seed!r}")
         for member, own in zip(self._members, seeds, strict=True):
             if own is not None:
                 member.np_random, _ = seeding.np_random(own)
@@ -93,11 +94,9 @@ class ReductionTuningVectorEnv(VectorEnv):
         infos |= self._told(np.ones(self.num_envs, bool), steps, running & ~fresh)
         return self._shown(), steps["reward"].copy(), terminated, truncated, infos
 
-    def _begin(self, which: np.ndarray, seeds: Sequence[int | None], options: dict[str, Any]) -> None:
+    def _begin(self, which: np.ndarray, seeds: Any, options: dict[str, Any]) -> None:
         rows = np.flatnonzero(which)
-        drawn = [
-            self._members[i].next(seeds[i], options) for i in rows.tolist()
-        ]  # a wrong option changes nothing
+        drawn = [self._members[i].next(seeds[i], options) for i in rows.tolist()]
         for i, (name, scenario, episode) in zip(rows, drawn, strict=True):
             self._names[i] = name
             begin(self._state[i], scenario, episode, STRAYED)
