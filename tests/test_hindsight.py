@@ -51,7 +51,7 @@ def test_hindsight_is_what_it_is_called(seed):
     for t in range(60):
         z = scan(scenario, episode, t, scenario.centre(moments(belief)[0])).z
         full = expanded(belief, scenario.model, z)
-        belief = adapted(full.posterior.mixture, PAPER).mixture
+        belief = adapted(full, PAPER).mixture
         w, m, P = full.posterior.mixture
         found = dict(zip(HINDSIGHT, observation[len(FEATURES) :].tolist(), strict=True))
         target = H @ x[t]
