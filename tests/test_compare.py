@@ -94,6 +94,7 @@ def test_figures_and_differences_are_what_they_are_called():
     assert found["track_loss"].value == mine.lost.mean()
     assert found["error_kept"].value == pytest.approx(np.mean(mine.error[mine.lost == 0]))
     assert found["work"].value == mine.work.mean() > found["work_iqm"].value  # of a skewed law
+    assert np.isnan(found.pop("time_per_scan").low)
     for figure in found.values():
         assert figure.low <= figure.value <= figure.high
     other = other._replace(error=np.where(other.lost == 1, 1e9, other.error))
