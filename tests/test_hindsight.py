@@ -9,6 +9,7 @@ import pytest
 import gmr_gym  # noqa: F401  registers the environments
 from gmr_gym.hypotheses import expanded
 from gmr_gym.mixture import moments
+from gmr_gym.reduction import total_merge_cost
 from gmr_gym.simulate import scan
 from gmr_gym.threshold_features import FEATURES
 from gmr_gym.threshold_hindsight import AHEAD, HINDSIGHT
@@ -51,7 +52,7 @@ def test_hindsight_is_what_it_is_called(seed):
     for t in range(60):
         z = scan(scenario, episode, t, scenario.centre(moments(belief)[0])).z
         full = expanded(belief, scenario.model, z)
-        belief = adapted(full, PAPER).mixture
+        belief = adapted(full, PAPER, total_merge_cost(full.posterior.mixture)).mixture
         w, m, P = full.posterior.mixture
         found = dict(zip(HINDSIGHT, observation[len(FEATURES) :].tolist(), strict=True))
         target = H @ x[t]

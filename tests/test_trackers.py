@@ -235,9 +235,9 @@ def checked(report, d=4):
 
 
 def arrays(belief):
-    """Every array of a belief, whatever records it is made of."""
-    if isinstance(belief, np.ndarray):
-        return [belief]
+    """Every array of a belief, whatever records it is made of, and every number as one."""
+    if np.isscalar(belief) or isinstance(belief, np.ndarray):
+        return [np.asarray(belief)]
     return [array for part in belief for array in arrays(part)]
 
 
