@@ -65,8 +65,7 @@ def learned(
             raise ValueError(f"{file} sets {network.parameters}, but the others set {tuple(parameters)}")
         folder = file.resolve().parent
         name, _, number = folder.name.rpartition("-")
-        groups.setdefault(name if number.isdigit() else folder.name, {})
-        runs = groups[name if number.isdigit() else folder.name]
+        runs = groups.setdefault(name if number.isdigit() else folder.name, {})
         if folder in runs:
             raise ValueError(f"{folder} is given twice: two policies of one run are no two seeds")
         runs[folder] = ByNetwork(network)

@@ -4,10 +4,6 @@ An episode is a record, and n of them are an array (n,): what there is to see, w
 and the posterior that waits for its thresholds.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache
-
 import numba
 import numpy as np
 from numba import njit
@@ -17,6 +13,7 @@ from gmr_gym.instances import SCANS
 from gmr_gym.reduction import among_heaviest, heavier, selected_by
 from gmr_gym.scans import View, scan_into
 from gmr_gym.simulate import Episode, Scenario, capacity, viewed
+from gmr_gym.threads import together
 from gmr_gym.threshold_features import observe, told
 from gmr_gym.threshold_hindsight import FORESEEN, ahead, hindsight
 from gmr_gym.thresholds import RANGES, adapt
@@ -108,29 +105,11 @@ def stepped(
     at their next scans: what came of it to the same rows of `steps` (n,), and FEATURES of the next scan to
     those of the observations (n, k), zeros where the episode is over. Of an episode that has just begun it
     looks at the first scan, and there is nothing to reduce."""
-    threads = min(numba.config.NUMBA_NUM_THREADS, len(rows))  # type: ignore[attr-defined]
-    if threads < 2:
-        step(episodes, rows, thresholds, price, steps, observations)
-        return
-    # dealt out so that each thread has as much to merge
-    rows = rows[np.argsort(-episodes["hypotheses"][rows], kind="stable")]
+    threads = max(1, min(numba.config.NUMBA_NUM_THREADS, len(rows)))  # type: ignore[attr-defined]
+    if threads > 1:  # dealt out so that each thread has as much to merge
+        rows = rows[np.argsort(-episodes["hypotheses"][rows], kind="stable")]
     shares = [rows[first::threads].copy() for first in range(threads)]
-    others = [
-        _pool(threads - 1).submit(step, episodes, share, thresholds, price, steps, observations)
-        for share in shares[1:]
-    ]
-    step(episodes, shares[0], thresholds, price, steps, observations)
-    for other in others:
-        other.result()
-
-
-@cache
-def _pool(threads: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(threads)
-
-
-if hasattr(os, "register_at_fork"):  # threads are not there in a child
-    os.register_at_fork(after_in_child=_pool.cache_clear)
+    together(step, [(episodes, share, thresholds, price, steps, observations) for share in shares])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

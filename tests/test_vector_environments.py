@@ -247,7 +247,7 @@ def test_wrong_arguments_are_refused_by_name():
     envs = native(TURNING, 2)
     with pytest.raises(RuntimeError, match=r"call reset\(\) before step"):
         envs.step(np.zeros((2, 4)))
-    with pytest.raises(ValueError, match="seed must be a number or a list of 2, got 3"):
+    with pytest.raises(ValueError, match="seed must be a whole number or 2 of them"):
         envs.reset(seed=[1, 2, 3])
     for mask in (np.zeros(2, bool), np.ones(3, bool), np.ones(2)):
         with pytest.raises(ValueError, match="must be 2 booleans, at least one of them true"):

@@ -1,7 +1,6 @@
 """Many trackers whose thresholds are set scan by scan, stepped in one call."""
 
 from collections.abc import Sequence
-from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from gymnasium.vector.utils import batch_space
 
 from gmr_gym.envs.tracking import STRAYED
 from gmr_gym.envs.tuning import PRICE, Draws, checked_price, rest_of, spaces_of
+from gmr_gym.envs.vector import seeds_of
 from gmr_gym.instances import instances as table_of
 from gmr_gym.threshold_scans import EPISODE, STEP, begin, stepped
 from gmr_gym.thresholds import PAPER, RANGES, check_actions, check_parameters, decode, places
@@ -59,11 +59,7 @@ class ReductionTuningVectorEnv(VectorEnv):
 
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
         """Scan 1 of new episodes: features (n, k). Seeds are s, s + 1, ... for a number s, or one each."""
-        seeds: Any = [None] * self.num_envs if seed is None else seed
-        if isinstance(seed, Integral):
-            seeds = [int(seed) + i for i in range(self.num_envs)]
-        if not isinstance(seeds, Sequence | np.ndarray) or len(seeds) != self.num_envs:
-            raise ValueError(f"seed must be a whole number or {self.num_envs} of them, got {seed!r}")
+        seeds = seeds_of(seed, self.num_envs)
         for member, own in zip(self._members, seeds, strict=True):
             if own is not None:
                 member.np_random, _ = seeding.np_random(own)

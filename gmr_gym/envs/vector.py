@@ -1,9 +1,6 @@
 """Many environments of one single-target scenario at once: `TrackingEnv` n times, to the last bit."""
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -18,6 +15,7 @@ from gmr_gym.envs.episodic import EXTENT, ORIGIN
 from gmr_gym.envs.tracking import STRAYED, TrackingEnv, distance
 from gmr_gym.scans import label_into, scans_into
 from gmr_gym.simulate import carried, draw, is_scripted, key_of, make_scan, true, viewed
+from gmr_gym.threads import together
 
 SHARE = 32  # environments that a thread is worth
 
@@ -95,7 +93,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
     ):
         """Scan 1 of new episodes, of the environments in options["reset_mask"] (num_envs,) if it is given. An
         integer seed stands for seed, seed + 1, ...; without one the streams go on."""
-        seeds = _seeds(seed, self.num_envs)
+        seeds = seeds_of(seed, self.num_envs)
         chosen = _chosen(options, self.num_envs)
         for i in np.flatnonzero(chosen):
             if seeds[i] is not None:
@@ -232,12 +230,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
             *self._handed_out, self._view, self._carried, sensor.R, chance, self._keys, self._expected,
             self._t, self._estimates,
         )  # fmt: skip
-        helpers = len(self._shares) - 1
-        pool = _pool(os.getpid(), helpers) if helpers else None
-        others = [pool.submit(scans_into, *share, *everything) for share in self._shares[1:]] if pool else []
-        scans_into(*self._shares[0], *everything)
-        for other in others:
-            other.result()
+        together(scans_into, [(*share, *everything) for share in self._shares])
 
     def _final(self, error: np.ndarray) -> dict[str, Any]:
         """What info holds of the episodes that have just ended."""
@@ -251,13 +244,14 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         }  # fmt: skip
 
 
-def _seeds(seed: int | Sequence[int | None] | None, n: int) -> list[int | None]:
+def seeds_of(seed: int | Sequence[int | None] | None, n: int) -> list[int | None]:
+    """The seeds of n environments: s, s + 1, ... for a number s, or one each; ValueError for another."""
     if seed is None:
         return [None] * n
     if isinstance(seed, int | np.integer):
         return [int(seed) + i for i in range(n)]
-    if len(seed) != n:
-        raise ValueError(f"seed must be a number or a list of {n}, got {len(seed)} of them")
+    if not isinstance(seed, Sequence | np.ndarray) or len(seed) != n:
+        raise ValueError(f"seed must be a whole number or {n} of them, got {seed!r}")
     return list(seed)
 
 
@@ -269,9 +263,3 @@ def _chosen(options: dict[str, Any] | None, n: int) -> np.ndarray:
     if mask.shape != (n,) or mask.dtype != bool or not mask.any():
         raise ValueError(f"options['reset_mask'] must be {n} booleans, at least one of them true, got {mask}")
     return mask
-
-
-@lru_cache
-def _pool(process: int, helpers: int) -> ThreadPoolExecutor:
-    """Threads to help the caller's own; a forked process has to have others than its parent."""
-    return ThreadPoolExecutor(helpers, "gmr_gym-scans")
