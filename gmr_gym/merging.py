@@ -57,6 +57,8 @@ def merge_greedily(w, m, P, components, budget):
     while left > 1:
         i = first_least(least, n)
         if least[i] == np.inf:
+            if left <= components and budget < np.inf:
+                break
             raise ValueError("components lie too far apart to tell what merging them costs")
         if nearest[i] == UNKNOWN:
             nearest[i] = first_least(table[i], i)
