@@ -129,12 +129,14 @@ def _kept(p: Mixture, kept: np.ndarray) -> Reduced:
 
 
 def _greedily_merged(p: Mixture, components: int, budget: float) -> Reduced:
-    alive, alive_origin = _heavier(p, p.w, 0.0)
-    if len(alive.w) == 1 or (budget < 0 and len(alive.w) <= components):
-        return alive, alive_origin
-    w, m, P, origin = merge_greedily(*alive, components, budget)
-    if alive is not p:
-        origin = np.where(alive_origin < 0, -1, origin[alive_origin])
+    n = len(p.w)
+    if not p.w.min() > 0:
+        alive, place = _heavier(p, p.w, 0.0)
+        merged, origin = _greedily_merged(alive, components, budget)
+        return merged, np.where(place < 0, -1, origin[place])
+    if n == 1 or (budget < 0 and n <= components):
+        return p, np.arange(n)
+    w, m, P, origin = merge_greedily(*p, components, budget)
     return Mixture(w, m, P), origin
 
 
