@@ -28,7 +28,6 @@ from gmr_gym.mixture import match
 BLOCK = 128  # components: a block of covariances stays in the nearest cache
 ROUNDING = 1e-15  # of weight times log determinant: bounds stay on the safe side of it
 SOON = 2.0  # times the cost just paid: pairs that may cost less are priced at once, many together
-DENSE = 4  # where more than one pair in so many is to be priced, all are
 FULL = 0.75  # of the places: where fewer are taken the gaps between them are closed
 UNKNOWN, GONE = -1, -2
 
@@ -79,9 +78,7 @@ def merge_greedily(w, m, P, components, budget):
         least[i], nearest[i] = np.inf, GONE
         left -= 1
         k = _below(SOON * cost, row, n, listed)
-        if k > n // DENSE:
-            k = _below(np.inf, row, n, listed)
-        _price(j, listed, k, n, w, means, entries, log_det, near, room, row)
+        _price(j, listed, k, w, means, entries, log_det, near, room, row)
         for r in range(j):
             table[j, r] = row[r]
         least[j], nearest[j] = 0.0 if j > 0 else np.inf, UNKNOWN
@@ -131,15 +128,10 @@ def _below(limit, row, n, listed):
 
 
 @njit(cache=True, error_model="numpy")
-def _price(i, listed, k, n, w, means, entries, log_det, near, room, row):
+def _price(i, listed, k, w, means, entries, log_det, near, room, row):
     """Costs of merging component i with each of the first k of those listed, written to their places
     in row."""
     w_near, means_near, entries_near, log_det_near, costs = near
-    if k > n // DENSE:
-        form_costs(i, 0, n, w, means, entries, log_det, room, costs)
-        for r in range(k):
-            row[listed[r]] = costs[listed[r]]
-        return
     for r in range(k + 1):
         c = listed[r] if r < k else i
         w_near[r], log_det_near[r] = w[c], log_det[c]
