@@ -3,6 +3,7 @@
 Every competitor plays the same episodes of TEST and of EXTRAPOLATION. What has been played is kept, and found
 again by the same command."""
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -51,17 +52,27 @@ LEARNED = (
 )
 
 
-def learned(files: Sequence[Path], parameters: Sequence[str]) -> dict[str, list[Policy]]:
+def learned(
+    files: Sequence[Path], parameters: Sequence[str], env: Mapping[str, Any]
+) -> dict[str, list[Policy]]:
     """Policies of training runs by group, that is by the name of their folder without the number of the seed:
-    those in ppo-0 and ppo-1 are two seeds of ppo. ValueError for one that sets other thresholds."""
-    groups: dict[str, list[Policy]] = {}
+    those in ppo-0 and ppo-1 are two seeds of ppo. ValueError for one that sets other thresholds or was
+    trained in an environment of other arguments, and for a run given twice."""
+    groups: dict[str, dict[Path, Policy]] = {}
     for file in files:
         network = load(file, FEATURES, Thresholds._fields)
         if network.parameters != tuple(parameters):
             raise ValueError(f"{file} sets {network.parameters}, but the others set {tuple(parameters)}")
-        name, _, number = file.resolve().parent.name.rpartition("-")
-        groups.setdefault(name if number.isdigit() else file.parent.name, []).append(ByNetwork(network))
-    return groups
+        folder = file.resolve().parent
+        name, _, number = folder.name.rpartition("-")
+        runs = groups.setdefault(name if number.isdigit() else folder.name, {})
+        if folder in runs:
+            raise ValueError(f"{folder} is given twice: two policies of one run are no two seeds")
+        runs[folder] = ByNetwork(network)
+        said = folder / "run.json"
+        if said.exists() and (other := json.loads(said.read_text())["settings"]["env"]) != dict(env):
+            raise ValueError(f"{folder} was trained with {other}, but what is compared is tuned with {env}")
+    return {name: list(runs.values()) for name, runs in groups.items()}
 
 
 class Comparison:
@@ -76,7 +87,7 @@ class Comparison:
         self.folder, self.seed, self.runs, self.jobs = folder, seed, runs, jobs
         problem = gym.make(ENV_ID, **self.env).unwrapped
         self.parameters, self.price = problem.parameters, problem.price
-        self.learned = learned(files, self.parameters)
+        self.learned = learned(files, self.parameters, self.env)
 
     def table(self, table: str, grid_runs: int, slow_runs: int) -> dict[str, Any]:
         """Everything on one table of instances: its record, with "episodes" by competitor."""

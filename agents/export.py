@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 import torch
 import typer
+from critics import Seen
 from learner import environments, recorded, restored
 
 from gmr_gym.network import Network, save
@@ -24,15 +25,18 @@ def network_of(model, venv) -> Network:
         layers = [*policy.actor.latent_pi, policy.actor.mu]
     else:
         layers = [*policy.mlp_extractor.policy_net, policy.action_net]
+    layers = [layer for layer in layers if not isinstance(layer, Seen)]
     linear, between = layers[::2], layers[1::2]
     kinds = {ACTIVATIONS.get(type(layer)) for layer in between}
-    if not all(isinstance(layer, torch.nn.Linear) for layer in linear) or len(kinds) > 1 or None in kinds:
-        raise ValueError(f"a policy must be of linear layers with tanh or ReLU between, got {layers}")
+    sound = all(isinstance(layer, torch.nn.Linear) for layer in linear) and len(kinds - {None}) < 2
+    if not sound or None in kinds or linear[0].in_features != len(FEATURES):
+        raise ValueError(f"a policy must lead from FEATURES by linear layers with tanh or ReLU, got {layers}")
+    k = len(FEATURES)
     return Network(
         FEATURES,
         venv.get_attr("parameters")[0],
-        np.array(venv.obs_rms.mean, float),
-        np.sqrt(venv.obs_rms.var + venv.epsilon),
+        np.array(venv.obs_rms.mean[:k], float),
+        np.sqrt(venv.obs_rms.var[:k] + venv.epsilon),
         float(venv.clip_obs),
         kinds.pop() if kinds else "tanh",
         squashed,

@@ -13,13 +13,17 @@ class FromVector(VecEnv):
     """Environments of one process under stable-baselines3's interface, which asks for the last observation of
     an episode as `terminal_observation` and for `TimeLimit.truncated` where it ended by time alone.
 
+    With `horizon_ends` nothing is expected after the last scan: an end by time is reported as an end.
+    Without, a learner adds what its critic says of the last observation, as if the episode had gone on.
+
     Raises ValueError unless `envs` resets in the step that ends an episode (AutoresetMode.SAME_STEP).
     """
 
-    def __init__(self, envs: gym.vector.VectorEnv):
+    def __init__(self, envs: gym.vector.VectorEnv, horizon_ends: bool = False):
         mode = envs.metadata.get("autoreset_mode")
         if mode is not AutoresetMode.SAME_STEP:
             raise ValueError(f"envs must have autoreset_mode AutoresetMode.SAME_STEP, got {mode}")
+        self.horizon_ends = horizon_ends
         self.envs = envs  # before what asks it for attributes
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
         self._actions: Any = None
@@ -38,9 +42,8 @@ class FromVector(VecEnv):
     def step_wait(self):
         observations, rewards, terminated, truncated, told = self.envs.step(self._actions)
         over = terminated | truncated
-        infos: list[dict[str, Any]] = [
-            {"TimeLimit.truncated": bool(truncated[i] and not terminated[i])} for i in range(self.num_envs)
-        ]
+        late = truncated & ~terminated & (not self.horizon_ends)
+        infos: list[dict[str, Any]] = [{"TimeLimit.truncated": bool(late[i])} for i in range(self.num_envs)]
         for i in np.flatnonzero(over):
             infos[i]["terminal_observation"] = told["final_obs"][i]
         return observations.copy(), rewards.astype(np.float32), over, infos
@@ -49,15 +52,13 @@ class FromVector(VecEnv):
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices=None) -> list[Any]:
-        values = self.envs.get_attr(attr_name)
-        return [values[i] for i in self._get_indices(indices)]
+        return [getattr(self.envs, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices=None) -> None:
         raise NotImplementedError("an environment is changed by making another")
 
     def env_method(self, method_name: str, *args, indices=None, **kwargs) -> list[Any]:
-        results = self.envs.call(method_name, *args, **kwargs)
-        return [results[i] for i in self._get_indices(indices)]
+        raise NotImplementedError("environments that are stepped as one have no methods of their own")
 
     def env_is_wrapped(self, wrapper_class, indices: Sequence[int] | None = None) -> list[bool]:
         return [False] * len(list(self._get_indices(indices)))

@@ -1,7 +1,7 @@
 """Policies played over instances on the same episodes: what every comparison is made of."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from functools import cache
 from pathlib import Path
@@ -15,11 +15,13 @@ from threadpoolctl import threadpool_limits
 
 import gmr_gym
 from gmr_gym.instances import Instance, instances, world
-from gmr_gym.montecarlo import LOOKERS
+from gmr_gym.source import LOOKERS
 
 ENV_ID = "gmr_gym/ReductionTuning-v0"
-# policy(features (k,), t) -> action (j,). One with a method `watching` is handed the environment and asked
-# for the policy proper: that is for what knows more than a policy may, see hindsight.py
+# policy(features (k,), t) -> action (j,). It is asked about the episodes of an instance side by side, and of
+# them all in one call where it has a method `many`. One with a method `watching` is handed the environment
+# instead and asked for the policy proper: that is for what remembers, or knows more than a policy may, see
+# hindsight.py
 Policy = Callable[[np.ndarray, int], np.ndarray]
 
 
@@ -33,7 +35,9 @@ class Episodes(NamedTuple):
     components: np.ndarray  # (instances, runs)
     capped: np.ndarray  # (instances, runs), m, error at most the cutoff, which scans after a loss count as
     scans: np.ndarray  # (instances, runs), played
-    seconds: np.ndarray  # (instances, runs), of a scan, median: policy, reduction, next scan and its features
+    # (instances, runs), of a scan of the instance's first run, played alone on one thread, median: policy,
+    # reduction, next scan and its features
+    seconds: np.ndarray
 
 
 def played(
@@ -91,42 +95,94 @@ def code() -> str:
     """Digest of the source that an episode depends on, so that nothing is found that other code left."""
     package, here = Path(gmr_gym.__file__).parent, Path(__file__)
     files = [file for file in package.rglob("*.py") if file.relative_to(package).parts[0] not in LOOKERS]
-    files += [package / "envs" / "tuning.py", here, here.with_name("hindsight.py")]
+    files += [
+        package / "envs" / "tracking.py",
+        package / "envs" / "tuning.py",
+        package / "envs" / "tuning_vector.py",
+        here,
+        here.with_name("hindsight.py"),
+    ]
     return joblib.hash([file.read_bytes() for file in sorted(files)])
 
 
 def _of_instance(policy, settings, row: Instance, place: int, runs: int, seed: int) -> np.ndarray:
     """The fields of Episodes (f, runs) of an instance's episodes."""
-    env, scenario = _environment(settings), world(row)
+    scenario = world(row)
     policy = deepcopy(policy)  # one with a stream of its own begins it anew, whoever played before
-    act = policy.watching(env) if hasattr(policy, "watching") else policy
+    keys = [np.random.SeedSequence((seed, place, run)).generate_state(2) for run in range(runs)]
+    seeds = [int(key[0]) << 31 | int(key[1]) >> 1 for key in keys]
+    play = _one_by_one if hasattr(policy, "watching") else _side_by_side
     out = np.empty((len(Episodes._fields), runs))
     with threadpool_limits(1):  # small matrices are slower on several threads
-        for run in range(runs):
-            key = np.random.SeedSequence((seed, place, run)).generate_state(2)
-            observation, _ = env.reset(
-                seed=int(key[0]) << 31 | int(key[1]) >> 1, options={"instance_id": row.instance_id}
-            )
-            scans, over, t = [], False, 0
-            while not over:
-                started = perf_counter()
-                observation, reward, lost, late, info = env.step(act(observation, t))
-                seconds = perf_counter() - started
-                scans.append((reward, info["error"], info["work"], info["components"], seconds))
-                over, t = lost or late, t + 1
+        for run, (scans, lost) in enumerate(play(policy, settings, row.instance_id, seeds)):
             reward, error, work, components, seconds = np.array(scans).T
-            after = scenario.cutoff * (scenario.horizon - t)
+            after = scenario.cutoff * (scenario.horizon - len(scans))
             capped = (np.minimum(error, scenario.cutoff).sum() + after) / scenario.horizon
             out[:, run] = (
-                reward.sum(), error.mean(), lost, work.mean(), components.mean(), capped, t,
+                reward.sum(), error.mean(), lost, work.mean(), components.mean(), capped, len(scans),
                 np.median(seconds),
             )  # fmt: skip
+        if play is _side_by_side and runs > 1:
+            alone, _ = next(_one_by_one(policy, settings, row.instance_id, seeds[:1]))
+            out[-1] = np.median([scan[-1] for scan in alone])
     return out
 
 
-@cache  # a worker plays many instances, and reading a table takes as long as an episode
+def _one_by_one(policy, settings, name: str, seeds: list[int]) -> Iterator[tuple[list[tuple], bool]]:
+    """Reward, error, work, components and seconds, scan by scan, of the episode of each seed, and whether a
+    loss ended it."""
+    env = _environment(settings)
+    act = policy.watching(env) if hasattr(policy, "watching") else policy
+    for seed in seeds:
+        observation, _ = env.reset(seed=seed, options={"instance_id": name})
+        scans: list[tuple] = []
+        over = lost = False
+        while not over:
+            started = perf_counter()
+            observation, reward, lost, late, info = env.step(act(observation, len(scans)))
+            seconds = perf_counter() - started
+            scans.append((reward, info["error"], info["work"], info["components"], seconds))
+            over = lost or late
+        yield scans, lost
+
+
+def _side_by_side(policy, settings, name: str, seeds: list[int]) -> Iterator[tuple[list[tuple], bool]]:
+    """As `_one_by_one`, all at once; the seconds are those of the whole step."""
+    envs = _environments(settings, len(seeds))
+    observations, _ = envs.reset(seed=seeds, options={"instance_id": name})
+    scans: list[list[tuple]] = [[] for _ in seeds]
+    lost, running, t = np.zeros(len(seeds), bool), np.ones(len(seeds), bool), 0
+    actions = np.zeros(envs.action_space.shape)
+    while running.any():
+        started = perf_counter()
+        there = np.flatnonzero(running)
+        if hasattr(policy, "many"):
+            actions[there] = policy.many(observations[there], t)
+        else:
+            for i in there:
+                actions[i] = policy(observations[i], t)
+        observations, rewards, terminated, truncated, infos = envs.step(actions)
+        seconds = perf_counter() - started
+        told = (infos[field].tolist() for field in ("error", "work", "components"))
+        rows = list(zip(rewards.tolist(), *told, strict=True))
+        for i in there.tolist():
+            scans[i].append((*rows[i], seconds))
+        lost |= terminated
+        running &= ~(terminated | truncated)
+        t += 1
+    yield from zip(scans, lost, strict=True)
+
+
+# a worker plays many instances, and reading a table takes as long as an episode
+@cache
 def _environment(settings: tuple) -> Any:
     return gym.make(ENV_ID, **dict(settings)).unwrapped
+
+
+@cache
+def _environments(settings: tuple, n: int) -> Any:
+    how = {"vectorization_mode": "vector_entry_point", "autoreset_mode": "Disabled"}
+    return gym.make_vec(ENV_ID, n, **how, **dict(settings))
 
 
 def _save(file: Path, episodes: Episodes) -> None:

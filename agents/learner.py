@@ -7,29 +7,31 @@ goes on as if it had not been, to the last bit."""
 import json
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import torch
 import yaml
+from critics import OffPolicy, OnPolicy
 from from_vector import FromVector
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 import gmr_gym  # noqa: F401  registers the environments
+from gmr_gym.thresholds import PAPER, encoded
 
 ENV_ID = "gmr_gym/ReductionTuning-v0"
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC}
+CRITICS = {"ppo": OnPolicy, "sac": OffPolicy}  # with hindsight; TQC's critics see what its actor sees
 try:
-    from sb3_contrib import TQC, RecurrentPPO
+    from sb3_contrib import TQC
 except ImportError:  # they come with a package of their own
     pass
 else:
-    ALGORITHMS |= {"tqc": TQC, "ppo_lstm": RecurrentPPO}
+    ALGORITHMS["tqc"] = TQC
 
 
 @dataclass(frozen=True)
@@ -43,18 +45,26 @@ class Settings:
     envs: int
     hyperparameters: dict[str, Any]
     normalise: dict[str, Any]
+    hindsight: bool  # whether the critic is told what only a simulation knows
     env: dict[str, Any] = field(default_factory=dict)  # arguments of the environment
 
 
 def settings(
-    algorithm: str, seed: int, steps: int | None, chapter: int, env: dict[str, Any], file: Path | None
-) -> Settings:
-    """Settings from a YAML file as rl_zoo3 reads it, the committed one of the algorithm unless given. Raises
-    ValueError for an unknown algorithm, or a file without the environment."""
+    algorithm: str, seed: int, steps: int | None, chapter: int, env: dict[str, Any], file: Path | None,
+    hindsight: bool = True,
+) -> Settings:  # fmt: skip
+    """Settings from a YAML file as rl_zoo3 reads it, the committed one of the algorithm unless given; without
+    `hindsight` the critic sees what the actor sees, as that of tqc always does. Raises ValueError for an
+    unknown algorithm, and for a file that cannot be read or is without the environment."""
     if algorithm not in ALGORITHMS:
         raise ValueError(f"unknown algorithm {algorithm!r}; choose from {', '.join(ALGORITHMS)}")
     file = file or Path(__file__).parent / "hyperparams" / f"{algorithm}.yml"
-    entries = yaml.safe_load(file.read_text())
+    if "hindsight" in env:
+        raise ValueError("hindsight is a matter of the critic: see the option of that name")
+    try:
+        entries = yaml.safe_load(file.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ValueError(f"cannot read the hyperparameters {file}: {error}") from None
     if not isinstance(entries, dict) or ENV_ID not in entries:
         raise ValueError(f"{file} must have an entry {ENV_ID}")
     entry = dict(entries[ENV_ID])
@@ -62,14 +72,18 @@ def settings(
     entry.pop("n_timesteps", None)
     return Settings(
         algorithm, seed, most, chapter, int(entry.pop("n_envs", 1)), hyperparameters=entry,
-        normalise=dict(entry.pop("normalize", {})), env=env,
+        normalise=dict(entry.pop("normalize", {})), hindsight=hindsight and algorithm in CRITICS, env=env,
     )  # fmt: skip
 
 
 def environments(said: Settings) -> VecNormalize:
     """The run's environments in one process, normalised as its settings say."""
-    make = [partial(gym.make, ENV_ID, **said.env)] * said.envs
-    vector = FromVector(SyncVectorEnv(make, autoreset_mode=AutoresetMode.SAME_STEP))
+    made = gym.make_vec(
+        ENV_ID, said.envs, vectorization_mode="vector_entry_point", autoreset_mode="SameStep",
+        hindsight=said.hindsight, **said.env,
+    )  # fmt: skip
+    # rewards are summed to the last scan and no further
+    vector = FromVector(made, horizon_ends=True)
     return VecNormalize(vector, gamma=said.hyperparameters.get("gamma", 0.99), **said.normalise)
 
 
@@ -84,10 +98,14 @@ class Run:
             self._taken_up()
         else:
             folder.mkdir(parents=True, exist_ok=True)
+            arguments = deepcopy(said.hyperparameters)  # the algorithms add to what they are given
+            if said.hindsight:
+                arguments["policy"] = CRITICS[said.algorithm]
             self.model = ALGORITHMS[said.algorithm](
                 env=self.venv, seed=said.seed, device="cpu", tensorboard_log=str(folder / "tensorboard"),
-                **deepcopy(said.hyperparameters),  # the algorithms add to what they are given
+                **arguments,
             )  # fmt: skip
+            _begin_at(self.model, encoded(PAPER, self.venv.get_attr("parameters")[0]))
 
     @property
     def over(self) -> bool:
@@ -110,8 +128,7 @@ class Run:
         stem = self.folder / f"chapter-{self.chapter:04d}"
         self.model.save(stem.with_suffix(".zip"))
         if isinstance(self.model, OffPolicyAlgorithm):
-            self.model.save_replay_buffer(self.folder / "replay-part.pkl")
-            (self.folder / "replay-part.pkl").replace(self.folder / "replay.pkl")
+            self.model.save_replay_buffer(self._replay(self.chapter))
         moments = {"observations": self.venv.obs_rms, "returns": self.venv.ret_rms}
         with stem.with_suffix(".npz").open("wb") as stream:
             np.savez(stream, **{
@@ -121,7 +138,8 @@ class Run:
             })  # fmt: skip
         part = self.folder / "run.part"
         part.write_text(json.dumps({"settings": asdict(self.settings), "chapter": self.chapter}, indent=1))
-        part.replace(self.folder / "run.json")  # last: what it names is whole
+        part.replace(self.folder / "run.json")  # only now: what it names is whole
+        self._replay(self.chapter - 1).unlink(missing_ok=True)
 
     def _taken_up(self) -> None:
         kept = json.loads((self.folder / "run.json").read_text())
@@ -133,7 +151,21 @@ class Run:
         self.chapter = kept["chapter"]
         self.model = restored(self.folder, self.chapter, self.settings, self.venv)
         if isinstance(self.model, OffPolicyAlgorithm):
-            self.model.load_replay_buffer(self.folder / "replay.pkl")
+            self.model.load_replay_buffer(self._replay(self.chapter))
+
+    def _replay(self, chapter: int) -> Path:
+        return self.folder / f"replay-{chapter:04d}.pkl"
+
+
+def _begin_at(model: Any, action: np.ndarray) -> None:
+    """Lets the untrained policy say about the action (j,), whatever it sees."""
+    if isinstance(model, OffPolicyAlgorithm):
+        layer, action = model.policy.actor.mu, np.arctanh(np.clip(action, -0.99, 0.99))
+    else:
+        layer = model.policy.action_net
+    with torch.no_grad():
+        layer.weight.mul_(0.1)
+        layer.bias.copy_(torch.as_tensor(action))
 
 
 def restored(folder: Path, chapter: int, said: Settings, venv: VecNormalize) -> Any:

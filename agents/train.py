@@ -24,13 +24,16 @@ COLUMNS = ("chapter", "steps", "reward", "error_m", "lost", "work")
 def main(
     algorithm: Annotated[str, typer.Argument(help="ppo or sac; with sb3-contrib also tqc")],
     seed: Annotated[int, typer.Option(min=0)] = 0,
-    steps: Annotated[int | None, typer.Option(help="of environments; as the YAML says unless given")] = None,
-    chapter: Annotated[int, typer.Option(help="steps between two states on disk")] = 32768,
+    steps: Annotated[
+        int | None, typer.Option(help="of environments; as the YAML says unless given", min=1)
+    ] = None,
+    chapter: Annotated[int, typer.Option(help="steps between two states on disk", min=1)] = 65536,
     set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006
+    hindsight: Annotated[bool, typer.Option(help="whether the critic knows the truth")] = True,
     hyperparameters: Annotated[Path | None, typer.Option(help="another YAML file")] = None,
     valid_runs: Annotated[
-        int, typer.Option(help="episodes of every instance of VALID, after a chapter")
-    ] = 10,
+        int, typer.Option(help="episodes of every instance of VALID, after a chapter", min=1)
+    ] = 40,
     out: Annotated[Path | None, typer.Option(help="folder; a stopped run goes on there")] = None,
 ) -> None:
     """Learns, chapter by chapter; keeps every chapter, its score on VALID, and the best as a policy."""
@@ -38,13 +41,18 @@ def main(
     env = dict(map(key_value, set_))
     run = Run(
         out or Path("results/agents") / f"{algorithm}-{seed}",
-        settings(algorithm, seed, steps, chapter, env, hyperparameters),
+        settings(algorithm, seed, steps, chapter, env, hyperparameters, hindsight),
     )
     scores = run.folder / "valid.csv"
     while run.chapter > len(_kept(scores)) or not run.over:
         if run.chapter == len(_kept(scores)):
             run.learn(ProgressBarCallback() if sys.stderr.isatty() else None)
-        _judge(run, {name: value for name, value in env.items() if name != "instances"}, valid_runs, scores)
+        _judge(
+            run,
+            {name: value for name, value in env.items() if name != "instances"},
+            valid_runs,
+            scores,
+        )
 
 
 def _judge(run: Run, env: dict[str, Any], runs: int, scores: Path) -> None:

@@ -34,10 +34,10 @@ from gmr_gym.thresholds import PAPER, encoded
 LOW = -0.5  # of an action: alpha 8e-4, gamma 1e-5; what lies below costs more than a lost target
 PIECES, EVERY = 4, 15  # scans: the start, from the true state, differs most, and some episodes have 44
 GAIN = 0.5  # of a rule's features, which span about 2
-RULES = (("clutter", "detection"), ("kept",), ("spread", "entropy"), ("merge_cost", "size"))
+RULES = (("clutter", "detection"), ("kept", "over_1e-4"), ("spread", "entropy"), ("merge_cost", "size"))
 CLUTTER, DETECTION = 3, 2  # cells of a table
 ROUNDS = 4  # of a candidate, each an episode of every instance; the worse half stops earlier
-FINALISTS = 5  # of a search, on VALID
+FINALISTS = 10  # of a search, on VALID
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ def main(
     seed: Annotated[int, typer.Option(min=0)] = 0,
     set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006
     valid: Annotated[str, typer.Option(help="table of instances on which to choose")] = "valid",
-    valid_runs: Annotated[int, typer.Option(help="episodes of each of them", min=1)] = 30,
+    valid_runs: Annotated[int, typer.Option(help="episodes of each of them", min=1)] = 40,
     jobs: Annotated[int, typer.Option(help="workers, -1 for all cores")] = -1,
     out: Annotated[Path, typer.Option(help="a stopped search goes on there")] = Path("results/agents/static"),
 ) -> None:

@@ -1,18 +1,24 @@
 """The adaptive MHT whose thresholds a trained network sets, scan by scan."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 
-from gmr_gym.hypotheses import expanded
-from gmr_gym.mixture import Mixture, moments
+import gmr_gym
+from gmr_gym.hypotheses import expanded, odds
+from gmr_gym.kalman import Sensor
+from gmr_gym.mixture import Mixture
 from gmr_gym.model import Model
-from gmr_gym.network import Network, load
-from gmr_gym.threshold_features import FEATURES, Memory, at_start, features, remembered, told
-from gmr_gym.thresholds import PAPER, Thresholds, adapted, decoded, encoded
+from gmr_gym.network import Network, forward, load
+from gmr_gym.reduction import at_least_one
+from gmr_gym.threshold_features import FEATURES, Memory, at_start, observe, told
+from gmr_gym.thresholds import PAPER, Thresholds, adapted, decode, encoded, places
 from gmr_gym.tracker import Report, check_scan
+
+SHIPPED = Path(gmr_gym.__file__).parent / "data" / "policies" / "thresholds.npz"
 
 
 class Belief(NamedTuple):
@@ -30,29 +36,51 @@ class LearnedThresholds:
     model: Model
     network: Network
     rest: Thresholds = PAPER
+    # the same at every scan: what the model says, the network, and the thresholds that it sets among all
+    _same: tuple[Any, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self):
+        if not isinstance(self.model.sensor, Sensor):
+            raise ValueError("learned thresholds need a linear sensor of positions, and here it is a radar")
         encoded(self.rest, ("components",))  # a limit out of range is an error here, not in a scan
+        same = (
+            odds(self.model)[2], told(self.model), *self.network.packed(),
+            places(self.network.parameters), np.array(self.rest, float),
+        )  # fmt: skip
+        object.__setattr__(self, "_same", same)
 
     def init(self) -> Belief:
         return Belief(self.model.prior, at_start(self.model))
 
     def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
-        model = self.model
-        full = expanded(belief.mixture, model, check_scan(z, len(model.sensor.H)))
-        seen = features(full, belief.memory, model, told(model))
-        # in single precision, as in training
-        thresholds = decoded(self.network(seen.astype(np.float32)), self.network.parameters, self.rest)
-        kept = adapted(full.posterior.mixture, thresholds)
-        mean, covariance = moments(kept.mixture)
-        report = Report(mean[None], covariance[None], full.gates, kept.mixture)
-        return Belief(kept.mixture, remembered(full, kept)), report
+        sensor = self.model.sensor
+        full = expanded(belief.mixture, self.model, check_scan(z, len(sensor.H)))
+        thresholds, cost = _chosen(
+            *full.posterior.mixture, full.posterior.detection, full.posterior.log_density, full.gates.S,
+            sensor.H, sensor.R, *belief.memory, *self._same,
+        )  # fmt: skip
+        done = adapted(full, thresholds, cost)
+        report = Report(done.mean[None], done.covariance[None], full.gates, done.mixture)
+        return Belief(done.mixture, Memory(len(done.mixture.w), done.given_up, done.work)), report
+
+
+@njit(cache=True, error_model="numpy")
+def _chosen(
+    w, m, P, detection, log_density, S, H, R, kept, given_up, work,
+    log_odds, known, mean, deviation, reach, curved, squashed, sizes, numbers, set_by, rest,
+):  # fmt: skip
+    """The thresholds (4,) that a packed network says for a posterior, and the cost of merging all of it."""
+    seen, cost, _ = observe(w, m, P, detection, log_density, S, H, R, log_odds, known, kept, given_up, work)
+    single = seen.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
+    actions = forward(single, mean, deviation, reach, curved, squashed, sizes, numbers)
+    return decode(actions, set_by, rest)[0], cost
 
 
 def learned_thresholds(
-    model: Model, policy: str | Path, components: int = PAPER.components
+    model: Model, policy: str | Path | None = None, components: int = PAPER.components
 ) -> LearnedThresholds:
-    """MHT of up to `components` hypotheses whose thresholds are set by the network in the file `policy`, as
-    agents/export.py writes it. Raises ValueError for a file that is none, see `gmr_gym.network.load`."""
-    network = load(policy, FEATURES, Thresholds._fields)
-    return LearnedThresholds(model, network, PAPER._replace(components=components))
+    """MHT of up to `components` hypotheses whose thresholds are set by a network: that which comes with
+    gmr_gym, or that in the file `policy`, as agents/export.py writes it. For one motion and a linear sensor.
+    Raises ValueError for a file that is none, see `gmr_gym.network.load`, and for a model of another kind."""
+    network = load(SHIPPED if policy is None else policy, FEATURES, Thresholds._fields)
+    return LearnedThresholds(model, network, PAPER._replace(components=at_least_one(components)))

@@ -56,7 +56,7 @@ def runnalls(
     model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10
 ) -> Mht:
     """MHT reduced to `components` by Runnalls' greedy merging (D'Ortenzio, Runnalls)."""
-    return Mht(model, partial(reduction.runnalls, components=components), prune_weight, prune_density)
+    return Mht(model, reduction.Greedy(reduction.at_least_one(components)), prune_weight, prune_density)
 
 
 def adaptive(
@@ -68,8 +68,7 @@ def adaptive(
 ) -> Mht:
     """MHT merged while the relative loss stays within `loss_bound` (alpha) and on to `components`
     at most, None for no such limit (D'Ortenzio, Adaptive)."""
-    merging = partial(reduction.adaptive, loss_bound=loss_bound, components=components)
-    return Mht(model, merging, prune_weight, prune_density)
+    return Mht(model, reduction.greedy(components, loss_bound), prune_weight, prune_density)
 
 
 def ise(model: Model, components: int = 15, prune_weight: float = 5e-4, prune_density: float = 1e-10) -> Mht:

@@ -149,14 +149,22 @@ def expand(
     P_G stands in the miss because a detection outside the gate is a miss too. A scan that the
     model calls impossible (P_D P_G = 1 and every gate empty) leaves the prediction as it was.
     """
-    miss = 1.0 - detection_probability * gate_probability
     look = sensor.look(predicted, gates.z, gates.S, z)
     w, m, P, parent, detection, log_density = expand_into_hypotheses(
         *predicted, look.expected, look.S, look.C, look.z, look.R, gates.size,
-        np.log(miss) if miss > 0 else -np.inf,
-        np.log(detection_probability) - np.log(clutter_density), look.log_stretch,
+        *log_odds(detection_probability, gate_probability, clutter_density), look.log_stretch,
     )  # fmt: skip
     return Expansion(Mixture(w, m, P), parent, detection, log_density)
+
+
+@lru_cache
+def log_odds(
+    detection_probability: float, gate_probability: float, clutter_density: float
+) -> tuple[float, float]:
+    """Logarithms of the weights of a miss, 1 - P_D P_G, and of a detection, P_D / clutter_density."""
+    miss = 1.0 - detection_probability * gate_probability
+    log_miss = float(np.log(miss)) if miss > 0 else -np.inf
+    return log_miss, float(np.log(detection_probability) - np.log(clutter_density))
 
 
 @njit(cache=True, error_model="numpy")
@@ -168,41 +176,60 @@ def _crowding(centres, S, size, ball, z):
 
 @njit(cache=True, error_model="numpy")
 def gated(expected, S, z, R, size):
+    """Squared Mahalanobis distances (n, k), infinite outside the gate."""
+    first, detection, distance = pairs_gated(expected, S, z, R, size)
+    d2 = np.full((len(expected), z.shape[1]), np.inf)
+    for i in range(len(expected)):
+        for h in range(first[i], first[i + 1]):
+            d2[i, detection[h]] = distance[h]
+    return d2
+
+
+@njit(cache=True, error_model="numpy")
+def pairs_gated(expected, S, z, R, size):
+    """The detections in each gate: those of component i stand at first[i] : first[i + 1], in order, and so do
+    their squared Mahalanobis distances."""
     n, (seen, k, p) = len(expected), z.shape
-    d2 = np.full((n, k), np.inf)
+    first = np.zeros(n + 1, np.int64)
+    detection, d2 = np.empty(n * k, np.int64), np.empty(n * k)
     L, y, S_pair = np.zeros((p, p)), np.empty(p), np.empty((p, p))
+    hits = 0
     for i in range(n):
         own = i if seen > 1 else 0
         if len(R) == 0 and not cholesky_into(L, S[i]):
             raise ValueError("an innovation covariance S = H P H' + R is not positive definite")
-        for j in range(k):
-            within = True
-            for r in range(p):
-                # a gate is never wider than this along any axis: most clutter ends here
+        near = k
+        for r in range(p):
+            # a gate is never wider than this along any axis: most clutter ends here, without a branch
+            among, near = near, 0
+            for a in range(among):
+                j = detection[hits + a] if r else a
                 variance = S[i, r, r] + R[j, r, r] if len(R) else S[i, r, r]
-                within &= (z[own, j, r] - expected[i, r]) ** 2 <= size * variance
-            if within:
-                if len(R):
-                    for r in range(p):
-                        for c in range(p):
-                            S_pair[r, c] = S[i, r, c] + R[j, r, c]
-                    if not cholesky_into(L, S_pair):
-                        raise ValueError("an innovation covariance S = H P H' + R is not positive definite")
-                distance = mahalanobis_squared(L, z[own, j], expected[i], y)
-                if distance <= size:
-                    d2[i, j] = distance
-    return d2
+                detection[hits + near] = j
+                near += (z[own, j, r] - expected[i, r]) ** 2 <= size * variance
+        start = hits
+        for a in range(near):
+            j = detection[start + a]
+            if len(R):
+                for r in range(p):
+                    for c in range(p):
+                        S_pair[r, c] = S[i, r, c] + R[j, r, c]
+                if not cholesky_into(L, S_pair):
+                    raise ValueError("an innovation covariance S = H P H' + R is not positive definite")
+            distance = mahalanobis_squared(L, z[own, j], expected[i], y)
+            if distance <= size:
+                detection[hits], d2[hits] = j, distance
+                hits += 1
+        first[i + 1] = hits
+    return first, detection, d2
 
 
 @njit(cache=True, error_model="numpy")
 def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_detect, log_stretch):
     n, d = m.shape
-    seen, k, p = z.shape
-    d2 = gated(expected, S, z, R, size)
-    hits = 0
-    for i in range(n):
-        for j in range(k):
-            hits += d2[i, j] < np.inf
+    seen, p = len(z), z.shape[2]
+    first, near, d2 = pairs_gated(expected, S, z, R, size)
+    hits = first[n]
     misses = n if log_miss > -np.inf or hits == 0 else 0
     log_w = np.empty(hits + misses)
     m_out, P_out = np.empty((hits + misses, d)), np.empty((hits + misses, d, d))
@@ -223,25 +250,25 @@ def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_de
         own = i if seen > 1 else 0
         conditioned = False
         log_peak = 0.0
-        for j in range(k):
-            if d2[i, j] < np.inf:
-                if not conditioned:
-                    for r in range(p):
-                        for c in range(p):
-                            S_pair[r, c] = S[i, r, c] + (R[j, r, c] if len(R) else 0.0)
-                    cholesky_into(L, S_pair)
-                    posterior_into(P_hit, K, W, L, P[i], C[i])
-                    log_peak = log_gaussian_scale(L)
-                    conditioned = len(R) == 0  # else the next detection has a noise of its own
-                log_density[at] = log_peak - 0.5 * d2[i, j] + log_stretch[j]
-                log_w[at] = np.log(w[i]) + log_detect + log_density[at]
-                for r in range(d):
-                    m_out[at, r] = m[i, r]
+        for h in range(first[i], first[i + 1]):
+            j = near[h]
+            if not conditioned:
+                for r in range(p):
                     for c in range(p):
-                        m_out[at, r] += K[r, c] * (z[own, j, c] - expected[i, c])
-                    for c in range(d):
-                        P_out[at, r, c] = P_hit[r, c]
-                parent[at], detection[at] = i, j
-                at += 1
+                        S_pair[r, c] = S[i, r, c] + (R[j, r, c] if len(R) else 0.0)
+                cholesky_into(L, S_pair)
+                posterior_into(P_hit, K, W, L, P[i], C[i])
+                log_peak = log_gaussian_scale(L)
+                conditioned = len(R) == 0  # else the next detection has a noise of its own
+            log_density[at] = log_peak - 0.5 * d2[h] + log_stretch[j]
+            log_w[at] = np.log(w[i]) + log_detect + log_density[at]
+            for r in range(d):
+                m_out[at, r] = m[i, r]
+                for c in range(p):
+                    m_out[at, r] += K[r, c] * (z[own, j, c] - expected[i, c])
+                for c in range(d):
+                    P_out[at, r, c] = P_hit[r, c]
+            parent[at], detection[at] = i, j
+            at += 1
     w_out = np.exp(log_w - log_w.max())
     return w_out / w_out.sum(), m_out, P_out, parent, detection, log_density

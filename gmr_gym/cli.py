@@ -28,10 +28,12 @@ from gmr_gym.output import claims_grid, comparison, console, grid, progress, wri
 from gmr_gym.play import play
 from gmr_gym.reducers import REDUCERS
 from gmr_gym.reproduce import Map, table_record
-from gmr_gym.reproduce.running import mapped, reproduced
+from gmr_gym.reproduce.running import mapped, reproduced, sharded
 from gmr_gym.simulate import draw
 from gmr_gym.summary import differences, summary
+from gmr_gym.sweeps import Sweep, merge_results, say_what_is_left, shard_of
 from gmr_gym.tracker import CROWD_GROUP, Tracker, make_tracker, trackers
+from gmr_gym.workers import WorkersLost
 
 PAPERS = {
     "dortenzio": "adaptive reduction of a single target's hypotheses: Tables 1-4, Fig. 1",
@@ -57,7 +59,11 @@ Settings = Annotated[list[str], typer.Option("--set", help="key=value for the en
 RunCount = Annotated[int, typer.Option("--runs", min=1, help="Monte Carlo runs")]
 Seed = Annotated[int, typer.Option("--seed", min=0)]
 Jobs = Annotated[int, typer.Option("--jobs", help="worker processes; -1 for one per core")]
-Out = Annotated[Path, typer.Option("--out", help="folder of results; a stopped run goes on there")]
+Backend = Annotated[str, typer.Option("--backend", help="loky (this machine), dask or ray")]
+Scheduler = Annotated[
+    str | None, typer.Option("--scheduler", help="address of the Dask or Ray cluster, all of which is used")
+]
+Shard = Annotated[str | None, typer.Option("--shard", help="I/N: only every N-th block of runs; see `merge`")]
 Json = Annotated[Path | None, typer.Option("--json", help="also write the figures to this file")]
 
 
@@ -86,14 +92,27 @@ def evaluate(
     runs: RunCount = 100,
     seed: Seed = 0,
     jobs: Jobs = -1,
-    out: Out = Path("results/evaluate"),
+    backend: Backend = "loky",
+    scheduler: Scheduler = None,
+    shard: Shard = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="folder of results, where a stopped run goes on; results/evaluate unless given"
+        ),
+    ] = None,
     json_file: Json = None,
 ) -> None:
     """Trackers on the same episodes of an environment, with intervals and paired differences."""
+    sweep = Sweep(runs, seed, jobs, backend, scheduler, shard_of(shard, out))
+    out = out or Path("results/evaluate")
     world = dict(map(key_value, settings))
     scenario = scenario_of(env_id, world)
     candidates = {spec: tracker_of(spec, scenario) for spec in tracker}
-    (results,) = runs_shown(env_id, [(scenario, candidates)], runs, seed, jobs, out)
+    (results,) = runs_shown(env_id, [(scenario, candidates)], sweep, out)
+    if sweep.shard:
+        say_what_is_left(out, *results)
+        return
     many = isinstance(scenario, ManyScenario)
     rows = (crowd_summary if many else summary)(scenario, results)
     screen = console()
@@ -121,6 +140,9 @@ def reproduce(
     ] = None,
     seed: Seed = 0,
     jobs: Jobs = -1,
+    backend: Backend = "loky",
+    scheduler: Scheduler = None,
+    shard: Shard = None,
     out: Annotated[Path | None, typer.Option("--out", help="folder of results")] = None,
     json_file: Json = None,
 ) -> None:
@@ -132,17 +154,21 @@ def reproduce(
     for name in table:
         if name not in known:
             raise ValueError(f"{paper} has no table {name!r}; choose from {', '.join(known)}")
-    out = out or Path("results") / paper
-    screen, records, evidence = console(), [], {}
     runs = runs or module.TABLES[0].runs
+    sweep = Sweep(runs, seed, jobs, backend, scheduler, shard_of(shard, out))
+    out = out or Path("results") / paper
+    if sweep.shard:
+        say_what_is_left(out, *sharded((known[name] for name in table or known), sweep, out))
+        return
+    screen, records, evidence = console(), [], {}
     for name in table or known:
         entry = known[name]
         if isinstance(entry, Map):
-            record = mapped(module, entry, runs, seed, jobs, out)
+            record = mapped(module, entry, sweep, out)
             screen.print(comparison(f"{paper}, {name}: {entry.title}", record, entry.columns))
             records.append(record)
             continue
-        (first, *paired), kept = reproduced(module, entry, runs, seed, jobs, out)
+        (first, *paired), kept = reproduced(module, entry, sweep, out)
         title = f"{paper}, table {name}: {entry.title}; {runs} runs"
         screen.print(comparison(title, first, entry.columns))
         for record in paired:
@@ -159,6 +185,16 @@ def reproduce(
         write_json(file, record)
     write_csv(out / f"{paper}.csv", record)
     screen.print(f"tables, figures and runs are in {out}", highlight=False)
+
+
+@app.command()
+def merge(
+    folders: Annotated[list[Path], typer.Argument(help="folders of results that shards left")],
+    into: Annotated[Path, typer.Option("--into", help="folder of results that the whole goes to")],
+) -> None:
+    """Brings together what shards of a sweep left on machines that share nothing: the same command without
+    its shard, with this folder as its --out, then finds every block of runs."""
+    merge_results(folders, into)
 
 
 @app.command()
@@ -270,6 +306,7 @@ def main() -> None:
         ImportError,
         MemoryError,
         OSError,
+        WorkersLost,
         gym.error.Error,
     ) as error:
         Console(stderr=True, soft_wrap=True).print(f"error: {error}", style="red", markup=False)

@@ -13,10 +13,13 @@ from rich.console import Console
 
 from gmr_gym.crowd import ManyScenario
 from gmr_gym.envs import CROWDS, ENVIRONMENTS, TRACKING
-from gmr_gym.montecarlo import run
+from gmr_gym.montecarlo import run, run_shard
 from gmr_gym.output import progress
 from gmr_gym.simulate import Scenario
+from gmr_gym.sweeps import BLOCKS, Sweep
 from gmr_gym.tracker import make_tracker
+
+Work = tuple[Scenario | ManyScenario, Mapping[str, Any]]  # a scenario and the trackers in it
 
 
 def key_value(text: str) -> tuple[str, Any]:
@@ -80,22 +83,20 @@ def tracker_of(spec: str, scenario: Scenario | ManyScenario, **parameters) -> An
     return make_tracker(name, told, **parameters, **further)
 
 
-def runs_shown(
-    label: str,
-    work: Iterable[tuple[Scenario | ManyScenario, Mapping[str, Any]]],
-    runs: int,
-    seed: int,
-    jobs: int,
-    out: Path,
-) -> Iterator[dict[str, Any]]:
-    """The results of each scenario with its trackers, one after the other under one bar. Finished blocks of
-    runs are kept in out/blocks; on Ctrl-C it says so and exits."""
-    work, folder = list(work), out / "blocks"
+def runs_shown(label: str, work: Iterable[Work], sweep: Sweep, out: Path) -> Iterator[Any]:
+    """What each scenario's trackers did, one scenario after the other under one bar; of a shard, how many
+    blocks there are and of how many. Finished blocks of runs are kept in out/blocks; on Ctrl-C it says so and
+    exits."""
+    work, folder = list(work), out / BLOCKS
+    call = partial(run_shard, shard=sweep.shard) if sweep.shard else run
     try:
         with progress(label) as report:
             for i, (scenario, trackers) in enumerate(work):
-                tell = partial(_so_far, report, i, len(work))
-                yield run(scenario, trackers, runs, seed, jobs=jobs, folder=folder, progress=tell)
+                yield call(
+                    scenario, trackers, sweep.runs, sweep.seed, jobs=sweep.jobs, folder=folder,
+                    progress=partial(_so_far, report, i, len(work)), backend=sweep.backend,
+                    scheduler=sweep.scheduler,
+                )  # fmt: skip
     except KeyboardInterrupt:
         Console(stderr=True, soft_wrap=True).print(
             f"stopped: finished blocks of runs are kept in {folder}; the same command goes on from there",

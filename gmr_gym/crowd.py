@@ -9,7 +9,7 @@ import numpy as np
 
 from gmr_gym.kalman import Sensor
 from gmr_gym.multitarget import Clutter, Population
-from gmr_gym.simulate import Scan, streams
+from gmr_gym.simulate import Scan, stream
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def draw(scenario: ManyScenario, seed: int | np.random.SeedSequence) -> Crowd:
     """One episode; truth, detection and clutter each draw from their own stream.
 
     Raises ValueError for a truth that has not the scans and the targets that the scenario names."""
-    for_truth, for_detection, for_clutter = streams(seed)
+    for_truth, for_detection, for_clutter = (stream(seed, i) for i in range(3))
     x = scenario.truth(for_truth)
     shape = (scenario.horizon, scenario.targets)
     if x.shape[:2] != shape:

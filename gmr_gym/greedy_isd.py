@@ -7,7 +7,7 @@ from numba import njit
 from gmr_gym.agglomeration import cheapest_pair, merged_by, nearest_others, numbered, take_in
 from gmr_gym.dissimilarity import isd_row, isd_table, own_products
 from gmr_gym.distances import dimension, pack, products_of_columns
-from gmr_gym.merging import merge_pair
+from gmr_gym.merge_cost import merge_pair
 from gmr_gym.mixture import Mixture, moments
 from gmr_gym.reduction import Reduced
 

@@ -5,12 +5,21 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
-from gmr_gym.association import Expansion, Gates, expand, gates
-from gmr_gym.kalman import predict
-from gmr_gym.mixture import Mixture, normalised
+from gmr_gym.association import (
+    Expansion,
+    Gates,
+    expand,
+    expand_into_hypotheses,
+    gate_size,
+    gates,
+    log_odds,
+)
+from gmr_gym.kalman import Sensor, innovation, predict, predict_all
+from gmr_gym.mixture import Mixture, rescaled, root_determinants
 from gmr_gym.model import Model
-from gmr_gym.reduction import Reduced, heaviest, prune_density
+from gmr_gym.reduction import Greedy, Reduced, among_heaviest, heavier, merge_by_cost, selected_by
 
 MOST = 2000  # hypotheses that enter a reduction, the heaviest, lest a huge scan fill memory
 
@@ -42,11 +51,17 @@ class Kept(NamedTuple):
 
             n (n - 1) / 2 + (r - 1) + r + ... + (n - 2) = (n - 1)^2 - (r - 1) (r - 2) / 2
         """
-        return (self.entered - 1) ** 2 - (self.left - 1) * (self.left - 2) // 2
+        return merge_costs(self.entered, self.left)
 
 
 def expanded(belief: Mixture, model: Model, z: np.ndarray) -> Expanded:
     """The first half: the belief carried forward one period and expanded by the scan z (k, p)."""
+    if isinstance(model.sensor, Sensor):
+        size, log_miss, log_detect = odds(model)
+        centres, S, w, m, P, *how = expand_scan(
+            *belief, *model.motion, *model.sensor, size, log_miss, log_detect, z
+        )
+        return Expanded(Expansion(Mixture(w, m, P), *how), Gates(centres, S, size))
     predicted = predict(belief, model.motion)
     looked = gates(predicted, model.sensor, model.gate_probability)
     posterior = expand(
@@ -65,6 +80,63 @@ def reduced(
 ) -> Kept:
     """The second half: SP pruning of what weighs less than `prune_weight` (gamma), of the rest the `most`
     heaviest through `reduce`, NWP pruning below `density` (gamma~), renormalised after each."""
-    entered = normalised(heaviest(posterior, prune_weight, most)[0])
-    left = normalised(reduce(entered)[0])
-    return Kept(normalised(prune_density(left, density)[0]), len(entered.w), len(left.w))
+    if isinstance(reduce, Greedy):
+        w, m, P, entered, left = reduce_scan(
+            *posterior, prune_weight, most, reduce.components, reduce.loss_bound, density
+        )
+        return Kept(Mixture(w, m, P), entered, left)
+    entering = Mixture(*let_in(*posterior, prune_weight, most))
+    leaving = reduce(entering)[0]
+    return Kept(Mixture(*let_out(*leaving, density)), len(entering.w), len(leaving.w))
+
+
+def odds(model: Model) -> tuple[float, float, float]:
+    """The size of a gate, and the log weights of a miss and, but for the density of the innovation, of a
+    detection, as `expand` puts them together."""
+    size = gate_size(model.gate_probability, len(model.sensor.H))
+    return size, *log_odds(model.detection_probability, model.gate_probability, model.clutter_density)
+
+
+@njit(cache=True, error_model="numpy")
+def expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
+    """Centres and innovation covariances of the gates, then what makes an Expansion, of a scan z (k, p) by a
+    linear sensor."""
+    m, P = predict_all(m, P, F, Q, offset)
+    centres, S, C = innovation(m, P, H, R)
+    k, p = z.shape
+    w, m, P, parent, detection, log_density = expand_into_hypotheses(
+        w, m, P, centres, S, C, z.reshape(1, k, p), np.empty((0, p, p)),
+        size, log_miss, log_detect, np.zeros(k),
+    )  # fmt: skip
+    return centres, S, w, m, P, parent, detection, log_density
+
+
+@njit(cache=True, error_model="numpy")
+def reduce_scan(w, m, P, prune_weight, most, components, loss_bound, density):
+    """w, m, P of what is kept, and how many hypotheses entered the merging and came out of it."""
+    w, m, P = let_in(w, m, P, prune_weight, most)
+    entered = len(w)
+    w, m, P, _ = merge_by_cost(w, m, P, components, loss_bound)
+    left = len(w)
+    w, m, P = let_out(w, m, P, density)
+    return w, m, P, entered, left
+
+
+@njit(cache=True, error_model="numpy")
+def let_in(w, m, P, prune_weight, most):
+    kept = among_heaviest(w, most) & heavier(w, w, prune_weight)
+    w, m, P, _ = selected_by(w, m, P, kept)
+    return rescaled(w), m, P
+
+
+@njit(cache=True, error_model="numpy")
+def let_out(w, m, P, density):
+    w = rescaled(w)
+    w, m, P, _ = selected_by(w, m, P, heavier(w, w / root_determinants(P), density))
+    return rescaled(w), m, P
+
+
+@njit(cache=True, error_model="numpy")
+def merge_costs(entered, left):
+    """See `Kept.merge_costs`."""
+    return (entered - 1) ** 2 - (left - 1) * (left - 2) // 2

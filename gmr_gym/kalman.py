@@ -85,7 +85,7 @@ class Sensor(NamedTuple):
 
     def gates(self, p: Mixture) -> tuple[np.ndarray, np.ndarray]:
         """Predicted detections (n, p) and their innovation covariances (n, p, p)."""
-        return _innovation(p.m, p.P, self.H, self.R)[:2]
+        return innovation(p.m, p.P, self.H, self.R)[:2]
 
     def relative(self, z: np.ndarray, centre: np.ndarray) -> np.ndarray:
         """Detections (..., p) as seen from a centre (p,)."""
@@ -192,7 +192,7 @@ def _cross(P, H):
 
 
 @njit(cache=True, error_model="numpy")
-def _innovation(m, P, H, R):
+def innovation(m, P, H, R):
     n = len(m)
     p, d = H.shape
     z = np.empty((n, p))

@@ -67,10 +67,7 @@ def check_covariance(name: str, P: np.ndarray) -> None:
 
 def normalised(p: Mixture) -> Mixture:
     """The same shape with weights that sum to 1; ValueError when nothing is left to rescale."""
-    total = p.w.sum()
-    if not total > 0:
-        raise ValueError(f"the weights sum to {total}; a mixture needs at least one positive weight")
-    return p._replace(w=p.w / total)
+    return p._replace(w=rescaled(p.w))
 
 
 def take(p: Mixture, index: np.ndarray) -> Mixture:
@@ -138,6 +135,39 @@ def match(w, m, P, group, count):
             for c in range(r):
                 P_out[g, c, r] = P_out[g, r, c]
     return w_out, m_out, P_out
+
+
+@njit(cache=True, error_model="numpy")
+def rescaled(w):
+    """The weights w (n,) divided by their sum."""
+    whole = pairwise_sum(w)
+    if not whole > 0.0:
+        raise ValueError("the weights sum to 0 or are no numbers; a mixture needs at least one above 0")
+    return w / whole
+
+
+@njit(cache=True, error_model="numpy")
+def pairwise_sum(w):
+    """Sum of w (n,), in pairs of pairs and so on, which keeps its rounding small; to the last bit that of
+    NumPy."""
+    n = len(w)
+    if n < 8:
+        out = 0.0
+        for i in range(n):
+            out += w[i]
+        return out
+    if n > 128:
+        half = n // 2 - n // 2 % 8
+        return pairwise_sum(w[:half]) + pairwise_sum(w[half:])
+    s0, s1, s2, s3, s4, s5, s6, s7 = w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7]
+    whole = n - n % 8
+    for i in range(8, whole, 8):
+        s0, s1, s2, s3 = s0 + w[i], s1 + w[i + 1], s2 + w[i + 2], s3 + w[i + 3]
+        s4, s5, s6, s7 = s4 + w[i + 4], s5 + w[i + 5], s6 + w[i + 6], s7 + w[i + 7]
+    out = ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
+    for i in range(whole, n):
+        out += w[i]
+    return out
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,20 +1,16 @@
 """Monte Carlo runs of trackers in a scenario: the loop, on any number of workers, resumable."""
 
-import marshal
-import os
-import sys
-import zlib
-from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from collections.abc import Callable, Container, Iterator, Mapping
 from itertools import islice
 from pathlib import Path
+from threading import Lock
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
 
 import joblib
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from gmr_gym import blocks, source, workers
 from gmr_gym.association import crowding
 from gmr_gym.crowd import ManyScenario
 from gmr_gym.crowd_runs import CrowdRuns, crowd_once
@@ -24,11 +20,7 @@ from gmr_gym.tracker import Tracker
 from gmr_gym.version import __version__
 
 BLOCK = 20  # runs in one task, and in one file on disk
-# of the package's source, what only looks at runs and has no part in them
-LOOKERS = (
-    "cli.py", "commands.py", "crowd_summary.py", "curves.py", "output.py", "summary.py", "watch.py",
-    "reproduce", "envs",
-)  # fmt: skip
+_ALONE = Lock()  # the threads of a worker share what limits them
 
 
 class Runs(NamedTuple):
@@ -54,45 +46,22 @@ def run(
     jobs: int = 1,
     folder: Path | str | None = None,
     progress: Callable[[int, int], None] | None = None,
+    backend: str = "loky",
+    scheduler: str | None = None,
 ) -> dict[str, Any]:
     """Every tracker through the same `runs` episodes: what it did, as Runs, or of many targets as CrowdRuns.
 
     Run i draws its episode from (seed, i) alone, whatever the tracker and the number of runs or of
-    workers; the results are the same to the last bit on any number of workers, `seconds` apart.
-    With a `folder`, finished blocks of runs are kept there, found again by the content of scenario,
-    tracker, seed and source code, and not run a second time. progress(done, total) counts runs.
+    workers; the results are the same to the last bit on any number of workers, `seconds` apart. `jobs`
+    processes of this machine are the workers or, with the backend "dask" or "ray", all that the cluster at
+    the address `scheduler` has. With a `folder`, finished blocks of runs are kept there, found again by the
+    content of scenario, tracker, seed and source code, and not run a second time. progress(done, total)
+    counts runs. Raises workers.WorkersLost when they die again and again.
     """
-    if runs < 1:
-        raise ValueError(f"runs must be at least 1, got {runs}")
-    if not trackers:
-        raise ValueError("trackers must hold at least one tracker")
-    tasks = [(name, first) for name in trackers for first in range(0, runs, BLOCK)]
-    files = {}
-    if folder is not None:
-        told = {name: joblib.hash((scenario, t, _code(t), seed, __version__)) for name, t in trackers.items()}
-        files = {
-            (name, first): Path(folder) / f"{told[name]}-{first}-{min(first + BLOCK, runs)}.npz"
-            for name, first in tasks
-        }
-    results = {task: _load(file, _kind(scenario)) for task, file in files.items() if file.exists()}
-    total = runs * len(trackers)
-    done = sum(len(result.seconds) for result in results.values())
-    missing = [task for task in tasks if task not in results]
-    if progress:
-        progress(done, total)
-    for name in {name for name, _ in missing}:
-        # compiled here, once: every worker then finds it on disk
-        _once(scenario)(scenario, trackers[name], np.random.SeedSequence(seed), scans=3)
-    calls = (
-        joblib.delayed(_block)(scenario, trackers[name], seed, (name, first), runs) for name, first in missing
-    )
-    for task, result in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(calls):
-        results[task] = result
-        if task in files:
-            _save(files[task], result)
-        done += len(result.seconds)
-        if progress:
-            progress(done, total)
+    sweep = _Sweep(scenario, trackers, runs, seed, folder, progress, jobs, backend, scheduler)
+    tasks, files = sweep.tasks(), sweep.files()
+    results = {task: blocks.load(file, _kind(scenario)) for task, file in files.items() if file.exists()}
+    results.update(_computed(sweep, tasks, results, files))
     # blocks are let go as they are joined: the covariances of many runs are gigabytes
     return {
         name: _joined(
@@ -100,6 +69,41 @@ def run(
         )
         for name in trackers
     }
+
+
+def run_shard(
+    scenario: Scenario | ManyScenario,
+    trackers: Mapping[str, Any],
+    runs: int,
+    seed: int = 0,
+    *,
+    shard: tuple[int, int],
+    folder: Path | str,
+    jobs: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+    backend: str = "loky",
+    scheduler: str | None = None,
+) -> tuple[int, int]:
+    """One machine's part of `run`, kept in the folder: with shard (i, n) every n-th block of each tracker.
+    How many blocks are in the folder then, and of how many.
+
+    Which blocks these are their content decides, so n machines that share nothing do all of them, each
+    once. The folders merged (`blocks.merge`), `run` finds every block.
+    """
+    i, n = shard
+    if not 1 <= i <= n:
+        raise ValueError(f"shard must be (i, n) with 1 <= i <= n, got {shard}")
+    sweep = _Sweep(scenario, trackers, runs, seed, folder, progress, jobs, backend, scheduler)
+    files = sweep.files()
+    Path(folder).mkdir(parents=True, exist_ok=True)  # for `merge`, where this shard has nothing to do
+    # not the first n-th for all: in a sweep of many small parts the first machine had the most to do
+    mine = [task for task, file in files.items() if (int(file.name[:8], 16) + task[1] // BLOCK) % n == i - 1]
+    there = {task for task in mine if files[task].exists()}
+    for task in there:
+        blocks.load(files[task], _kind(scenario))  # a damaged one is found now, not after all is merged
+    for _ in _computed(sweep, mine, there, files):
+        pass
+    return sum(file.exists() for file in files.values()), len(files)
 
 
 def run_once(
@@ -124,7 +128,90 @@ def run_once(
     return _joined(Runs, np.array, rows)
 
 
-def _block(scenario, tracker, seed, task, runs) -> tuple[tuple[str, int], Runs]:
+class _Sweep(NamedTuple):
+    """What `run` was asked."""
+
+    scenario: Scenario | ManyScenario
+    trackers: Mapping[str, Any]
+    runs: int
+    seed: int
+    folder: Path | str | None
+    progress: Callable[[int, int], None] | None = None
+    jobs: int = 1
+    backend: str = "loky"
+    scheduler: str | None = None
+
+    def tasks(self) -> list[tuple[str, int]]:
+        """Tracker and first run of each block."""
+        if self.runs < 1:
+            raise ValueError(f"runs must be at least 1, got {self.runs}")
+        if not self.trackers:
+            raise ValueError("trackers must hold at least one tracker")
+        workers.check_backend(self.backend, self.scheduler)
+        return [(name, first) for name in self.trackers for first in range(0, self.runs, BLOCK)]
+
+    def size(self, task: tuple[str, int]) -> int:
+        return min(BLOCK, self.runs - task[1])
+
+    def files(self) -> dict[tuple[str, int], Path]:
+        """Where each block is kept, if anywhere."""
+        if self.folder is None:
+            return {}
+        # by themselves: hashed together they would tell whether a model is one object or two that are equal
+        world = joblib.hash(self.scenario)
+        told = {
+            name: joblib.hash((world, joblib.hash(tracker), source.code(tracker), self.seed, __version__))
+            for name, tracker in self.trackers.items()
+        }
+        return {
+            task: blocks.named(self.folder, told[task[0]], task[1], task[1] + self.size(task))
+            for task in self.tasks()
+        }
+
+
+def _computed(sweep: _Sweep, tasks: list, there: Container, files: Mapping) -> Iterator[tuple[Any, Any]]:
+    """(task, block) of those of these tasks that are not there yet, as they are finished and kept."""
+    missing = [task for task in tasks if task not in there]
+    total, left = (sum(map(sweep.size, some)) for some in (tasks, missing))
+    done, finished = total - left, len(tasks) - len(missing)
+    if sweep.progress and tasks:
+        sweep.progress(done, total)
+    sources = {}
+    for name in {name for name, _ in missing}:
+        tracker = sweep.trackers[name]
+        # compiled here, once: every worker of this machine then finds it on disk
+        _once(sweep.scenario)(sweep.scenario, tracker, np.random.SeedSequence(sweep.seed), scans=3)
+        sources[name] = {} if sweep.backend == "loky" else source.sources(tracker)
+    calls: dict = {}
+    for task in missing:
+        asked = sweep.scenario, sweep.trackers[task[0]], sweep.seed, task, sweep.runs
+        calls[task] = _block_alone, sources[task[0]], *asked
+    try:
+        for task, result in workers.results(calls, sweep.jobs, sweep.backend, sweep.scheduler):
+            if task in files:
+                blocks.save(files[task], result)
+            done, finished = done + sweep.size(task), finished + 1
+            if sweep.progress:
+                sweep.progress(done, total)
+            yield task, result
+    except workers.WorkersLost as error:
+        kept = (
+            f"kept in {sweep.folder}: the same again goes on from there" if files else "lost without a folder"
+        )
+        raise workers.WorkersLost(
+            f"{error}; {finished} of {len(tasks)} blocks of runs are done and {kept}. Fewer jobs, or more "
+            "memory for each worker, may help"
+        ) from error
+
+
+def _block_alone(sources: Mapping[str, str], *asked) -> Any:
+    """A block, where the worker may be another machine's, with other source, or with several threads."""
+    source.check_sources(sources)
+    with _ALONE:
+        return _block(*asked)
+
+
+def _block(scenario, tracker, seed, task, runs):
     first = task[1]
     # several threads would change the last bits of a sum, and only slow small matrices down
     with threadpool_limits(1):
@@ -132,7 +219,7 @@ def _block(scenario, tracker, seed, task, runs) -> tuple[tuple[str, int], Runs]:
             _once(scenario)(scenario, tracker, np.random.SeedSequence(seed, spawn_key=(i,)))
             for i in range(first, min(first + BLOCK, runs))
         ]
-    return task, _joined(_kind(scenario), np.array, rows)
+    return _joined(_kind(scenario), np.array, rows)
 
 
 def _once(scenario: Scenario | ManyScenario) -> Callable:
@@ -146,52 +233,3 @@ def _kind(scenario: Scenario | ManyScenario) -> type:
 def _joined(kind: type, join: Callable, rows: list):
     """Runs of many rows, field by field."""
     return kind(*map(join, zip(*rows, strict=True)))
-
-
-def _code(tracker: Tracker) -> str:
-    """Digest of the source that a run depends on, so that an edited tracker is run again."""
-    things = list(_things(tracker))
-    where = [getattr(sys.modules.get(thing.__module__), "__file__", None) for thing in things]
-    # what was typed at a prompt has no file, but its own code
-    typed = [
-        marshal.dumps(thing.__code__.replace(co_filename=""))
-        for thing, file in zip(things, where, strict=True)
-        if file is None and hasattr(thing, "__code__")
-    ]
-    root = Path(__file__).parent
-    own = [file for file in root.glob("**/*.py") if file.relative_to(root).parts[0] not in LOOKERS]
-    files = sorted(own) + [Path(file) for file in sorted(filter(None, set(where)))]
-    return joblib.hash([*typed, *(file.read_bytes() for file in files)])
-
-
-def _things(tracker) -> Iterator[Callable]:
-    """The class of a tracker and the functions it holds, and those of trackers that it holds."""
-    yield type(tracker)
-    for field in getattr(tracker, "__dataclass_fields__", ()):
-        part = getattr(tracker, field, None)
-        yield from _things(part) if hasattr(part, "__dataclass_fields__") else _functions(part)
-
-
-def _functions(part) -> Iterator[Callable]:
-    """The function, or those inside a partial one."""
-    if isinstance(part, partial):
-        for inner in (part.func, *part.args, *part.keywords.values()):
-            yield from _functions(inner)
-    elif callable(part):
-        yield part
-
-
-def _save(file: Path, result) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_suffix(f".{os.getpid()}.part")
-    with partial.open("wb") as stream:
-        np.savez(stream, **result._asdict())
-    partial.replace(file)
-
-
-def _load(file: Path, kind):
-    try:
-        with np.load(file, allow_pickle=False) as stored:
-            return kind(**{field: stored[field] for field in kind._fields})
-    except (OSError, ValueError, KeyError, EOFError, zlib.error, BadZipFile) as error:
-        raise ValueError(f"{file} is not a block of runs ({error}); delete it to have it run again") from None

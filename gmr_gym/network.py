@@ -1,17 +1,19 @@
 """A small network from features to thresholds: a file of plain arrays, read without trust, and its forward
-pass. Nothing is unpickled, and nothing but NumPy is needed."""
+pass. Nothing is unpickled, and no framework is needed."""
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
+from zlib import error as BadStream
 
 import numpy as np
+from numba import njit
 
 FORMAT = "gmr_gym thresholds 1"
-ACTIVATIONS: dict[str, Callable] = {"tanh": np.tanh, "relu": partial(np.maximum, 0.0)}
+ACTIVATIONS = ("tanh", "relu")
 MOST_LAYERS, MOST_UNITS = 8, 4096  # a file that asks for more is none of ours
+MOST_BYTES = 2**26  # nor is one that unpacks to more
 
 
 class Network(NamedTuple):
@@ -28,12 +30,18 @@ class Network(NamedTuple):
     biases: tuple[np.ndarray, ...]  # (out,) each
 
     def __call__(self, features: np.ndarray) -> np.ndarray:
-        """The action (j,) in [-1, 1] for features (k,)."""
-        x = np.clip((features - self.mean) / self.deviation, -self.reach, self.reach)
-        for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            x = ACTIVATIONS[self.activation](W @ x + b)
-        x = self.weights[-1] @ x + self.biases[-1]
-        return np.tanh(x) if self.squashed else np.clip(x, -1.0, 1.0)
+        """The actions (..., j) in [-1, 1] for features (..., k)."""
+        rows = np.array(features, float, ndmin=2)
+        return forward(rows, *self.packed()).reshape(*np.shape(features)[:-1], -1)
+
+    def packed(self) -> tuple[Any, ...]:
+        """What `forward` takes: the network as a few plain arrays and numbers."""
+        layers = [part.ravel() for pair in zip(self.weights, self.biases, strict=True) for part in pair]
+        sizes = np.array([len(self.mean), *map(len, self.biases)])
+        return (
+            self.mean, self.deviation, self.reach, self.activation == "tanh", self.squashed, sizes,
+            np.concatenate(layers).astype(float),
+        )  # fmt: skip
 
 
 def save(file: Path | str, network: Network) -> None:
@@ -55,14 +63,47 @@ def load(file: Path | str, features: Sequence[str], parameters: Sequence[str]) -
     unknown parameters, shapes that do not fit, numbers of another kind or not finite."""
     file = Path(file)
     try:
+        with ZipFile(file) as packed:
+            size = sum(part.file_size for part in packed.infolist())
+        if size > MOST_BYTES:
+            raise ValueError(f"it unpacks to {size} bytes")
         with np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
-    except (OSError, ValueError, EOFError, BadZipFile, KeyError) as error:
+    except (
+        OSError, ValueError, TypeError, EOFError, KeyError, BadZipFile, BadStream, MemoryError, RuntimeError,
+    ) as error:  # fmt: skip
         raise ValueError(f"{file} is no policy that can be read: {error}") from None
     try:
         return _checked(arrays, tuple(features), tuple(parameters))
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
+
+
+@njit(cache=True, error_model="numpy")
+def forward(features, mean, deviation, reach, curved, squashed, sizes, numbers):
+    """Actions (n, j) for features (n, k) of a `Network.packed`: sizes of the layers from k to j, and their
+    weights and biases one after another."""
+    depth, widest = len(sizes) - 1, sizes.max()
+    out = np.empty((len(features), sizes[depth]))
+    x, y = np.empty(widest), np.empty(widest)
+    for row in range(len(features)):
+        for c in range(sizes[0]):
+            x[c] = min(max((features[row, c] - mean[c]) / deviation[c], -reach), reach)
+        at = 0
+        for layer in range(depth):
+            width, units = sizes[layer], sizes[layer + 1]
+            for r in range(units):
+                total = numbers[at + units * width + r]
+                for c in range(width):
+                    total += numbers[at + r * width + c] * x[c]
+                if layer == depth - 1:
+                    y[r] = np.tanh(total) if squashed else min(max(total, -1.0), 1.0)
+                else:
+                    y[r] = np.tanh(total) if curved else max(total, 0.0)
+            at += units * (width + 1)
+            x, y = y, x
+        out[row] = x[: sizes[depth]]
+    return out
 
 
 def _checked(
@@ -86,10 +127,10 @@ def _checked(
     }
     if set(arrays) != wanted or not 1 <= depth <= MOST_LAYERS:
         raise ValueError(f"arrays must be {sorted(wanted)}, got {sorted(arrays)}")
-    names = tuple(arrays["features"].tolist()) if arrays["features"].dtype.kind == "U" else ()
+    names = _names(arrays["features"])
     if names != features:
         raise ValueError(f"features must be {features}, got {names}")
-    sets = tuple(arrays["parameters"].tolist()) if arrays["parameters"].dtype.kind == "U" else ()
+    sets = _names(arrays["parameters"])
     if not sets or len(set(sets)) < len(sets) or not set(sets) <= set(parameters):
         raise ValueError(f"parameters must be different ones of {parameters}, got {sets}")
     activation, squashed = str(arrays["activation"]), arrays["squashed"]
@@ -122,3 +163,7 @@ def _checked(
         tuple(numbers[f"weights_{i}"] for i in range(depth)),
         tuple(numbers[f"biases_{i}"] for i in range(depth)),
     )  # fmt: skip
+
+
+def _names(array: np.ndarray) -> tuple[str, ...]:
+    return tuple(array.tolist()) if array.dtype.kind == "U" and array.ndim == 1 else ()

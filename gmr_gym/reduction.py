@@ -6,19 +6,23 @@ covariance; pruning and capping lower the weight and leave rescaling to `normali
 of weight zero is always dropped.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numba import njit
 
-from gmr_gym.merging import cost_of_all, merge_greedily
+from gmr_gym.merge_cost import cost_of_all
+from gmr_gym.merging import merge_greedily
 from gmr_gym.mixture import Mixture, matched, moments, root_determinants
 
 Reduced = tuple[Mixture, np.ndarray]
+ANY = 2**62  # components: more than there ever are
 
 
 def runnalls(p: Mixture, components: int) -> Reduced:
     """Greedy merging of the pair with the least cost B until `components` remain
     (Runnalls 2007; D'Ortenzio, eq. 13 and section 3.1)."""
-    return _greedily_merged(p, at_least_one(components), budget=-1.0)
+    return Greedy(at_least_one(components))(p)
 
 
 def adaptive(p: Mixture, loss_bound: float, components: int | None = None) -> Reduced:
@@ -29,20 +33,31 @@ def adaptive(p: Mixture, loss_bound: float, components: int | None = None) -> Re
     Departs: the listing lowers m after a merge that it has rejected and has no guard at m = 1; the
     last accepted mixture is returned, and one component is left as it is.
     """
+    return greedy(components, loss_bound)(p)
+
+
+@dataclass(frozen=True)
+class Greedy:
+    """The two greedy ways of merging as plain numbers, which a compiled scan can take."""
+
+    components: int  # at most so many are left
+    loss_bound: float = -1.0  # alpha; negative for Runnalls, who stops at `components`
+
+    def __call__(self, p: Mixture) -> Reduced:
+        *merged, origin = merge_by_cost(*p, self.components, self.loss_bound)
+        return Mixture(*merged), origin
+
+
+def greedy(components: int | None, loss_bound: float) -> Greedy:
+    """Checked Greedy of `adaptive`; ValueError for a loss outside [0, 1] and for no component at all."""
     if not 0 <= loss_bound <= 1:
         raise ValueError(f"loss_bound must lie in [0, 1], got {loss_bound}")
-    most = len(p.w) if components is None else at_least_one(components)
-    # at a bound of 1 the rounding of the sum must not spare the last merge
-    budget = loss_bound * total_merge_cost(p) if loss_bound < 1 else np.inf
-    return _greedily_merged(p, most, budget)
+    return Greedy(ANY if components is None else at_least_one(components), float(loss_bound))
 
 
 def capping(p: Mixture, components: int) -> Reduced:
     """The `components` heaviest, the earlier first among equals (D'Ortenzio, section 3.3)."""
-    heaviest = np.argsort(-p.w, kind="stable")[: at_least_one(components)]
-    kept = np.zeros(len(p.w), bool)
-    kept[heaviest] = True
-    return _kept(p, kept & (p.w > 0))
+    return _kept(p, among_heaviest(p.w, at_least_one(components)) & (p.w > 0))
 
 
 def prune(p: Mixture, weight: float) -> Reduced:
@@ -59,11 +74,7 @@ def prune_density(p: Mixture, density: float) -> Reduced:
 def heaviest(p: Mixture, weight: float, most: int) -> Reduced:
     """What weighs at least `weight`, and of that no more than the `most` heaviest: `prune` and
     `capping` in one, for the hypotheses that are to enter a reduction."""
-    pruned, origin = prune(p, weight)
-    if len(pruned.w) <= most:
-        return pruned, origin
-    capped, place = capping(pruned, most)
-    return capped, np.where(origin < 0, -1, place[origin])
+    return _kept(p, among_heaviest(p.w, most) & heavier(p.w, p.w, weight))
 
 
 def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
@@ -115,29 +126,12 @@ def at_least_one(components: int) -> int:
 
 
 def _heavier(p: Mixture, measure: np.ndarray, threshold: float) -> Reduced:
-    kept = (measure >= threshold) & (p.w > 0)
-    if not kept.any():
-        kept[p.w.argmax()] = True
-    elif kept.all():
-        return p, np.arange(len(kept))
-    return _kept(p, kept)
+    return _kept(p, heavier(p.w, measure, threshold))
 
 
 def _kept(p: Mixture, kept: np.ndarray) -> Reduced:
-    w, m, P, origin = _selected(*p, kept)
-    return Mixture(w, m, P), origin
-
-
-def _greedily_merged(p: Mixture, components: int, budget: float) -> Reduced:
-    n = len(p.w)
-    if not p.w.min() > 0:
-        alive, place = _heavier(p, p.w, 0.0)
-        merged, origin = _greedily_merged(alive, components, budget)
-        return merged, np.where(place < 0, -1, origin[place])
-    if n == 1 or (budget < 0 and n <= components):
-        return p, np.arange(n)
-    w, m, P, origin = merge_greedily(*p, components, budget)
-    return Mixture(w, m, P), origin
+    *selected, origin = selected_by(*p, kept)
+    return Mixture(*selected), origin
 
 
 def _merged(p: Mixture, group: np.ndarray) -> Reduced:
@@ -148,7 +142,66 @@ def _merged(p: Mixture, group: np.ndarray) -> Reduced:
 
 
 @njit(cache=True, error_model="numpy")
-def _selected(w, m, P, kept):
+def merge_by_cost(w, m, P, components, loss_bound):
+    """`adaptive`, or `runnalls` for a negative bound: w, m, P and origin (n,) of what is left."""
+    # at a bound of 1 the rounding of the sum must not spare the last merge
+    budget = np.inf if loss_bound == 1.0 else -1.0
+    if 0.0 <= loss_bound < 1.0:
+        budget = loss_bound * cost_of_all(w, m, P)[0]
+    w, m, P, alive = selected_by(w, m, P, heavier(w, w, 0.0))
+    if len(w) == 1 or (loss_bound < 0.0 and len(w) <= components):
+        return w, m, P, alive
+    w, m, P, origin = merge_greedily(w, m, P, components, budget)
+    for i in range(len(alive)):
+        if alive[i] >= 0:
+            alive[i] = origin[alive[i]]
+    return w, m, P, alive
+
+
+@njit(cache=True, error_model="numpy")
+def heavier(w, measure, threshold):
+    """Which components (n,) have a weight and a measure of at least the threshold: the heaviest if none."""
+    n, found, first = len(w), False, 0
+    kept = np.zeros(n, np.bool_)
+    for i in range(n):
+        kept[i] = measure[i] >= threshold and w[i] > 0.0
+        found |= kept[i]
+        first = i if w[i] > w[first] else first
+    kept[first] |= not found
+    return kept
+
+
+@njit(cache=True, error_model="numpy")
+def among_heaviest(w, most):
+    """Which components (n,) are the `most` heaviest, the earlier first among equals."""
+    n = len(w)
+    if n <= most:
+        return np.ones(n, np.bool_)
+    # numbers that are not negative are in the order of their bits: the largest that `most` of them reach
+    bits = w.view(np.int64)
+    low, high = np.int64(0), bits.max()
+    while low < high:
+        middle = high - (high - low) // 2
+        reached = 0
+        for i in range(n):
+            reached += bits[i] >= middle
+        if reached >= most:
+            low = middle
+        else:
+            high = middle - 1
+    kept, left = bits > low, most
+    for i in range(n):
+        left -= kept[i]
+    for i in range(n):
+        if left > 0 and bits[i] == low:
+            kept[i] = True
+            left -= 1
+    return kept
+
+
+@njit(cache=True, error_model="numpy")
+def selected_by(w, m, P, kept):
+    """Components that are kept, and the place (n,) of each, -1 where it is not."""
     count = kept.sum()
     n, d = m.shape
     w_out, m_out, P_out = np.empty(count), np.empty((count, d)), np.empty((count, d, d))

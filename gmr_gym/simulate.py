@@ -2,17 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import product
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from gmr_gym.association import Gates
-from gmr_gym.kalman import Sensing
+from gmr_gym.kalman import Sensing, Sensor
 from gmr_gym.model import Model
+from gmr_gym.scans import View, carry_into, clutter_into, hear_all, insert_into, scan_into
 
 Loss = Callable[[Gates, np.ndarray, np.ndarray], bool]
-CELL = 500.0  # m, side of the squares in which clutter on the ground is drawn
+UNUSED = np.random.default_rng(0)
+NOWHERE = np.empty(0)  # m, the corners of no region
 
 
 class Truth(NamedTuple):
@@ -68,24 +71,24 @@ class Scenario:
     def centre(self, estimate: np.ndarray) -> np.ndarray:
         """Where the window of the next scan is centred after the estimate (d,) of this one: on it,
         carried forward one period, or, fixed on the ground, nowhere else than where it was."""
-        if not self.window.follows:
-            return np.zeros(len(self.window.low))
-        motion = self.model.motions[0]
-        return self.model.sensor.observed(motion.F @ estimate + motion.offset)
+        centre = np.zeros(len(self.window.low))
+        if self.window.follows:
+            motion, sensor = self.model.motions[0], self.model.sensor
+            if not isinstance(sensor, Sensor):
+                return sensor.observed(motion.F @ estimate + motion.offset)
+            carry_into(centre, (motion.F, motion.offset, sensor.H), np.asarray(estimate, float))
+        return centre
 
 
 class Episode(NamedTuple):
-    """Everything that chance decides in one episode, drawn before the first scan, so that every
-    tracker meets the same world whatever it submits."""
+    """What chance decides in one episode whatever a tracker submits; its clutter follows from the key."""
 
     x: np.ndarray  # (T, d), true states
     mode: np.ndarray  # (T,), the motion that led to each, -1 for none of the model's
     z: np.ndarray  # (T, p), what the sensor would say of them
     detected: np.ndarray  # (T,), whether it does
     slot: np.ndarray  # (T,), in [0, 1): where among the clutter the target's detection stands
-    clutter: np.ndarray  # (N, p), in [0, 1): places in the window
-    first: np.ndarray  # (T + 1,), scan t has clutter[first[t] : first[t + 1]]
-    ground: np.ndarray  # (2,), key of the clutter that stands fast on the ground
+    key: np.ndarray  # (2,), of everything but the truth: with a scan's number it makes the scan
 
 
 class Scan(NamedTuple):
@@ -96,81 +99,100 @@ class Scan(NamedTuple):
 
 
 def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
-    """One episode; truth, detection and clutter each draw from their own stream."""
-    for_truth, for_detection, for_clutter = streams(seed)
-    x, mode = scenario.truth(for_truth)
-    R = scenario.sensor.R
-    noise = for_detection.standard_normal((len(x), len(R))) @ np.linalg.cholesky(R).T
-    detected = for_detection.random(len(x)) < scenario.detection_probability
-    slot = for_detection.random(len(x))
-    rate = scenario.clutter_rate if scenario.region is None else 0.0
-    first = np.append(0, np.cumsum(for_clutter.poisson(rate, len(x))))
-    clutter = for_clutter.random((first[-1], len(R)))
-    ground = for_clutter.integers(2**64, size=2, dtype=np.uint64)
-    z, possible = scenario.sensor.settled(scenario.sensor.observed(x) + noise)
-    return Episode(x, mode, z, detected & possible, slot, clutter, first, ground)
+    """One episode: its truth drawn by a generator of its own, and of its detections and clutter, which are
+    functions of the seed's key and of a scan's number, the part that waits for no estimate."""
+    x, mode = true(scenario, seed)
+    key, z = key_of(seed), np.array(scenario.sensor.observed(x))
+    luck, slot = hear_all(z, key, scenario.sensor.R)
+    z, possible = scenario.sensor.settled(z)
+    return Episode(x, mode, z, (luck < scenario.detection_probability) & possible, slot, key)
 
 
-def streams(seed: int | np.random.SeedSequence) -> list[np.random.Generator]:
-    """Three streams of one seed: for truth, detection and clutter."""
-    sequence = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+def true(scenario: Scenario, seed: int | np.random.SeedSequence) -> Truth:
+    """The truth of the episode of a seed."""
+    # a script draws nothing, and a generator of its own would take as long as ten scans
+    return scenario.truth(UNUSED if is_scripted(scenario) else stream(seed, 0))
+
+
+def is_scripted(scenario: Scenario) -> bool:
+    """Whether the target goes the same way in every episode."""
+    return getattr(scenario.truth, "func", None) is scripted
+
+
+def scripted(x: np.ndarray, rng: np.random.Generator) -> Truth:
+    """The truth of a target whose states x (T, d) chance has no part in."""
+    return Truth(x, np.full(len(x), -1))
+
+
+def key_of(seed: int | np.random.SeedSequence) -> np.ndarray:
+    """Key (2,) of an episode's detections and clutter."""
+    return _sequence(seed).generate_state(2)
+
+
+def stream(seed: int | np.random.SeedSequence, i: int) -> np.random.Generator:
+    """Stream i of a seed."""
+    sequence = _sequence(seed)
     # not spawn(), which would give other streams when one sequence is drawn from twice
-    return [
-        np.random.default_rng(np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, i)))
-        for i in range(3)
-    ]
+    return np.random.default_rng(np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, i)))
+
+
+def _sequence(seed: int | np.random.SeedSequence) -> np.random.SeedSequence:
+    return seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+
+
+@lru_cache
+def capacity(clutter_rate: float) -> int:
+    """Detections that a scan has room for: the quantile of the clutter at 1 - 1e-12, and the target's own."""
+    return int(stats.poisson.ppf(1 - 1e-12, clutter_rate)) + 1
+
+
+def viewed(scenario: Scenario) -> View:
+    """What `scan_into` has to know of the scenario."""
+    low, high, _, ends_sight = scenario.window
+    region = scenario.region
+    corners = (NOWHERE, NOWHERE) if region is None else (region.low, region.high)
+    return View(float(scenario.clutter_rate), low, high, bool(ends_sight), *corners)
+
+
+def carried(scenario: Scenario) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """F (d, d), offset (d,) and H (p, d) by which `carry_into` places the window, empty where it stands fast;
+    None where the sensor is not linear."""
+    motion, sensor = scenario.model.motions[0], scenario.model.sensor
+    if not isinstance(sensor, Sensor):
+        return None
+    if not scenario.window.follows:
+        return np.empty((0, 0)), np.empty(0), np.empty((0, 0))
+    return motion.F, motion.offset, sensor.H
 
 
 def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Scan:
     """Scan t (from 0) of the episode; centre (p,) places a window that follows."""
-    low, high, follows, ends_sight = scenario.window
-    z = low + (high - low) * episode.clutter[episode.first[t] : episode.first[t + 1]]
-    target = episode.z[t]
-    away = scenario.sensor.relative(target, centre) if follows else target
-    seen = episode.detected[t] and (not ends_sight or bool(((low <= away) & (away <= high)).all()))
-    if follows:
-        z += centre
-        low, high = low + centre, high + centre
-    z, possible = scenario.sensor.settled(z)
-    if not possible.all():
-        z = z[possible]
-    slot = int(episode.slot[t] * (len(z) + 1))
-    if scenario.region is not None:
-        low, high = np.maximum(low, scenario.region.low), np.minimum(high, scenario.region.high)
-        density = scenario.clutter_rate / scenario.window.volume
-        z, rank = _on_the_ground(episode.ground, t, density, scenario.region.low, low, high)
-        slot = int(np.searchsorted(rank, episode.slot[t]))
-        seen = seen and (not ends_sight or bool(((low <= target) & (target <= high)).all()))
-    if not seen:
-        return Scan(z, np.full(len(z), -1))
-    origin = np.full(len(z) + 1, -1)
-    origin[slot] = 0
-    return Scan(np.concatenate((z[:slot], target[None], z[slot:])), origin)
+    z = np.empty((capacity(scenario.clutter_rate), len(centre)))
+    if not scenario.window.follows:
+        centre = np.zeros(len(centre))
+    k, place = make_scan(z, scenario, viewed(scenario), episode, t, centre)
+    origin = np.full(k, -1)
+    if place >= 0:
+        origin[place] = 0
+    return Scan(z[:k], origin)
 
 
-def _on_the_ground(key, t, density, corner, low, high) -> tuple[np.ndarray, np.ndarray]:
-    """Clutter (k, 2) of scan t between low and high, and its rank (k,) in [0, 1), by which it is sorted: a
-    Poisson process, drawn square by square from a stream that each square of the grid about `corner`
-    has to itself. Without ranks of its own the order of squares would give the target away."""
-    z, rank = np.empty((0, 2)), np.empty(0)
-    if density == 0 or not (low < high).all():
-        return z, rank
-    squares = [
-        range(int(first), int(last) + 1)
-        for first, last in zip((low - corner) // CELL, (high - corner) // CELL, strict=True)
-    ]
-    bits = np.random.Philox(key=key)
-    draws, fresh = np.random.Generator(bits), bits.state
-    parts = []
-    for at in product(*squares):
-        # the counter's first word counts draws; the other three name the scan and the square of the plane
-        fresh["state"]["counter"][:] = (0, t, *at)
-        bits.state = fresh
-        points = draws.random((draws.poisson(density * CELL**2), 3))
-        points[:, :2] = corner + CELL * (np.array(at) + points[:, :2])
-        parts.append(points)
-    points = np.concatenate(parts)
-    z, rank = points[:, :2], points[:, 2]
-    inside = np.flatnonzero(((low <= z) & (z <= high)).all(axis=1))
-    order = inside[np.argsort(rank[inside])]
-    return z[order], rank[order]
+def make_scan(
+    z: np.ndarray, scenario: Scenario, view: View, episode: Episode, t: int, centre: np.ndarray
+) -> tuple[int, int]:
+    """`scan` written to the rows of z (capacity, p), for a centre that is zeros where the window does not
+    follow: how many detections there are, and the row of the target's own, -1 for none."""
+    make = scan_into if isinstance(scenario.sensor, Sensor) else partial(_settled_into, scenario)
+    return make(z, view, episode.key, t, centre, episode.z[t], episode.detected[t], episode.slot[t])
+
+
+def _settled_into(scenario, z, view, key, t, centre, target, detected, slot) -> tuple[int, int]:
+    """`scan_into` for a sensor that reports not every point of its space, and not all where they fell."""
+    k = clutter_into(z, view, key, t, centre)
+    settled, possible = scenario.sensor.settled(z[:k])
+    settled = settled[possible]
+    k = len(settled)
+    z[:k] = settled
+    away = scenario.sensor.relative(target, centre) if scenario.window.follows else target
+    seen = detected and (not view.ends_sight or bool(((view.low <= away) & (away <= view.high)).all()))
+    return insert_into(z, k, int(slot * (k + 1)), target) if seen else (k, -1)

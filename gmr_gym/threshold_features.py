@@ -7,11 +7,11 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.association import Gates, gate_size, volumes
-from gmr_gym.hypotheses import MOST, Expanded, Kept
-from gmr_gym.merging import cost_of_all
+from gmr_gym.hypotheses import MOST, Expanded, odds
+from gmr_gym.kalman import innovation
+from gmr_gym.merge_cost import cost_of_all
 from gmr_gym.mixture import root_determinants
 from gmr_gym.model import Model
-from gmr_gym.reduction import total_merge_cost
 
 # In this order, and scaled so that most of them lie within [-1, 1] most of the time. n: hypotheses of the
 # full posterior, w: their weights, c: cost of merging them all, S = H P H' + R: covariance of a detection,
@@ -22,6 +22,10 @@ FEATURES = (
     "effective",  # 2 log(1 / sum w^2) / log 2000 - 1
     "heaviest",  # 2 w1 - 1, w1 the largest weight
     "second",  # 2 w2 / w1 - 1, w2 the second largest, 0 where there is none
+    "over_1e-2",  # 2 log n' / log 2000 - 1, n' the hypotheses that weigh more than 1e-2, at least one
+    "over_1e-3",  # the same of 1e-3
+    "over_1e-4",  # of 1e-4: what pruning at such a weight would leave to be merged
+    "over_1e-5",  # of 1e-5
     "missed",  # 2 (weight of the hypotheses without a detection) - 1
     "spread",  # log(|S| / |R|) / 2p - 1, P the covariance of the whole posterior
     "widest",  # the same of the predicted hypothesis for which it is largest
@@ -45,22 +49,13 @@ class Memory(NamedTuple):
     """What a policy knows of the scan before."""
 
     kept: int  # hypotheses
-    given_up: float  # share of the cost of merging all of the posterior that is gone from what is left
+    given_up: float  # see `thresholds.Adapted`
     work: int
 
 
 def at_start(model: Model) -> Memory:
     """The memory before the first scan."""
     return Memory(len(model.prior.w), 0.0, 0)
-
-
-def remembered(full: Expanded, kept: Kept) -> Memory:
-    """What is remembered of a scan when the next is looked at. Its work is the Gaussians that were updated
-    and the costs of pairs that were evaluated."""
-    before, after = total_merge_cost(full.posterior.mixture), total_merge_cost(kept.mixture)
-    # what is left of the greedy way to one Gaussian is the cost of what is left, see `total_merge_cost`
-    given_up = max(0.0, 1 - after / before) if before > 0 else 0.0
-    return Memory(len(kept.mixture.w), given_up, full.gated + kept.merge_costs)
 
 
 def told(model: Model) -> np.ndarray:
@@ -79,23 +74,19 @@ def told(model: Model) -> np.ndarray:
 def features(full: Expanded, memory: Memory, model: Model, known: np.ndarray) -> np.ndarray:
     """FEATURES (k,) of a scan's full posterior, each within +-BOUND; `known` is told(model). They do not
     depend on the order of the hypotheses."""
-    posterior = full.posterior
-    log_odds = log(model.detection_probability / model.clutter_density)
-    seen = _seen(
-        *posterior.mixture, posterior.detection, posterior.log_density,
-        full.gates.S, model.sensor.H, model.sensor.R, log_odds, *memory,
-    )  # fmt: skip
-    # a gate is to one about R alone as the roots of their determinants
-    values = np.concatenate((seen, known))
-    values[len(seen) - 1] += known[0]
-    return np.minimum(np.maximum(values, -BOUND), BOUND)
+    posterior, sensor = full.posterior, model.sensor
+    return observe(
+        *posterior.mixture, posterior.detection, posterior.log_density, full.gates.S,
+        sensor.H, sensor.R, odds(model)[2], known, *memory,
+    )[0]  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
-def _seen(w, m, P, detection, log_density, S, H, R, log_odds, kept, given_up, work):
-    """All but the last three features, "expected" without what "clutter" adds to it."""
+def observe(w, m, P, detection, log_density, S, H, R, log_odds, known, kept, given_up, work):
+    """FEATURES (k,), the cost of merging everything, and how many hypotheses have a detection."""
     entropy, square, first, second, hit, evidence = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     pairs = 0
+    over = np.zeros(4)  # heavier than 1e-2, 1e-3, ...
     for i in range(len(w)):
         if w[i] > 0.0:
             entropy -= w[i] * np.log(w[i])
@@ -104,23 +95,30 @@ def _seen(w, m, P, detection, log_density, S, H, R, log_odds, kept, given_up, wo
             first, second = w[i], first
         elif w[i] > second:
             second = w[i]
+        for k in range(4):
+            over[k] += w[i] > 0.01 / 10**k
         if detection[i] >= 0:
             hit += w[i]
             evidence += w[i] * (log_density[i] + log_odds)
             pairs += 1
-    cost, covariance = cost_of_all(w, m, P)
-    whole = np.empty((1, *R.shape))
-    whole[0] = H @ covariance @ H.T + R
+    cost, mean, covariance = cost_of_all(w, m, P)
+    d = len(mean)
+    _, whole, _ = innovation(mean.reshape(1, d), covariance.reshape(1, d, d), H, R)
     alone = np.empty((1, *R.shape))
     alone[0] = R
     smallest = root_determinants(alone)[0]
     gates = root_determinants(S) / smallest
-    return np.array([
+    values = np.empty(len(FEATURES))
+    for i, value in enumerate((
         2 * np.log(len(w)) / LOG_MOST - 1,
         2 * entropy / LOG_MOST - 1,
         -2 * np.log(square) / LOG_MOST - 1,
         2 * first - 1,
         2 * second / first - 1,
+        2 * np.log(max(over[0], 1.0)) / LOG_MOST - 1,
+        2 * np.log(max(over[1], 1.0)) / LOG_MOST - 1,
+        2 * np.log(max(over[2], 1.0)) / LOG_MOST - 1,
+        2 * np.log(max(over[3], 1.0)) / LOG_MOST - 1,
         1 - 2 * hit,
         np.log(root_determinants(whole)[0] / smallest) / len(R) - 1,
         np.log(gates.max()) / len(R) - 1,
@@ -131,5 +129,11 @@ def _seen(w, m, P, detection, log_density, S, H, R, log_odds, kept, given_up, wo
         2 * given_up - 1,
         2 * np.log(kept) / LOG_MOST - 1,
         np.log10(1 + work) / 3 - 1,
-        np.log10(gates.mean()),
-    ])  # fmt: skip
+        # a gate is to one about R alone as the roots of their determinants
+        np.log10(gates.mean()) + known[0],
+        known[0],
+        known[1],
+        known[2],
+    )):  # fmt: skip
+        values[i] = min(max(value, -BOUND), BOUND)
+    return values, cost, pairs

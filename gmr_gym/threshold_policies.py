@@ -6,6 +6,7 @@ takes. A learned policy and those that it has to beat go through the same door.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -70,6 +71,10 @@ class Random:
     rng: np.random.Generator
     _action: np.ndarray = field(init=False)
 
+    def watching(self, env: Any) -> "Random":
+        """Itself: having a stream, it plays one episode after another and no two at once."""
+        return self
+
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
         if t % self.every == 0:
             self._action = self.rng.uniform(-1, 1, self.size)
@@ -83,6 +88,10 @@ class ByNetwork:
     network: Network
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
+        return self.network(features)
+
+    def many(self, features: np.ndarray, t: int) -> np.ndarray:
+        """The actions (n, j) for features (n, k) of as many episodes, each as if alone."""
         return self.network(features)
 
 

@@ -1,14 +1,14 @@
 """The thresholds of adaptive merging as numbers that somebody sets scan by scan."""
 
 from collections.abc import Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
-from gmr_gym.hypotheses import Kept, reduced
+from gmr_gym.hypotheses import MOST, Expanded, merge_costs, reduce_scan
+from gmr_gym.merge_cost import cost_of_all
 from gmr_gym.mixture import Mixture
-from gmr_gym.reduction import adaptive
 
 
 class Thresholds(NamedTuple):
@@ -26,12 +26,14 @@ PAPER = Thresholds()
 # and at 1e-2 it leaves a few hypotheses.
 RANGES = {"alpha": (1e-4, 0.5), "prune": (1e-6, 1e-2), "prune_density": (1e-14, 1e-6), "components": (2, 200)}
 
+LIMITS, COMPONENTS = np.array(list(RANGES.values()), float), list(RANGES).index("components")
+
 
 def decoded(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = PAPER) -> Thresholds:
     """The thresholds that an action (k,) in [-1, 1] stands for, one of `parameters` each, on a logarithmic
     scale over RANGES; the others are those of `rest`. Raises ValueError for another shape, and for a number
     that is not finite or outside the box."""
-    action = np.asarray(action, float)
+    action = np.array(action, float)
     if action.shape != (len(parameters),):
         raise ValueError(
             f"action must have shape {(len(parameters),)}, one number each for {', '.join(parameters)}, "
@@ -39,12 +41,44 @@ def decoded(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = PA
         )
     if not (np.abs(action) <= 1).all():
         raise ValueError(f"action must be finite and within [-1, 1], got {action.tolist()}")
-    chosen = {}
-    for name, a in zip(parameters, action.tolist(), strict=True):
-        low, high = RANGES[name]
-        value = low * (high / low) ** ((a + 1) / 2)
-        chosen[name] = round(value) if name == "components" else value
-    return rest._replace(**chosen)
+    row = decode(action[None], places(parameters), np.array(rest, float))[0].tolist()
+    return Thresholds(*row)._replace(components=int(row[COMPONENTS]))
+
+
+def check_actions(actions: np.ndarray, n: int, parameters: Sequence[str], used: np.ndarray) -> np.ndarray:
+    """Actions (n, k) as floats; ValueError for another shape, and for what `decoded` refuses in one that is
+    `used` (n,)."""
+    actions = np.array(actions, float, order="C")
+    if actions.shape != (n, len(parameters)):
+        raise ValueError(
+            f"actions must have shape {(n, len(parameters))}, one number each for {', '.join(parameters)}, "
+            f"got {actions.shape}"
+        )
+    bad = used & ~(np.abs(actions) <= 1).all(axis=1)
+    if bad.any():
+        raise ValueError(
+            f"action must be finite and within [-1, 1], got {actions[bad.argmax()].tolist()} for environment "
+            f"{bad.argmax()}"
+        )
+    return actions
+
+
+def places(parameters: Sequence[str]) -> np.ndarray:
+    """Where the named thresholds stand (k,) among all."""
+    return np.array([Thresholds._fields.index(name) for name in parameters])
+
+
+@njit(cache=True, error_model="numpy")
+def decode(actions, places, rest):
+    """`decoded` for actions (n, k) that set the thresholds at `places` (k,): rows (n, 4)."""
+    out = np.empty((len(actions), len(rest)))
+    for i in range(len(actions)):
+        out[i] = rest
+        for a in range(len(places)):
+            low, high = LIMITS[places[a]]
+            value = low * (high / low) ** ((actions[i, a] + 1) / 2)
+            out[i, places[a]] = np.rint(value) if places[a] == COMPONENTS else value
+    return out
 
 
 def encoded(thresholds: Thresholds, parameters: Sequence[str]) -> np.ndarray:
@@ -69,7 +103,31 @@ def check_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
     return tuple(parameters)
 
 
-def adapted(posterior: Mixture, thresholds: Thresholds) -> Kept:
-    """The posterior pruned, merged adaptively and pruned again (D'Ortenzio, Adaptive)."""
-    merge = partial(adaptive, loss_bound=thresholds.alpha, components=thresholds.components)
-    return reduced(posterior, merge, thresholds.prune, thresholds.prune_density)
+class Adapted(NamedTuple):
+    """What the thresholds left of a scan."""
+
+    mixture: Mixture  # weights sum to 1
+    mean: np.ndarray  # (d,), of the whole mixture
+    covariance: np.ndarray  # (d, d)
+    given_up: float  # share of the cost of merging all of the posterior that is gone from what is left
+    work: int  # Gaussians that were updated, and costs of pairs that were evaluated
+
+
+def adapted(full: Expanded, thresholds: np.ndarray | Thresholds, cost: float) -> Adapted:
+    """The posterior pruned, merged adaptively and pruned again (D'Ortenzio, Adaptive) by thresholds (4,); the
+    cost is that of merging all of it."""
+    w, m, P, *rest = adapt(*full.posterior.mixture, np.array(thresholds, float), cost, full.gated)
+    return Adapted(Mixture(w, m, P), *rest)
+
+
+@njit(cache=True, error_model="numpy")
+def adapt(w, m, P, thresholds, cost, gated):
+    """The fields of `Adapted`, w, m and P apart."""
+    alpha, prune, density = thresholds[0], thresholds[1], thresholds[2]
+    w, m, P, entered, left = reduce_scan(
+        w, m, P, prune, np.int64(MOST), int(thresholds[COMPONENTS]), alpha, density
+    )
+    after, mean, covariance = cost_of_all(w, m, P)
+    # what is left of the greedy way to one Gaussian is the cost of what is left, see `total_merge_cost`
+    given_up = max(0.0, 1 - after / cost) if cost > 0.0 else 0.0
+    return w, m, P, mean, covariance, given_up, gated + merge_costs(entered, left)

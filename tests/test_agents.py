@@ -18,11 +18,13 @@ sys.path.insert(0, str(ROOT / "agents"))
 from export import network_of  # noqa: E402
 from from_vector import FromVector  # noqa: E402
 from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
+from judge import Episodes, played  # noqa: E402
 from learner import ENV_ID, Run, environments, recorded, restored, settings  # noqa: E402
 
 from gmr_gym.network import load, save  # noqa: E402
 from gmr_gym.threshold_features import FEATURES  # noqa: E402
-from gmr_gym.thresholds import Thresholds  # noqa: E402
+from gmr_gym.threshold_hindsight import HINDSIGHT  # noqa: E402
+from gmr_gym.thresholds import PAPER, Thresholds, encoded  # noqa: E402
 
 FEW = {"ppo": {"n_steps": 32, "batch_size": 64, "n_envs": 4}, "sac": {"learning_starts": 50, "n_envs": 4}}
 
@@ -64,18 +66,27 @@ def test_the_adapter_tells_the_last_observation_and_who_ended_by_time_alone():
     np.testing.assert_array_equal(seen[2][1], [1, 3])
 
 
+def test_where_the_horizon_ends_a_problem_nobody_is_told_of_an_end_by_time():
+    venv = FromVector(vector(), horizon_ends=True)
+    venv.reset()
+    _, _, over, infos = [venv.step(np.zeros((2, 1))) for _ in range(2)][1]
+    assert over.tolist() == [True, False] and not any(info["TimeLimit.truncated"] for info in infos)
+    run = environments(settings("ppo", 0, None, 100, {"components": 20}, None))
+    assert run.venv.horizon_ends
+
+
 def test_the_adapter_refuses_environments_that_reset_a_step_late():
     with pytest.raises(ValueError, match="SAME_STEP"):
         FromVector(vector(AutoresetMode.NEXT_STEP))
 
 
-def shortened(tmp_path, algorithm, steps, seed=3):
+def shortened(tmp_path, algorithm, steps, seed=3, hindsight=True):
     """Settings of a run of a few steps."""
     entry = yaml.safe_load((ROOT / f"agents/hyperparams/{algorithm}.yml").read_text())
     entry[ENV_ID] |= FEW[algorithm]
     file = tmp_path / "few.yml"
     file.write_text(yaml.safe_dump(entry))
-    return settings(algorithm, seed, steps, 256, {"components": 20}, file)
+    return settings(algorithm, seed, steps, 256, {"components": 20}, file, hindsight)
 
 
 @pytest.mark.parametrize("algorithm", FEW)
@@ -99,9 +110,12 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_been(tmp_path, algorithm):
         Run(tmp_path / "parts", shortened(tmp_path, algorithm, 512, seed=4))
 
 
+@pytest.mark.parametrize("hindsight", [True, False])
 @pytest.mark.parametrize("algorithm", FEW)
-def test_the_exported_policy_says_what_the_model_predicts(tmp_path, algorithm):
-    said = shortened(tmp_path, algorithm, 256)
+def test_the_exported_policy_says_what_the_model_predicts_whatever_the_critic_knows(
+    tmp_path, algorithm, hindsight
+):
+    said = shortened(tmp_path, algorithm, 256, hindsight=hindsight)
     run = Run(tmp_path / "run", said)
     run.learn()
     venv = environments(said)
@@ -109,9 +123,20 @@ def test_the_exported_policy_says_what_the_model_predicts(tmp_path, algorithm):
     save(tmp_path / "policy.npz", network)
     read = load(tmp_path / "policy.npz", FEATURES, Thresholds._fields)
     assert read.parameters == ("alpha", "prune")
-    observations = np.random.default_rng(0).uniform(-2, 2, (50, len(FEATURES))).astype(np.float32)
+    shape = run.venv.observation_space.shape
+    assert shape == (len(FEATURES) + hindsight * len(HINDSIGHT),)
+    observations = np.random.default_rng(0).uniform(-2, 2, (50, *shape)).astype(np.float32)
     wanted, _ = run.model.predict(venv.normalize_obs(observations), deterministic=True)
-    np.testing.assert_allclose([read(row) for row in observations], wanted, atol=2e-6)  # single precision
+    said = [read(row[: len(FEATURES)]) for row in observations]
+    np.testing.assert_allclose(said, wanted, atol=2e-6)  # single precision
+
+
+@pytest.mark.parametrize("algorithm", FEW)
+def test_an_untrained_policy_is_about_the_papers_thresholds(tmp_path, algorithm):
+    run = Run(tmp_path / "run", shortened(tmp_path, algorithm, 256))
+    action, _ = run.model.predict(run.venv.reset(), deterministic=True)
+    wanted = np.tile(encoded(PAPER, ("alpha", "prune")), (len(action), 1))
+    np.testing.assert_allclose(action, wanted, atol=0.1)
 
 
 def test_train_scores_every_chapter_on_valid_and_keeps_the_best(tmp_path):
@@ -132,11 +157,40 @@ def test_train_scores_every_chapter_on_valid_and_keeps_the_best(tmp_path):
     assert same == (rows[1]["reward"] > rows[0]["reward"])
 
 
+def test_episodes_side_by_side_are_judged_as_one_by_one():
+    def rule(features, t):
+        return np.clip([0.4 + 0.1 * features[0], 0.2 + 0.01 * t], -1, 1)
+
+    class Alone:
+        def watching(self, env):
+            return rule
+
+    class Together:
+        def __call__(self, features, t):  # for the clock alone
+            return rule(features, t)
+
+        def many(self, features, t):
+            return np.array([rule(row, t) for row in features])
+
+    policies = {"plain": rule, "alone": Alone(), "together": Together()}
+    found = played(policies, "extrapolation", 3, jobs=1, only=("extrapolation-00", "extrapolation-03"))
+    for field in Episodes._fields:
+        if field != "seconds":
+            one, *others = (getattr(found[name], field) for name in policies)
+            assert one.shape == (2, 3)
+            for other in others:
+                np.testing.assert_array_equal(one, other)
+
+
 def test_an_unknown_algorithm_and_a_file_without_the_environment_are_refused(tmp_path):
     with pytest.raises(ValueError, match="unknown algorithm 'dqn'; choose from ppo, sac"):
         settings("dqn", 0, None, 100, {}, None)
     (tmp_path / "other.yml").write_text("CartPole-v1:\n  n_envs: 1\n")
     with pytest.raises(ValueError, match="must have an entry gmr_gym/ReductionTuning-v0"):
         settings("ppo", 0, None, 100, {}, tmp_path / "other.yml")
+    with pytest.raises(ValueError, match="cannot read the hyperparameters"):
+        settings("ppo", 0, None, 100, {}, tmp_path / "none.yml")
+    with pytest.raises(ValueError, match="hindsight is a matter of the critic"):
+        settings("ppo", 0, None, 100, {"hindsight": True}, None)
     with pytest.raises(ValueError, match="holds no run"):
         recorded(tmp_path)

@@ -169,6 +169,49 @@ def test_evaluate_runs_the_world_and_the_trackers_it_was_told(call):
         assert row["metrics"]["rmse_own"]["value"] == wanted[row["tracker"]]["rmse_own"].value
 
 
+FEW = "evaluate", TURNING, "--tracker", "pda", "--tracker", "runnalls-2", "--set", "horizon=3"
+
+
+def test_shards_merged_are_what_the_command_finds_and_the_unsharded_one_gives(call):
+    words = (*FEW, "--runs", 50, "--jobs", 1)
+    assert call(*words, "--out", "whole")[0] == 0
+    there = 0
+    for i in (1, 2, 3):
+        code, printed, errors = call(*words, "--shard", f"{i}/3", "--out", f"part{i}")
+        there += (mine := len(list(Path(f"part{i}/blocks").iterdir())))
+        assert (
+            code == 0 and f"{mine} of 6 blocks of runs are in part{i}/blocks, {6 - mine} are left" in printed
+        )
+        assert [file.name for file in Path(f"part{i}").iterdir()] == ["blocks"]
+    assert there == 6
+    Path("part3/blocks/notes.txt").touch()
+    code, printed, errors = call("merge", "part1", "part2", "part3", "--into", "all")
+    assert (code, errors) == (0, "")
+    assert printed.splitlines() == [
+        "6 blocks of runs copied to all/blocks", "part3/blocks/notes.txt: no block of runs, left out"
+    ]  # fmt: skip
+    code, _, errors = call(*words, "--out", "all")
+    assert code == 0 and errors.splitlines() == [f"{TURNING}: 100 of 100"]
+    assert Path("all/runs.csv").read_bytes() == Path("whole/runs.csv").read_bytes()
+    code, printed, _ = call(*words, "--shard", "2/3", "--out", "all")
+    assert code == 0 and "6 of 6 blocks of runs are in all/blocks, none is left" in printed
+    code, printed, _ = call("merge", "part1", "--into", "all")
+    assert code == 0 and printed.startswith("0 blocks of runs copied")
+    assert printed.count("there already, the same to the last bit") == len(
+        list(Path("part1/blocks").iterdir())
+    )
+
+
+def test_merge_refuses_by_name_what_is_no_block_and_merges_the_rest(call):
+    assert call(*FEW, "--runs", 21, "--jobs", 1, "--out", "a")[0] == 0
+    first, *others = sorted(Path("a/blocks").iterdir())
+    first.write_text("")
+    code, printed, errors = call("merge", "a", "--into", "b")
+    assert code == 2 and f"{len(others)} blocks of runs copied" in printed
+    assert errors.startswith(f"error: 1 refused, all else is merged: {first} is not a block of runs (")
+    assert sorted(file.name for file in Path("b/blocks").iterdir()) == [file.name for file in others]
+
+
 def test_one_tracker_alone_has_no_paired_differences(call):
     code, printed, _ = call(
         "evaluate", TURNING, "--tracker", "pda", "--set", "horizon=4", "--runs", 2, "--jobs", 1, "--out", "e"
@@ -343,6 +386,18 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
             ("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "gm-phd", "--set", "horizon=1.5"),
             "horizon must be between 1 and the 100 scans of the path, whole, got 1.5",
         ),
+        (
+            (*EVALUATE, "pda", "--shard", "4/3", "--out", "e"),
+            "shard must be I/N with I from 1 to N, as in 2/3",
+        ),
+        ((*EVALUATE, "pda", "--shard", "1/3"), "say with --out in which folder"),
+        (("reproduce", "zhang", "--shard", "1/3"), "say with --out in which folder"),
+        (
+            (*EVALUATE, "imm-pda", "--backend", "threads"),
+            "unknown backend 'threads'; choose one of loky, dask, ray",
+        ),
+        ((*EVALUATE, "imm-pda", "--scheduler", "tcp://a:1"), "loky stays on this machine"),
+        (("merge", "nowhere", "--into", "all"), "nowhere is no folder of results: it has no blocks"),
         (("record", "gmr_gym/UnknownClutter-v0"), "many targets; choose from gmr_gym/T"),
         (("watch", JUMP, "--tracker", "mmg", "--out", "f.png"), "out must end in .gif or .mp4, got 'f.png'"),
         (("track", "missing.csv", *TRACK[2:]), "No such file or directory: 'missing.csv'"),

@@ -94,6 +94,7 @@ def test_figures_and_differences_are_what_they_are_called():
     assert found["track_loss"].value == mine.lost.mean()
     assert found["error_kept"].value == pytest.approx(np.mean(mine.error[mine.lost == 0]))
     assert found["work"].value == mine.work.mean() > found["work_iqm"].value  # of a skewed law
+    assert np.isnan(found.pop("time_per_scan").low)
     for figure in found.values():
         assert figure.low <= figure.value <= figure.high
     other = other._replace(error=np.where(other.lost == 1, 1e9, other.error))
@@ -283,7 +284,7 @@ def test_searches_begin_with_the_constant_and_stay_in_the_box():
 
 
 def test_every_competitor_has_as_many_steps_as_an_agent():
-    assert tune_static.trained_steps() == 600_000
+    assert tune_static.trained_steps() == 983_040
 
 
 @pytest.fixture(scope="module")
@@ -348,8 +349,11 @@ def test_a_comparison_from_end_to_end(compared, table, monkeypatch):
 
 def test_a_policy_of_other_thresholds_and_a_file_without_a_constant_are_refused(compared, tmp_path):
     with pytest.raises(ValueError, match=r"best.npz sets .'alpha', 'prune'.*, but the others set .'alpha',"):
-        evaluate.learned([compared / "net-0" / "best.npz"], ["alpha"])
-    groups = evaluate.learned([compared / f"net-{seed}" / "best.npz" for seed in (0, 1)], NAMES)
+        evaluate.learned([compared / "net-0" / "best.npz"], ["alpha"], {})
+    files = [compared / f"net-{seed}" / "best.npz" for seed in (0, 1)]
+    with pytest.raises(ValueError, match="net-1 is given twice"):
+        evaluate.learned([files[1], files[1]], NAMES, {})
+    groups = evaluate.learned(files, NAMES, {})
     assert list(groups) == ["net"] and len(groups["net"]) == 2
     competitors.write(tmp_path / "static.json", {}, {})
     with pytest.raises(ValueError, match="holds no 'best constant'"):

@@ -13,7 +13,13 @@ from gmr_gym.cli import app
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 INDEXED = [ROOT / "README.md", ROOT / "docs" / "index.md"]
-RUN = ("evaluate", "record", "track", "list")  # commands that take a second; the rest have tests of their own
+RUN = (
+    "evaluate",
+    "merge",
+    "record",
+    "track",
+    "list",
+)  # commands that take a second; the rest have tests of their own
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"\n]+)\")?\n(.*?)^```$", re.M | re.S)
 FENCED = re.compile(r"^```.*?^```$", re.M | re.S)
 

@@ -13,10 +13,12 @@ from baselines.mht import adaptive
 from gmr_gym.network import Network, save
 from gmr_gym.play import play
 from gmr_gym.scenarios.dortenzio import turning_target
+from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.simulate import draw
 from gmr_gym.threshold_features import FEATURES
 from gmr_gym.threshold_policies import ByNetwork
 from gmr_gym.thresholds import PAPER, encoded
+from gmr_gym.tracker import make_tracker
 
 WORLD = turning_target(horizon=30)
 
@@ -66,6 +68,11 @@ def test_a_policy_file_and_its_limits_are_checked_when_the_tracker_is_made(tmp_p
         learned_thresholds(WORLD.model, tmp_path / "p.npz", 1)
     with pytest.raises(ValueError, match="no policy that can be read"):
         learned_thresholds(WORLD.model, tmp_path / "none.npz")
+
+
+def test_a_radar_is_refused():
+    with pytest.raises(ValueError, match="learned thresholds need a linear sensor"):
+        make_tracker("learned-thresholds", airborne_radar("near", 10.0, trajectory="drawn").model)
 
 
 def test_torch_is_not_imported(tmp_path):

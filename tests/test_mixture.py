@@ -13,6 +13,8 @@ from gmr_gym.mixture import (
     mixture,
     moments,
     normalised,
+    pairwise_sum,
+    rescaled,
     take,
 )
 
@@ -105,6 +107,13 @@ def test_normalised_rescales_weights_alone_and_take_selects():
     assert take(p, np.array([True, False])).m.tolist() == [[0.0]]
     with pytest.raises(ValueError, match="sum to 0"):
         normalised(p._replace(w=np.zeros(2)))
+
+
+@pytest.mark.parametrize("n", [*range(1, 20), 127, 128, 129, 250, 1000, 5001])
+def test_sums_are_numpys_to_the_last_bit(n):
+    w = np.random.default_rng(n).random(n) ** 9
+    assert pairwise_sum(w) == w.sum()
+    np.testing.assert_array_equal(rescaled(w), w / w.sum())
 
 
 def test_mixture_copies_what_it_is_given():

@@ -12,11 +12,12 @@ from baselines.mht import runnalls
 from baselines.mmg import Mmg
 from baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.association import gates, volumes
-from gmr_gym.montecarlo import BLOCK, Runs, _code, run, run_once
+from gmr_gym.montecarlo import BLOCK, Runs, run, run_once
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.recorded import recorded_flight
 from gmr_gym.scenarios.zhang import jump_markov
 from gmr_gym.simulate import draw, scan
+from gmr_gym.source import code as code_of
 from gmr_gym.tracker import make_tracker
 
 WORLD = turning_target(horizon=8, clutter_rate=20)
@@ -212,12 +213,12 @@ def test_an_edited_reducer_deep_inside_partial_functions_is_run_again(tmp_path, 
         "name": make_tracker("mmg-3", world.model, reduction=f"{module}:own"),
     }[nested]
     other = make_tracker("mmg-3", world.model)
-    code, others = _code(tracker), _code(other)
+    code, others = code_of(tracker), code_of(other)
     for edit in ("", "", "# edited"):
         file.write_text(OWN + edit)
         run(world, {"own": tracker}, 1, folder=tmp_path / "runs")
-        assert (_code(tracker) == code) == (edit == "")
-        assert _code(other) == others  # it has nothing to do with that file
+        assert (code_of(tracker) == code) == (edit == "")
+        assert code_of(other) == others  # it has nothing to do with that file
     assert len(list((tmp_path / "runs").iterdir())) == 2
 
 

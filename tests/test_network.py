@@ -1,6 +1,7 @@
 """Policies as files of plain arrays: read as they were written, refused when they are anything else."""
 
 import pickle
+from io import BytesIO
 from itertools import pairwise
 
 import numpy as np
@@ -101,10 +102,19 @@ def test_a_file_that_is_missing_truncated_foreign_or_pickled_is_refused(tmp_path
         load(file, FEATURES, PARAMETERS)
     save(file, network())
     whole = file.read_bytes()
-    for content in (whole[: len(whole) // 2], b"", b"weights", pickle.dumps([1])):
+    damaged = bytearray(whole)
+    damaged[len(whole) // 3 : len(whole) // 3 + 60] = bytes(60)
+    alone = BytesIO()
+    np.save(alone, np.zeros(3))
+    for content in (
+        whole[: len(whole) // 2], bytes(damaged), alone.getvalue(), b"", b"weights", pickle.dumps([1]),
+    ):  # fmt: skip
         file.write_bytes(content)
         with pytest.raises(ValueError, match="no policy that can be read"):
             load(file, FEATURES, PARAMETERS)
+    np.savez_compressed(file, format=FORMAT, weights_0=np.zeros(10**7))
+    with pytest.raises(ValueError, match="no policy that can be read: it unpacks to 8"):
+        load(file, FEATURES, PARAMETERS)
     np.savez(file, format=FORMAT, features=np.array([print], object))
     with pytest.raises(ValueError, match="no policy that can be read"):
         load(file, FEATURES, PARAMETERS)

@@ -154,6 +154,12 @@ def test_map_and_tables_are_run_drawn_and_written_by_the_command(tmp_path, monke
     capsys.readouterr()
     cli.app(arguments, standalone_mode=False)  # from what is stored
     assert json.loads((tmp_path / "li.json").read_text()) == record
+    # another machine's shards hold, between them, what it takes
+    for shard in ("1/2", "2/2"):
+        cli.app([*arguments[:-1], str(tmp_path / shard[0]), "--shard", shard], standalone_mode=False)
+    parts = [{file.name for file in (tmp_path / part / "blocks").iterdir()} for part in "12"]
+    assert all(parts) and not parts[0] & parts[1]
+    assert parts[0] | parts[1] == {file.name for file in (tmp_path / "blocks").iterdir()}
 
 
 def test_a_map_of_one_row_of_cells_can_be_drawn_where_nothing_is_known(tmp_path):

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare, kstest
 
+from gmr_gym.scans import CELL, ground_into, scan_into
 from gmr_gym.scenarios.dortenzio import printed_path, turning_target
+from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.scenarios.planar import fixed_box, path
 from gmr_gym.scenarios.recorded import recorded_flight
 from gmr_gym.scenarios.zhang import jump_markov
-from gmr_gym.simulate import CELL, draw, scan
+from gmr_gym.simulate import capacity, draw, scan, viewed
 
 NOWHERE = np.zeros(2)
 LOW, HIGH = np.array([[-3100.0, 950.0], [6900.0, 19_950.0]])  # corners of a region of 10 km by 19 km
@@ -29,7 +31,8 @@ def test_same_seed_same_episode_and_another_seed_another():
     for a, b in zip(first, again, strict=True):
         np.testing.assert_array_equal(a, b)
     assert not np.array_equal(first.z, other.z) and not np.array_equal(first.detected, other.detected)
-    assert not np.array_equal(first.clutter[:50], other.clutter[:50])
+    a, b = (scan(scenario, episode, 0, NOWHERE).z for episode in (first, other))
+    assert not np.isin(a, b).any()
 
 
 def test_a_seed_sequence_drawn_from_twice_gives_the_same_episode_and_its_children_others():
@@ -48,11 +51,60 @@ def test_truth_detection_and_clutter_have_streams_of_their_own():
     np.testing.assert_array_equal(base.z, more_clutter.z)
     np.testing.assert_array_equal(base.detected, more_clutter.detected)
     np.testing.assert_array_equal(base.slot, more_clutter.slot)
-    assert len(more_clutter.clutter) > 1.5 * len(base.clutter)
     less_seen = draw(turning_target(detection_probability=0.3), 3)
     np.testing.assert_array_equal(base.z, less_seen.z)
-    np.testing.assert_array_equal(base.clutter, less_seen.clutter)
     assert (less_seen.detected <= base.detected).all()  # the same numbers under a lower bar
+    for t in range(100):
+        given, denser, darker = (
+            clutter_of(scan(scenario, episode, t, NOWHERE))
+            for scenario, episode in (
+                (turning_target(), base),
+                (turning_target(clutter_rate=300), more_clutter),
+                (turning_target(detection_probability=0.3), less_seen),
+            )
+        )
+        np.testing.assert_array_equal(given, darker)
+        assert len(denser) > 1.3 * len(given)  # seeded: 300 a scan for 150
+
+
+def test_a_scan_is_the_same_whichever_were_made_before_it():
+    for scenario in (turning_target(), jump_markov(), airborne_radar()):
+        episode = draw(scenario, 8)
+        centre = scenario.sensor.observed(episode.x[20])
+        in_turn = [scan(scenario, episode, t, centre) for t in range(40)]
+        for t in (39, 3, 20):
+            for a, b in zip(scan(scenario, draw(scenario, 8), t, centre), in_turn[t], strict=True):
+                np.testing.assert_array_equal(a, b)
+
+
+def test_a_scan_is_made_in_place_and_leaves_the_rows_behind_it_as_they_are():
+    scenario = turning_target(clutter_rate=3.0)
+    episode, view = draw(scenario, 2), viewed(scenario)
+    for t in range(100):
+        z = np.full((capacity(3.0), 2), np.nan)
+        k, place = scan_into(
+            z, view, episode.key, t, NOWHERE, episode.z[t], episode.detected[t], episode.slot[t]
+        )
+        same = scan(scenario, episode, t, NOWHERE)
+        np.testing.assert_array_equal(z[:k], same.z)
+        assert np.isnan(z[k:]).all() and k == len(same.z)
+        assert np.flatnonzero(same.origin == 0).tolist() == ([] if place < 0 else [place])
+
+
+def test_a_scan_holds_no_more_than_it_has_room_for():
+    scenario = turning_target(clutter_rate=30.0, detection_probability=1.0)
+    scenarios = scenario, dataclasses.replace(scenario, region=scenario.window)
+    for scenario in scenarios:
+        episode, z = draw(scenario, 0), np.full((6, 2), np.nan)
+        args = episode.key, 0, NOWHERE, episode.z[0], True, 0.0
+        assert scan_into(z[:5], viewed(scenario), *args) == (5, 0)
+        assert np.isnan(z[5]).all() and not np.isnan(z[:5]).any()
+
+
+def clutter_of(seen):
+    """Clutter in the order of its coordinates: the point in whose place the target stands is the last."""
+    z = seen.z[seen.origin < 0]
+    return z[np.lexsort(z.T)]
 
 
 def test_detections_come_at_their_rate_with_the_worlds_own_noise():
@@ -108,10 +160,10 @@ def test_window_that_follows_carries_the_same_points_to_any_centre():
     far = np.array([1e4, -3e4])
     for t in range(500):
         here, there = scan(scenario, episode, t, NOWHERE), scan(scenario, episode, t, far)
-        clutter = here.z[here.origin < 0]
+        clutter = clutter_of(here)
         assert (np.abs(clutter) <= [100, 30]).all()
         assert (there.origin < 0).all()  # the target is out of the window
-        np.testing.assert_allclose(there.z - far, clutter, atol=1e-10)  # rounding at 3e4
+        np.testing.assert_allclose(clutter_of(there) - far, clutter, atol=1e-10)  # rounding at 3e4
 
 
 def test_detection_outside_a_window_is_not_seen_and_outside_the_papers_own_box_it_is():
@@ -265,18 +317,20 @@ def test_the_target_is_seen_inside_window_and_region_only():
 def test_only_the_squares_under_the_window_are_drawn(monkeypatch):
     squares = []
 
-    def counting(*ranges):
-        squares[:] = product(*ranges)
-        return squares
+    def counting(rate, key, stream, at):
+        squares.append(at[1:])
+        return 0
 
-    monkeypatch.setattr("gmr_gym.simulate.product", counting)
+    monkeypatch.setattr("gmr_gym.scans.poisson", counting)
+    plain = getattr(ground_into, "py_func", ground_into)  # as it reads, not as it was compiled
     for kilometres in (10, 1000):
-        world = grounded(high=LOW + 1000 * kilometres)
+        scenario, episode = grounded(high=LOW + 1000 * kilometres)
         for t, centre in enumerate(LOW + 2000 + np.random.default_rng(3).uniform(0, 500, (20, 2))):
-            points(world, t, centre)
-            assert 4 <= len(squares) <= 9  # a side of 1000 m meets two squares of 500 m, or three
+            squares.clear()
+            plain(np.empty((500, 2)), viewed(scenario), episode.key, t, centre, 0.5)
+            assert 4 <= len(set(squares)) == len(squares) <= 9  # a side of 1000 m meets two squares, or three
     squares.clear()
-    points(world, 0, LOW - 5000)
+    plain(np.empty((500, 2)), viewed(scenario), episode.key, 0, LOW - 5000, 0.5)
     assert not squares
 
 

@@ -7,12 +7,13 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 NUMERICS = [
-    "mixture", "kalman", "association", "merging", "reduction", "ise", "distances", "model",
+    "mixture", "kalman", "association", "merge_cost", "merging", "reduction", "ise", "distances", "model",
     "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
-    "curves", "simulate", "play", "metrics", "montecarlo", "summary", "tracker", "scenarios",
-    "crowd", "crowd_runs", "crowd_summary", "multitarget", "phd", "cardinality",
+    "curves", "philox", "scans", "simulate", "play", "metrics", "montecarlo", "summary", "tracker",
+    "scenarios", "crowd", "crowd_runs", "crowd_summary", "multitarget", "phd", "cardinality",
     "clutter_learning", "multi_bernoulli", "finite_mixture", "gibbs", "hypotheses", "instances",
-    "thresholds", "threshold_features", "threshold_policies", "network",
+    "thresholds", "threshold_features", "threshold_hindsight", "threshold_policies", "threshold_scans",
+    "threads", "network", "blocks", "clusters", "source", "workers",
 ]  # fmt: skip
 LIBRARY, BASELINES = sorted((ROOT / "gmr_gym").rglob("*.py")), sorted((ROOT / "baselines").glob("*.py"))
 

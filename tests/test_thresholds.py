@@ -11,10 +11,10 @@ from gmr_gym import reduction
 from gmr_gym.association import Expansion, expand, gates
 from gmr_gym.hypotheses import Expanded, Kept, expanded, reduced
 from gmr_gym.kalman import predict
-from gmr_gym.mixture import Mixture, mixture, normalised
+from gmr_gym.mixture import Mixture, mixture, moments, normalised
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.simulate import draw, scan
-from gmr_gym.threshold_features import BOUND, FEATURES, Memory, at_start, features, remembered, told
+from gmr_gym.threshold_features import BOUND, FEATURES, Memory, at_start, features, told
 from gmr_gym.threshold_policies import ByTable, Constant, Random, Rule, Schedule
 from gmr_gym.thresholds import PAPER, RANGES, Thresholds, adapted, check_parameters, decoded, encoded
 
@@ -66,7 +66,7 @@ def test_constant_thresholds_are_the_adaptive_tracker_scan_for_scan(thresholds, 
     for z in scans(seed):
         belief, report = tracker.step(belief, z)
         full = expanded(mine, TOLD, z)
-        mine = adapted(full.posterior.mixture, thresholds).mixture
+        mine = adapted(full, thresholds, 1.0).mixture
         for a, b in zip((*mine, *full.gates), (*belief, *report.gates), strict=True):
             np.testing.assert_array_equal(a, b)
 
@@ -117,18 +117,22 @@ def test_merge_costs_are_those_that_greedy_merging_has_to_evaluate(n, r):
 
 
 def test_work_counts_updated_gaussians_and_merge_costs_and_what_was_given_up_is_of_the_whole_cost():
-    belief = TOLD.prior
+    belief, rows = TOLD.prior, Thresholds(0.2, 1e-3)
     for z in scans(3, 20):
         full = expanded(belief, TOLD, z)
-        kept = adapted(full.posterior.mixture, Thresholds(0.2, 1e-3))
-        memory = remembered(full, kept)
-        belief = kept.mixture
-        assert memory.work == (full.posterior.detection >= 0).sum() + kept.merge_costs
-        assert memory.kept == len(belief.w)
-        costs = [reference.merge_cost(*p) for p in (full.posterior.mixture, belief)]
-        assert memory.given_up == pytest.approx(max(0.0, 1 - costs[1] / costs[0]), abs=1e-9)
-    one = Mixture(*(a[:1] for a in TOLD.prior))
-    assert remembered(posterior_of(one), Kept(one, 1, 1)) == Memory(1, 0.0, 0)
+        whole = full.posterior.mixture
+        kept = reduced(whole, reduction.greedy(rows.components, rows.alpha), rows.prune, rows.prune_density)
+        done = adapted(full, rows, reduction.total_merge_cost(whole))
+        belief = done.mixture
+        assert done.work == (full.posterior.detection >= 0).sum() + kept.merge_costs
+        for a, b in zip(
+            (*belief, done.mean, done.covariance), (*kept.mixture, *moments(belief)), strict=True
+        ):
+            np.testing.assert_array_equal(a, b)
+        costs = [reference.merge_cost(*p) for p in (whole, belief)]
+        assert done.given_up == pytest.approx(max(0.0, 1 - costs[1] / costs[0]), abs=1e-9)
+    one = adapted(posterior_of(Mixture(*(a[:1] for a in TOLD.prior))), PAPER, 0.0)
+    assert one.given_up == 0.0 and one.work == 0
 
 
 @pytest.mark.parametrize("n", [1, 2, 50, 2000])
@@ -175,6 +179,7 @@ def test_features_are_what_they_are_called():
         "effective": 2 * np.log(1 / (w**2).sum()) / log_most - 1,
         "heaviest": 0.0,
         "second": 0.2,
+        **{f"over_1e-{k}": 2 * np.log((w > 10.0**-k).sum()) / log_most - 1 for k in (2, 3, 4, 5)},
         "missed": -0.4,
         "spread": np.log(whole / np.linalg.det(R)) / 4 - 1,
         "widest": np.log(predicted.max() / np.linalg.det(R)) / 4 - 1,
@@ -193,6 +198,13 @@ def test_features_are_what_they_are_called():
     assert list(wanted) == list(FEATURES)
     for name, value in wanted.items():
         assert found[name] == pytest.approx(value, abs=1e-9), name
+
+
+def test_hypotheses_are_counted_by_what_pruning_would_leave():
+    w = np.array([0.9, 0.09, 5e-3, 4e-3, 5e-4, 4e-4, 9e-5, 6e-6])
+    found = named(features(posterior_of(spread_out(len(w))._replace(w=w)), FIRST, TOLD, KNOWN))
+    for k, left in ((2, 2), (3, 4), (4, 6), (5, 7)):
+        assert found[f"over_1e-{k}"] == pytest.approx(2 * np.log(left) / np.log(2000) - 1)
 
 
 def test_a_motion_without_noise_has_features_too():

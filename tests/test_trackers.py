@@ -37,7 +37,8 @@ SWITCHING = TOLD._replace(
     mode_prior=np.array([0.5, 0.3, 0.2]),
 )
 KNOW_ONE_MOTION = {
-    "adaptive", "capping", "ise", "nearest-neighbour", "pda", "runnalls", "salmond", "west",
+    "adaptive", "capping", "ise", "learned-thresholds", "nearest-neighbour", "pda", "runnalls", "salmond",
+    "west",
 }  # fmt: skip
 
 
@@ -215,8 +216,8 @@ def test_mht_needs_room_for_one_hypothesis():
 
 @pytest.mark.parametrize("name", sorted(KNOW_ONE_MOTION))
 def test_tracker_that_knows_one_motion_refuses_several(name):
-    tracker = make_tracker(name, SWITCHING)
     with pytest.raises(ValueError, match=r"knows one motion and the model has 3.*imm-pda, imm-mht or mmg"):
+        tracker = make_tracker(name, SWITCHING)
         tracker.step(tracker.init(), np.empty((0, 2)))
 
 
@@ -234,9 +235,9 @@ def checked(report, d=4):
 
 
 def arrays(belief):
-    """Every array of a belief, whatever records it is made of."""
-    if isinstance(belief, np.ndarray):
-        return [belief]
+    """Every array of a belief, whatever records it is made of, and every number as one."""
+    if np.isscalar(belief) or isinstance(belief, np.ndarray):
+        return [np.asarray(belief)]
     return [array for part in belief for array in arrays(part)]
 
 

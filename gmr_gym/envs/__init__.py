@@ -20,9 +20,20 @@ ENVIRONMENTS = (*TRACKING, *CROWDS, TUNING)
 
 def register_envs() -> None:
     """Make every id known to `gymnasium.make`; harmless when done twice."""
-    for made_by, scenarios in (("tracking:TrackingEnv", TRACKING), ("crowd:CrowdEnv", CROWDS)):
+    for scenarios, one, many in (
+        (TRACKING, "tracking:TrackingEnv", "gmr_gym.envs.vector:TrackingVectorEnv"),
+        (CROWDS, "crowd:CrowdEnv", None),
+    ):
         for env_id, scenario in scenarios.items():
             if env_id not in gym.registry:
-                gym.register(env_id, f"gmr_gym.envs.{made_by}", kwargs={"scenario": scenario})
+                gym.register(
+                    env_id,
+                    f"gmr_gym.envs.{one}",
+                    kwargs={"scenario": scenario},
+                    vector_entry_point=many,
+                )
     if TUNING not in gym.registry:
-        gym.register(TUNING, "gmr_gym.envs.tuning:ReductionTuningEnv")
+        gym.register(
+            TUNING, "gmr_gym.envs.tuning:ReductionTuningEnv",
+            vector_entry_point="gmr_gym.envs.tuning_vector:ReductionTuningVectorEnv",
+        )  # fmt: skip

@@ -9,6 +9,7 @@ import numpy as np
 
 from gmr_gym.simulate import Scan
 
+ORIGIN = np.int16  # of the indices of targets in info
 EXTENT = 1e7  # m and m/s: no coordinate, velocity or estimate in any scenario comes near
 
 
@@ -31,7 +32,6 @@ class EpisodicEnv(gym.Env):
         self._position = list(self.scenario.position)
         self._capacity: int  # rows of a scan
         self._episode: Any
-        self._scan: Scan
         self._estimates: list[np.ndarray]
         self._t = self.scenario.horizon  # no episode is running
         self._shown = -1  # the scan last emitted
@@ -53,7 +53,7 @@ class EpisodicEnv(gym.Env):
             raise RuntimeError("call reset() before render(): nothing has been seen yet")
         if self._canvas is None:
             self._canvas = self._new_canvas(on_screen=self.render_mode == "human")
-        return self._canvas.draw(self._episode, self._scan, self._shown, self._estimates)
+        return self._canvas.draw(self._episode, self._seen(self._shown), self._shown, self._estimates)
 
     def close(self):
         """Close the window, if one is open."""
@@ -68,12 +68,12 @@ class EpisodicEnv(gym.Env):
         mask = np.zeros(self._capacity, np.int8)
         info: dict[str, Any] = {}
         if t < self.scenario.horizon:
-            self._scan = self._seen(t)
-            self._shown, k = t, len(self._scan.z)
-            z[:k] = self._scan.z
+            seen = self._seen(t)
+            self._shown, k = t, len(seen.z)
+            z[:k] = seen.z
             mask[:k] = 1
-            origin = np.full(self._capacity, -2)
-            origin[:k] = self._scan.origin
+            origin = np.full(self._capacity, -2, ORIGIN)
+            origin[:k] = seen.origin
             info = self._truth(t) | {"origin": origin}
         if self.render_mode == "human":
             self.render()
@@ -84,7 +84,9 @@ class EpisodicEnv(gym.Env):
         if self._t >= self.scenario.horizon:
             raise RuntimeError("call reset() before step(): no episode is running")
         try:
-            action = np.array(action).astype(float, casting="same_kind")
+            action = np.array(action)
+            if action.dtype != float:
+                action = action.astype(float, casting="same_kind")
         except (TypeError, ValueError):
             raise ValueError(f"action must be numbers of shape {self.action_space.shape}") from None
         if action.shape != self.action_space.shape:

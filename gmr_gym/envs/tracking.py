@@ -1,12 +1,14 @@
 """One environment for every single-target scenario."""
 
+from collections.abc import Sequence
+
 import gymnasium as gym
 import numpy as np
-from scipy.stats import poisson
 
-from gmr_gym.envs.episodic import EXTENT, EpisodicEnv
+from gmr_gym.envs.episodic import EXTENT, ORIGIN, EpisodicEnv
 from gmr_gym.mixture import moments
-from gmr_gym.simulate import Episode, Scan, Scenario, draw, scan
+from gmr_gym.scans import label_into
+from gmr_gym.simulate import Episode, Scan, Scenario, capacity, draw, make_scan, scan, viewed
 
 STRAYED = 10  # scans in a row beyond the cutoff that end an episode
 
@@ -63,7 +65,8 @@ class TrackingEnv(EpisodicEnv):
         super().__init__(scenario, render_mode, world)
         p, d = self.scenario.model.sensor.H.shape
         reach = 2 * EXTENT * (1 + max(1.0, self.scenario.period))
-        self._capacity = int(poisson.ppf(1 - 1e-12, self.scenario.clutter_rate)) + 1
+        self._capacity = capacity(self.scenario.clutter_rate)
+        self.shape = self._capacity, p
         self.observation_space = gym.spaces.Dict({
             # wider than the action: a window may be centred on an estimate carried one period on, and a range
             # is up to the root of three times longer than a coordinate
@@ -75,14 +78,14 @@ class TrackingEnv(EpisodicEnv):
         })  # fmt: skip
         self.action_space = gym.spaces.Box(-EXTENT, EXTENT, (d,), np.float64)
         mean, covariance = moments(self.scenario.model.prior)
-        self._prior = mean, covariance.ravel()
+        self.prior = mean, covariance.ravel()
+        self._view = viewed(self.scenario)
         self._strayed = 0  # scans in a row beyond the cutoff
 
     def step(self, action):
         """Scores the estimate (d,) of the scan just seen; the next scan, if there is one."""
         estimate = self._checked(action)
-        difference = (estimate - self._episode.x[self._t])[self._position]
-        error = float(np.sqrt(difference @ difference))
+        error = float(distance(estimate.tolist(), self._episode.x[self._t].tolist(), self._position))
         self._strayed = self._strayed + 1 if error > self.scenario.cutoff else 0
         self._estimates.append(estimate)
         self._t += 1
@@ -101,20 +104,47 @@ class TrackingEnv(EpisodicEnv):
         return draw(self.scenario, seed)
 
     def _seen(self, t: int) -> Scan:
-        estimate = self._estimates[-1] if t else self._prior[0]
-        return scan(self.scenario, self._episode, t, self.scenario.centre(estimate))
+        return scan(self.scenario, self._episode, t, self._centre(t))
 
-    def _truth(self, t: int):
-        return {"truth": self._episode.x[t].copy(), "mode": int(self._episode.mode[t])}
+    def _centre(self, t: int) -> np.ndarray:
+        return self.scenario.centre(self._estimates[t - 1] if t else self.prior[0])
+
+    def nothing_more(self) -> dict[str, np.ndarray]:
+        """The observation past the last scan."""
+        return self._observed(np.zeros(self.shape), np.zeros(self._capacity, np.int8), self.scenario.horizon)
+
+    def _observed(self, z, mask, t):
+        mean, covariance = self.prior
+        return {
+            "scan": z,
+            "mask": mask,
+            "time": np.array([(t + 1) * self.scenario.period]),
+            "prior_mean": mean.copy(),
+            "prior_covariance": covariance.copy(),
+        }
 
     def _emit(self):
-        observation, info = super()._emit()
-        mean, covariance = self._prior
-        return observation | {"prior_mean": mean.copy(), "prior_covariance": covariance.copy()}, info
+        t = self._t
+        if t >= self.scenario.horizon:
+            observation, info = self.nothing_more(), {}
+        else:
+            self._shown = t
+            z, mask, origin = (
+                np.empty(self.shape),
+                np.empty(self._capacity, np.int8),
+                np.empty(self._capacity, ORIGIN),
+            )
+            made = make_scan(z, self.scenario, self._view, self._episode, t, self._centre(t))
+            label_into(z, mask, origin, self._capacity, *made)
+            x, mode = self._episode.x[t].copy(), int(self._episode.mode[t])
+            observation, info = self._observed(z, mask, t), {"truth": x, "mode": mode, "origin": origin}
+        if self.render_mode == "human":
+            self.render()
+        return observation, info
 
     def _checked(self, action) -> np.ndarray:
         estimate = super()._checked(action)
-        if not (np.abs(estimate) <= EXTENT).all():
+        if not all(-EXTENT <= value <= EXTENT for value in estimate.tolist()):
             raise ValueError(f"action must be finite and within +-{EXTENT:g}, got {estimate.tolist()}")
         return estimate
 
@@ -122,3 +152,13 @@ class TrackingEnv(EpisodicEnv):
         from gmr_gym.envs.render import Canvas
 
         return Canvas(self.scenario, on_screen)
+
+
+def distance(estimate, truth, position: Sequence[int]):
+    """How far apart (...,) states (d, ...) are in the given coordinates, summed in order: one pair and many
+    come out alike."""
+    total = 0.0
+    for i in position:
+        off = estimate[i] - truth[i]
+        total = total + off * off
+    return np.sqrt(total)

@@ -1,24 +1,30 @@
 """The thresholds of a tracker, to be set scan by scan."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from difflib import get_close_matches
+from functools import cache
+from numbers import Real
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 from gmr_gym.envs.tracking import STRAYED
-from gmr_gym.hypotheses import expanded
+from gmr_gym.instances import Instance, world
 from gmr_gym.instances import instances as table_of
-from gmr_gym.instances import world
-from gmr_gym.mixture import Mixture, moments
 from gmr_gym.reduction import at_least_one
-from gmr_gym.simulate import Scenario, draw, scan
-from gmr_gym.threshold_features import BOUND, FEATURES, at_start, features, remembered, told
-from gmr_gym.thresholds import PAPER, adapted, check_parameters, decoded, encoded
+from gmr_gym.simulate import Episode, Scenario, draw
+from gmr_gym.threshold_features import BOUND, FEATURES
+from gmr_gym.threshold_hindsight import HINDSIGHT
+from gmr_gym.threshold_scans import EPISODE, STEP, begin, stepped
+from gmr_gym.thresholds import PAPER, Thresholds, check_parameters, decoded, encoded
 
-PRICE = 1e-5  # of a unit of work; a scan with the target lost costs 1
+# of a unit of work; a scan with the target lost costs 1. At the paper's thresholds work then costs about as
+# much as the error of a target that is followed
+PRICE = 1e-4
+ONE = np.zeros(1, np.int64)  # the one row of a batch of one
+_world = cache(world)
 
 
 class ReductionTuningEnv(gym.Env):
@@ -56,7 +62,9 @@ class ReductionTuningEnv(gym.Env):
     ## Arguments
     `parameters`: which thresholds an action sets, of `Thresholds`. `instances`: "train", "valid", "test",
     "extrapolation", or a CSV file as `gmr_gym.instances.instances` reads it. `price`: of a unit of work.
-    `components`: the limit of hypotheses where it is not one of the parameters.
+    `components`: the limit of hypotheses where it is not one of the parameters. `hindsight`: whether what
+    only a simulation knows, `gmr_gym.threshold_hindsight.HINDSIGHT`, stands behind the features: for critics
+    that learn, never for policies.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012, gymnasium declares it so
@@ -67,72 +75,49 @@ class ReductionTuningEnv(gym.Env):
         instances: str = "train",
         price: float = PRICE,
         components: int = PAPER.components,
+        hindsight: bool = False,
     ):
-        self.parameters = check_parameters(parameters)
-        if not 0 <= price < np.inf:
-            raise ValueError(f"price must be non-negative and finite, got {price}")
-        self.price = price
-        self._rest = PAPER._replace(components=at_least_one(components))
-        encoded(self._rest, ("components",))  # a limit out of range is an error here, not in a scan
+        self.parameters, self.price = check_parameters(parameters), checked_price(price)
+        self._rest = rest_of(components)
         self.instances = table_of(instances)
-        self.observation_space = gym.spaces.Box(-BOUND, BOUND, (len(FEATURES),), np.float32)
-        self.action_space = gym.spaces.Box(-1.0, 1.0, (len(self.parameters),), np.float32)
-        self._worlds: dict[str, Scenario] = {}
-        self._to_come: list[str] = []  # instances, the next one last
-        self._left = 0  # scans, with that which waits for its thresholds
+        self.observation_space, self.action_space = spaces_of(self.parameters, hindsight)
+        self._width = self.observation_space.shape[0]
+        self._draws = Draws(self.instances)
+        self._state = np.zeros(1, EPISODE)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Features of scan 1 of a new episode, of the instance options["instance_id"] or, where none is
         named, of the next of all instances in an order that the seed shuffles. Raises ValueError for an
         unknown instance or option."""
         super().reset(seed=seed)
-        if seed is not None:
-            self._to_come = []
-        episode_seed = seed if seed is not None else int(self.np_random.integers(2**63))
-        self.instance_id = self._chosen(options or {})
-        if self.instance_id not in self._worlds:
-            self._worlds[self.instance_id] = world(self.instances[self.instance_id])
-        self._scenario = self._worlds[self.instance_id]
-        model = self._scenario.model
-        self._known, self._memory = told(model), at_start(model)
-        self._episode = draw(self._scenario, episode_seed)
-        self._left, self._strayed = self._scenario.horizon, 0
-        return self._look(model.prior, moments(model.prior)[0]), {"instance_id": self.instance_id}
+        self.instance_id, self._scenario, self._episode = self._draws.next(seed, self, options or {})
+        begin(self._state[0], self._scenario, self._episode, STRAYED)
+        observation, _ = self._stepped(PAPER)
+        return observation, {"instance_id": self.instance_id}
 
     def step(self, action):
         """Reduces the scan just looked at by the thresholds of the action (j,), and looks at the next. Raises
         ValueError for an action of another shape or outside the box, RuntimeError where no episode runs."""
-        if self._left == 0:
+        if self._state["t"][0] == self._state["scans"][0]:
             raise RuntimeError("call reset() before step(): no episode is running")
         thresholds = decoded(action, self.parameters, self._rest)
-        kept = adapted(self._full.posterior.mixture, thresholds)
-        self._memory = remembered(self._full, kept)
-        estimate, _ = moments(kept.mixture)
-        difference = (estimate - self._episode.x[-self._left])[list(self._scenario.position)]
-        error, cutoff = float(np.sqrt(difference @ difference)), self._scenario.cutoff
-        self._strayed = self._strayed + 1 if error > cutoff else 0
-        reward = -min(error / cutoff, 1.0) - self.price * self._memory.work
-        self._left -= 1
-        terminated = self._strayed >= STRAYED
-        if terminated:
-            reward -= self._left
-            self._left = 0
+        observation, outcome = self._stepped(thresholds)
+        reward, error, work, components, _, terminated, truncated = outcome.item()
         info = {
             "instance_id": self.instance_id,
             "error": error,
-            "work": self._memory.work,
-            "components": self._memory.kept,
+            "work": work,
+            "components": components,
             "thresholds": thresholds._asdict(),
         }
-        over = self._left == 0
-        observation = np.zeros(len(FEATURES), np.float32) if over else self._look(kept.mixture, estimate)
-        return observation, reward, terminated, over and not terminated, info
+        return observation, reward, terminated, truncated, info
 
     def foreseen(self, action, scans: int = 1) -> float:
         """The rewards, in all, that the action would bring if held for so many scans, or to the end of the
         episode. Nothing is changed by it. It sees the truth and the detections to come: for bounds on what
         any policy can reach, not for policies."""
-        ahead = copy(self)  # a step binds new values and changes none in place
+        ahead = copy(self)
+        ahead._state = self._state.copy()
         total = 0.0
         for _ in range(scans):
             _, reward, terminated, truncated, _ = ahead.step(action)
@@ -141,26 +126,70 @@ class ReductionTuningEnv(gym.Env):
                 break
         return total
 
-    def _chosen(self, options: dict[str, Any]) -> str:
+    def _stepped(self, thresholds: Thresholds) -> tuple[np.ndarray, np.ndarray]:
+        observation, steps = np.zeros((1, self._width), np.float32), np.zeros(1, STEP)
+        stepped(self._state, ONE, np.array([thresholds], float), self.price, steps, observation)
+        return observation[0], steps[0]
+
+
+class Draws:
+    """The episodes of one environment: instances come in an order that its generator shuffles, each once
+    before any again."""
+
+    def __init__(self, instances: Mapping[str, Instance]):
+        self.instances = instances
+        self._to_come: list[str] = []  # the next one last
+
+    def next(self, seed: int | None, env: Any, options: dict[str, Any]) -> tuple[str, Scenario, Episode]:
+        """Name, scenario and episode of the next instance, or of options["instance_id"], drawn by the seed,
+        which begins a new order, or by the generator env.np_random. Raises ValueError for an unknown instance
+        or option."""
+        if seed is not None:
+            self._to_come = []
+        else:
+            seed = int(env.np_random.integers(2**63))
+        name = self._chosen(env, options)
+        scenario = _world(self.instances[name])
+        return name, scenario, draw(scenario, seed)
+
+    def _chosen(self, env: Any, options: dict[str, Any]) -> str:
         for option in options:
             if option != "instance_id":
                 raise ValueError(f"unknown option {option!r}; reset takes 'instance_id'")
         if not options:
             if not self._to_come:
-                self._to_come = [str(name) for name in self.np_random.permutation(list(self.instances))]
+                self._to_come = [str(name) for name in env.np_random.permutation(list(self.instances))]
             return self._to_come.pop()
         name = options["instance_id"]
-        if name not in self.instances:
+        if not isinstance(name, str) or name not in self.instances:
             near = get_close_matches(str(name), self.instances, n=1) or list(self.instances)[:1]
             raise ValueError(f"unknown instance {name!r}; did you mean {near[0]!r}?")
         return name
 
-    def _look(self, belief: Mixture, estimate: np.ndarray) -> np.ndarray:
-        """Features of the next scan, expanded from the belief; the window is centred by the estimate."""
-        scenario = self._scenario
-        z = scan(scenario, self._episode, scenario.horizon - self._left, scenario.centre(estimate)).z
-        self._full = expanded(belief, scenario.model, z)
-        return features(self._full, self._memory, scenario.model, self._known).astype(np.float32)
+
+def checked_price(price: float) -> float:
+    """The price; ValueError unless it is non-negative and finite."""
+    if not isinstance(price, Real) or not 0 <= price < np.inf:
+        raise ValueError(f"price must be non-negative and finite, got {price}")
+    return price
+
+
+def rest_of(components: int) -> Thresholds:
+    """The thresholds that no action sets; ValueError for a limit of hypotheses that no action could set."""
+    rest = PAPER._replace(components=at_least_one(components))
+    encoded(rest, ("components",))
+    return rest
+
+
+def spaces_of(parameters: Sequence[str], hindsight: bool) -> tuple[gym.spaces.Box, gym.spaces.Box]:
+    """What is observed of one environment, and what is done to it."""
+    if not isinstance(hindsight, bool):
+        raise ValueError(f"hindsight must be True or False, got {hindsight!r}")
+    seen = len(FEATURES) + len(HINDSIGHT) * hindsight
+    return (
+        gym.spaces.Box(-BOUND, BOUND, (seen,), np.float32),
+        gym.spaces.Box(-1.0, 1.0, (len(parameters),), np.float32),
+    )
 
 
 class ThresholdSchedule(gym.Wrapper):
@@ -170,6 +199,7 @@ class ThresholdSchedule(gym.Wrapper):
     def __init__(self, env: gym.Env, policy: Callable[[np.ndarray, int], np.ndarray]):
         super().__init__(env)
         self.policy = policy
+        self._observation: np.ndarray | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """As the environment inside does."""
@@ -178,7 +208,9 @@ class ThresholdSchedule(gym.Wrapper):
         return self._observation, info
 
     def step(self, action=None):
-        """One scan under the policy's thresholds."""
+        """One scan under the policy's thresholds. RuntimeError before the first `reset`."""
+        if self._observation is None:
+            raise RuntimeError("call reset() before step(): no episode is running")
         self._observation, *rest = self.env.step(self.policy(self._observation, self._t))
         self._t += 1
         return self._observation, *rest

@@ -1,46 +1,67 @@
 """A paper's tables and maps, run, and the files they leave."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from gmr_gym.commands import runs_shown, scenario_of, tracker_of
+from gmr_gym.commands import Work, runs_shown, scenario_of, tracker_of
 from gmr_gym.output import write_runs
 from gmr_gym.reproduce import Map, Table, table_record
+from gmr_gym.sweeps import Sweep
 
 
-def reproduced(
-    paper: ModuleType, entry: Table, runs: int, seed: int, jobs: int, out: Path
-) -> tuple[list[dict[str, Any]], Any]:
+def reproduced(paper: ModuleType, entry: Table, sweep: Sweep, out: Path) -> tuple[list[dict[str, Any]], Any]:
     """Runs a table and leaves its files; the records of it, and the evidence its paper's claims need. The
     results are gone by then: a table of a thousand runs is a hundred megabytes."""
-    scenario = scenario_of(entry.env_id, entry.settings)
-    label = f"table {entry.name}"
-    (results,) = runs_shown(label, [(scenario, _trackers(entry, scenario))], runs, seed, jobs, out)
+    work = _work(entry)
+    (results,) = runs_shown(_label(entry), work, sweep, out)
+    ((scenario, _),) = work
     rows = entry.summarise(scenario, results)
     write_runs(out / f"runs-{entry.name}.csv", scenario, results)
     paper.figures(entry, scenario, results, rows, out)
     evidence = entry.evidence(scenario, results) if entry.evidence else None
-    records = [table_record(entry.name, entry.settings, rows, entry, runs)]
+    records = [table_record(entry.name, entry.settings, rows, entry, sweep.runs)]
     if entry.paired:
         name = f"{entry.name}, paired differences"
         records.append(table_record(name, entry.settings, entry.paired(scenario, results)))
     return records, evidence
 
 
-def mapped(paper: ModuleType, entry: Map, runs: int, seed: int, jobs: int, out: Path) -> dict[str, Any]:
+def mapped(paper: ModuleType, entry: Map, sweep: Sweep, out: Path) -> dict[str, Any]:
     """Runs every cell of a map and leaves its drawing; the record of it."""
-    scenarios = {name: scenario_of(entry.env_id, settings) for name, settings in entry.cells().items()}
-    work = [(scenario, _trackers(entry, scenario)) for scenario in scenarios.values()]
-    runs = max(2, runs // entry.share)
-    results = runs_shown(entry.name, work, runs, seed, jobs, out)
+    work, sweep = _work(entry), _share(entry, sweep)
+    results = runs_shown(_label(entry), work, sweep, out)
     rows = {
         name: entry.summarise(scenario, found)
-        for (name, scenario), found in zip(scenarios.items(), results, strict=True)
+        for name, (scenario, _), found in zip(entry.cells(), work, results, strict=True)
     }
     paper.map_figures(entry, rows, out)
-    return table_record(entry.name, entry.settings | {"runs": runs}, rows)
+    return table_record(entry.name, entry.settings | {"runs": sweep.runs}, rows)
 
 
-def _trackers(entry: Table | Map, scenario) -> dict[str, Any]:
-    return {spec: tracker_of(spec, scenario, **parameters) for spec, parameters in entry.trackers.items()}
+def sharded(entries: Iterable[Table | Map], sweep: Sweep, out: Path) -> tuple[int, int]:
+    """Runs a shard of tables and maps: how many blocks of runs are in the folder then, and of how many."""
+    found: list = []
+    for entry in entries:
+        found += runs_shown(_label(entry), _work(entry), _share(entry, sweep), out)
+    there, total = map(sum, zip(*found, strict=True))
+    return there, total
+
+
+def _label(entry: Table | Map) -> str:
+    return entry.name if isinstance(entry, Map) else f"table {entry.name}"
+
+
+def _share(entry: Table | Map, sweep: Sweep) -> Sweep:
+    return sweep._replace(runs=max(2, sweep.runs // entry.share)) if isinstance(entry, Map) else sweep
+
+
+def _work(entry: Table | Map) -> list[Work]:
+    """The scenario of a table, or those of a map's cells, with the trackers."""
+    every = entry.cells().values() if isinstance(entry, Map) else [entry.settings]
+    scenarios = [scenario_of(entry.env_id, settings) for settings in every]
+    return [
+        (scenario, {spec: tracker_of(spec, scenario, **told) for spec, told in entry.trackers.items()})
+        for scenario in scenarios
+    ]

@@ -13,8 +13,8 @@ from gmr_gym.model import Model, check_probability, model
 from gmr_gym.modes import staying
 from gmr_gym.motions import constant_velocity, singer, with_accelerations
 from gmr_gym.radar import WIDEST, modified_unbiased, radar, spherical
-from gmr_gym.scenarios.planar import moving_as_told, scripted, shortened
-from gmr_gym.simulate import Scenario, Truth, Window
+from gmr_gym.scenarios.planar import moving_as_told, shortened
+from gmr_gym.simulate import Scenario, Truth, Window, scripted
 
 DURATION = 60.0  # s, of the legs
 SCANS = 600  # of a drawn target

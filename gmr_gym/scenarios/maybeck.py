@@ -11,8 +11,8 @@ from gmr_gym.metrics import detection_outside_gates
 from gmr_gym.mixture import gaussian
 from gmr_gym.model import Model, check_probability, model
 from gmr_gym.motions import constant_acceleration
-from gmr_gym.scenarios.planar import following_box, moving_as_told, scripted, shortened
-from gmr_gym.simulate import Scenario, Truth
+from gmr_gym.scenarios.planar import following_box, moving_as_told, shortened
+from gmr_gym.simulate import Scenario, Truth, scripted
 
 PERIOD = 0.5  # s
 SENSOR_DEVIATION = 10.0  # m, R = 100 m^2

@@ -9,7 +9,7 @@ from gmr_gym.metrics import truth_outside_gates
 from gmr_gym.mixture import gaussian
 from gmr_gym.model import Model, check_probability, model
 from gmr_gym.motions import constant_velocity
-from gmr_gym.simulate import Scenario, Truth, Window
+from gmr_gym.simulate import Scenario, Truth, Window, scripted
 
 
 def along(
@@ -130,11 +130,6 @@ def following_box(sides) -> Window:
     if sides.dtype == object or sides.shape != (2,) or not ((sides > 0) & (sides <= 1e6)).all():
         raise ValueError(f"window must be two positive lengths (width, height) up to 1e6 m, got {sides}")
     return Window(-sides / 2, sides / 2, follows=True)
-
-
-def scripted(x: np.ndarray, rng: np.random.Generator) -> Truth:
-    """The truth of a target whose states x (T, d) chance has no part in."""
-    return Truth(x, np.full(len(x), -1))
 
 
 def moving_as_told(told: Model, mode: np.ndarray, rng: np.random.Generator) -> Truth:

@@ -1,0 +1,101 @@
+"""Finished blocks of runs on disk: named by what they hold, checked when they are read, merged from machines
+that share nothing."""
+
+import os
+import re
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+
+# digest of scenario, tracker, source and seed; the block's first run and the one after its last
+NAME = re.compile(r"[0-9a-f]{32}-(\d+)-(\d+)\.npz")
+AXES = {"truth": 3, "x": 3, "P": 4, "modes": 3}  # of all other fields two, runs and scans
+
+
+class Merged(NamedTuple):
+    """What became of the files of a merge."""
+
+    copied: list[Path]
+    present: list[Path]  # already there, equal to the last bit but for the clock
+    differing: list[Path]  # already there with other results, which stay
+    foreign: list[Path]  # no blocks by their names
+    refused: list[str]  # blocks by their names that are none, each with why
+
+
+def named(folder: Path | str, digest: str, first: int, stop: int) -> Path:
+    """The file of a block."""
+    return Path(folder) / f"{digest}-{first}-{stop}.npz"
+
+
+def save(file: Path, result) -> None:
+    """A block, a named tuple of arrays; the file is there whole or not at all."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    partial = file.with_suffix(f".{os.getpid()}.part")
+    with partial.open("wb") as stream:
+        np.savez(stream, **result._asdict())
+    partial.replace(file)
+
+
+def load(file: Path, *kinds: type) -> Any:
+    """The block in a file, one of `kinds`. Nothing is unpickled; ValueError names what is none."""
+    try:
+        with np.load(file, allow_pickle=False) as stored:
+            arrays = dict(stored)
+        for kind in kinds:
+            if arrays.keys() == set(kind._fields):  # type: ignore[attr-defined]
+                first, stop = map(int, NAME.fullmatch(file.name).groups())  # type: ignore[union-attr]
+                _check_shapes(arrays, stop - first)
+                return kind(**arrays)
+        raise ValueError(f"it has arrays {', '.join(arrays)}")
+    except (
+        OSError, ValueError, TypeError, KeyError, EOFError, RuntimeError, MemoryError, zlib.error, BadZipFile,
+    ) as error:  # fmt: skip
+        raise ValueError(f"{file} is not a block of runs ({error}); delete it to have it run again") from None
+
+
+def merge(folders: Sequence[Path | str], into: Path | str, *kinds: type) -> Merged:
+    """Copies every block of the folders that is not yet there, and none that is no block of `kinds`."""
+    merged = Merged([], [], [], [], [])
+    Path(into).mkdir(parents=True, exist_ok=True)
+    for file in (file for folder in folders for file in sorted(Path(folder).iterdir())):
+        if not NAME.fullmatch(file.name):
+            merged.foreign.append(file)
+            continue
+        target = Path(into) / file.name
+        try:
+            block = load(file, *kinds)
+            if not target.exists():
+                save(target, block)
+                merged.copied.append(file)
+            elif _same(block, load(target, *kinds)):
+                merged.present.append(file)
+            else:
+                merged.differing.append(file)
+        except ValueError as error:
+            merged.refused.append(str(error))
+    return merged
+
+
+def _check_shapes(arrays: dict[str, np.ndarray], runs: int) -> None:
+    scans = arrays["seconds"].shape[1:2]
+    for field, array in arrays.items():
+        if array.dtype.kind not in "bif":
+            raise ValueError(f"{field} holds {array.dtype}, no numbers")
+        if array.ndim != AXES.get(field, 2) or array.shape[:2] != (runs, *scans):
+            raise ValueError(f"{field} has shape {array.shape}, and the file is of {runs} runs")
+    if "P" in arrays:
+        x, P = arrays["x"].shape, arrays["P"].shape
+        if arrays["truth"].shape != x or P != (*x, x[-1]):
+            raise ValueError(f"estimates {x}, truth {arrays['truth'].shape} and covariances {P} do not fit")
+
+
+def _same(one, other) -> bool:
+    """Whether two blocks hold the same bits, `seconds` apart."""
+    return type(one) is type(other) and all(
+        field == "seconds" or (a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes())
+        for field, a, b in zip(one._fields, one, other, strict=True)
+    )

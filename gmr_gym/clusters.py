@@ -1,0 +1,77 @@
+"""joblib's backends for Dask and Ray, made to say so when a worker dies."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+
+class WorkerDied(RuntimeError):
+    """A worker was lost with the call it had, more often than the cluster itself makes it again."""
+
+
+class _Reporting:
+    """joblib waits for ever where a cluster gives a call up, or takes the exception for its result."""
+
+    deaths: tuple[type[BaseException], ...] = ()
+
+    def retrieve_result_callback(self, out: Any) -> Any:
+        if isinstance(out, self.deaths):
+            raise WorkerDied(f"{type(out).__name__}: {out}")
+        if isinstance(out, BaseException):
+            raise out
+        return super().retrieve_result_callback(out)  # type: ignore[misc]
+
+
+@contextmanager
+def dask(scheduler: str) -> Iterator[Any]:
+    """The backend of a Dask cluster, connected to its scheduler's address."""
+    from concurrent.futures import CancelledError
+
+    from distributed import Client
+    from distributed.scheduler import KilledWorker
+    from joblib._dask import DaskDistributedBackend
+
+    class Dask(_Reporting, DaskDistributedBackend):
+        deaths = (KilledWorker, CancelledError)
+
+        def effective_n_jobs(self, n_jobs):
+            # what is of one worker joblib does itself, here, where nothing should be computed
+            return max(2, super().effective_n_jobs(n_jobs))
+
+        def submit(self, func, callback=None):
+            future = super().submit(func, callback)
+            future.add_done_callback(partial(_failed, callback))
+            return future
+
+    with Client(scheduler, set_as_default=False) as client:
+        for address, worker in client.scheduler_info(n_workers=-1)["workers"].items():
+            if (threads := worker["nthreads"]) > 1:
+                raise ValueError(
+                    f"worker {address} has {threads} threads, of which one could compute at a time; start it "
+                    f"with --nthreads 1 --nworkers {threads}"
+                )
+        yield Dask(client=client)
+
+
+def _failed(callback, future) -> None:
+    if error := future.exception():
+        callback(error)
+
+
+@contextmanager
+def ray(scheduler: str) -> Iterator[Any]:
+    """The backend of a Ray cluster at an address, or at "auto"; it stays connected."""
+    import ray
+    from ray import exceptions
+    from ray.util.joblib.ray_backend import RayBackend
+
+    class Ray(_Reporting, RayBackend):
+        deaths = (
+            exceptions.RayActorError, exceptions.WorkerCrashedError, exceptions.NodeDiedError,
+            exceptions.OutOfMemoryError, exceptions.ObjectLostError,
+        )  # fmt: skip
+        supports_return_generator = True  # only pools of multiprocessing cannot
+
+    ray.init(address=scheduler, ignore_reinit_error=True, log_to_driver=False)
+    yield Ray()

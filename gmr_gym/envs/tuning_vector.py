@@ -1,0 +1,138 @@
+"""Many trackers whose thresholds are set scan by scan, stepped in one call."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from gmr_gym.envs.tracking import STRAYED
+from gmr_gym.envs.tuning import PRICE, Draws, checked_price, rest_of, spaces_of
+from gmr_gym.envs.vector import seeds_of
+from gmr_gym.instances import instances as table_of
+from gmr_gym.threshold_scans import EPISODE, STEP, begin, stepped
+from gmr_gym.thresholds import PAPER, RANGES, check_actions, check_parameters, decode, places
+
+
+class ReductionTuningVectorEnv(VectorEnv):
+    """Many `ReductionTuningEnv` side by side: environment i does what a single one would that is reset with
+    the seed plus i, to the last bit, on any number of threads.
+
+    `gym.make_vec("gmr_gym/ReductionTuning-v0", num_envs=64, vectorization_mode="vector_entry_point")`
+
+    ## Arguments
+    Those of the single environment. `autoreset_mode`: "NextStep", in which the step after an episode's last
+    takes no heed of the action and shows scan 1 of the next, or "SameStep", in which the last step does, with
+    `final_obs` and `final_info` of what it was, or "Disabled", in which nothing more happens there until
+    `reset` begins all episodes anew. `copy`: whether observations are arrays of their own at every
+    step, or one that the next step overwrites.
+    """
+
+    def __init__(
+        self,
+        num_envs: int,
+        parameters: Sequence[str] = ("alpha", "prune"),
+        instances: str = "train",
+        price: float = PRICE,
+        components: int = PAPER.components,
+        hindsight: bool = False,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        copy: bool = True,
+    ):
+        if num_envs < 1:
+            raise ValueError(f"num_envs must be at least 1, got {num_envs}")
+        mode = AutoresetMode(autoreset_mode)
+        self.num_envs, self.copy = num_envs, copy
+        self.metadata = {"autoreset_mode": mode}
+        self.parameters, self.price = check_parameters(parameters), checked_price(price)
+        self._places, self._rest = places(self.parameters), np.array(rest_of(components), float)
+        self.instances = table_of(instances)
+        self.single_observation_space, self.single_action_space = spaces_of(self.parameters, hindsight)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._members = [_Member(self.instances) for _ in range(num_envs)]
+        self._names = np.full(num_envs, None, object)  # of instances
+        self._state = np.zeros(num_envs, EPISODE)
+        self._observations = np.zeros((num_envs, *self.single_observation_space.shape), np.float32)
+
+    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
+        """Scan 1 of new episodes: features (n, k). Seeds are s, s + 1, ... for a number s, or one each."""
+        seeds = seeds_of(seed, self.num_envs)
+        for member, own in zip(self._members, seeds, strict=True):
+            if own is not None:
+                member.np_random, _ = seeding.np_random(own)
+        everyone = np.ones(self.num_envs, bool)
+        self._begin(everyone, seeds, options or {})
+        return self._shown(), self._told(everyone, None)
+
+    def step(self, actions: np.ndarray):
+        """One scan of every environment under the thresholds of the actions (n, j): features (n, k), rewards
+        (n,), terminated (n,), truncated (n,) and infos."""
+        mode = self.metadata["autoreset_mode"]
+        running = self._state["t"] < self._state["scans"]
+        if self._names[0] is None:
+            raise RuntimeError("call reset() before step(): no episode is running")
+        actions = check_actions(actions, self.num_envs, self.parameters, running)
+        steps = self._stepped(np.flatnonzero(running), decode(actions, self._places, self._rest))
+        terminated, truncated = steps["terminated"].copy(), steps["truncated"].copy()
+        infos: dict[str, Any] = {}
+        over = terminated | truncated
+        fresh = ~running & (mode is AutoresetMode.NEXT_STEP)
+        if mode is AutoresetMode.SAME_STEP and over.any():
+            infos["final_obs"], infos["_final_obs"] = np.full(self.num_envs, None, object), over.copy()
+            for i in np.flatnonzero(over):
+                infos["final_obs"][i] = self._observations[i].copy()
+            infos["final_info"], infos["_final_info"] = self._told(over, steps), over.copy()
+            fresh = over
+        self._begin(fresh, [None] * self.num_envs, {})
+        infos |= self._told(np.ones(self.num_envs, bool), steps, running & ~fresh)
+        return self._shown(), steps["reward"].copy(), terminated, truncated, infos
+
+    def _begin(self, which: np.ndarray, seeds: Any, options: dict[str, Any]) -> None:
+        rows = np.flatnonzero(which)
+        drawn = [self._members[i].next(seeds[i], options) for i in rows.tolist()]
+        for i, (name, scenario, episode) in zip(rows, drawn, strict=True):
+            self._names[i] = name
+            begin(self._state[i], scenario, episode, STRAYED)
+        self._stepped(rows, np.tile(self._rest, (self.num_envs, 1)))
+
+    def _stepped(self, rows: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
+        steps = np.zeros(self.num_envs, STEP)
+        stepped(self._state, rows, thresholds, self.price, steps, self._observations)
+        return steps
+
+    def _shown(self) -> np.ndarray:
+        return self._observations.copy() if self.copy else self._observations
+
+    def _told(self, named: np.ndarray, steps: np.ndarray | None, scored: np.ndarray | None = None):
+        """Infos of the environments that are `named`, and of those of them that have been `scored`."""
+        scored = named if scored is None else scored
+        names = self._names.copy()
+        names[~named] = None
+        infos: dict[str, Any] = {"instance_id": names, "_instance_id": named.copy()}
+        if steps is None or not scored.any():
+            return infos
+        for key in ("error", "work", "components"):
+            infos[key] = np.where(scored, steps[key], 0)
+            infos[f"_{key}"] = scored.copy()
+        infos["thresholds"], infos["_thresholds"] = {}, scored.copy()
+        for key, column in zip(RANGES, steps["thresholds"].T, strict=True):
+            values = np.where(scored, column, 0)
+            infos["thresholds"][key] = values.astype(int) if key == "components" else values
+            infos["thresholds"][f"_{key}"] = scored.copy()
+        return infos
+
+
+class _Member:
+    """One environment's share: its generator and its episodes."""
+
+    def __init__(self, instances):
+        self._draws = Draws(instances)
+        self.np_random: Any = None
+
+    def next(self, seed: int | None, options: dict[str, Any]):
+        if self.np_random is None:
+            self.np_random, _ = seeding.np_random()
+        return self._draws.next(seed, self, options)

@@ -1,0 +1,265 @@
+"""Many environments of one single-target scenario at once: `TrackingEnv` n times, to the last bit."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numba import config
+
+from gmr_gym.envs.episodic import EXTENT, ORIGIN
+from gmr_gym.envs.tracking import STRAYED, TrackingEnv, distance
+from gmr_gym.scans import label_into, scans_into
+from gmr_gym.simulate import carried, draw, is_scripted, key_of, make_scan, true, viewed
+from gmr_gym.threads import together
+
+SHARE = 32  # environments that a thread is worth
+
+
+class TrackingVectorEnv(gym.vector.VectorEnv):
+    """`num_envs` independent episodes of one scenario, stepped by one call.
+
+    Observations, rewards and infos are those of as many `TrackingEnv`s in Gymnasium's `SyncVectorEnv`, bit
+    for bit, on any number of threads.
+
+    ## Arguments
+    `scenario` and other keywords: as for `TrackingEnv`.
+    `autoreset_mode`: what happens after an episode's end. The next step begins another ("NextStep"); the
+    same step does, with the last observation in info["final_obs"] and the last info in info["final_info"]
+    ("SameStep"); or it waits for `reset(options={"reset_mask": ...})` ("Disabled").
+    `copy`: whether every step hands out arrays of its own; if not, the next one writes over the observation
+    and info["origin"].
+    `threads`: that make scans; None for as many as numba takes, `NUMBA_NUM_THREADS` or one a core.
+    """
+
+    metadata = {  # noqa: RUF012, gymnasium declares it so
+        "render_modes": [],
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        scenario: str,
+        num_envs: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        copy: bool = True,
+        threads: int | None = None,
+        **world,
+    ):
+        if num_envs < 1:
+            raise ValueError(f"num_envs must be at least 1, got {num_envs}")
+        if threads is not None and threads < 1:
+            raise ValueError(f"threads must be at least 1, got {threads}")
+        modes = [mode.value for mode in AutoresetMode]
+        if autoreset_mode not in [*modes, *AutoresetMode]:
+            raise ValueError(f"autoreset_mode must be one of {', '.join(modes)}, got {autoreset_mode!r}")
+        self.num_envs, self.copy = num_envs, copy
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
+        self._single = TrackingEnv(scenario, **world)
+        self.scenario = self._single.scenario
+        self.single_observation_space = self._single.observation_space
+        self.single_action_space = self._single.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        limit = threads or config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+        bounds = np.linspace(0, num_envs, min(-(-num_envs // SHARE), limit) + 1).astype(int)
+        self._shares = list(pairwise(bounds.tolist()))  # of the threads, the caller's own first
+        self._view, self._carried = viewed(self.scenario), carried(self.scenario)
+        self._rows = np.arange(num_envs)
+        self._randoms: list[np.random.Generator | None] = [None] * num_envs
+        x, mode = true(self.scenario, 0)
+        # of every environment's episode; filled here for good where all are of one truth
+        self._x, self._mode = (np.tile(part, (num_envs, *[1] * part.ndim)) for part in (x, mode))
+        expected = self.scenario.sensor.observed(x)
+        self._expected = np.tile(expected, (num_envs, 1, 1))  # what the sensor would say without noise
+        self._keys = np.zeros((num_envs, 2), np.uint32)
+        self._drawn: list[Any] = [None] * num_envs  # whole episodes, where the sensor is not linear
+        self._t = np.full(num_envs, self.scenario.horizon)  # the scan shown; the horizon for none
+        self._estimates = np.tile(self._single.prior[0], (num_envs, 1))  # of the scan before
+        self._strayed = np.zeros(num_envs, int)
+        self._ended = np.zeros(num_envs, bool)  # and not begun anew
+        self._handed_out: Any = None  # arrays that the next step may write over
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ):
+        """Scan 1 of new episodes, of the environments in options["reset_mask"] (num_envs,) if it is given. An
+        integer seed stands for seed, seed + 1, ...; without one the streams go on."""
+        seeds = seeds_of(seed, self.num_envs)
+        chosen = _chosen(options, self.num_envs)
+        for i in np.flatnonzero(chosen):
+            if seeds[i] is not None:
+                self._randoms[i] = seeding.np_random(seeds[i])[0]
+        self._begin(chosen, seeds)
+        return self._emit(chosen)
+
+    def step(self, actions):
+        """Scores the estimates (num_envs, d) of the scans just seen; the next scans, or where an episode has
+        ended what `autoreset_mode` says."""
+        anew = np.zeros(self.num_envs, bool)
+        if self.autoreset_mode == AutoresetMode.NEXT_STEP:
+            anew = self._ended.copy()
+        horizon, cutoff = self.scenario.horizon, self.scenario.cutoff
+        if (self._t >= horizon)[~anew].any():
+            raise RuntimeError("call reset() before step(): no episode is running")
+        self._estimates = self._checked(actions, ~anew)
+        self._estimates[anew] = self._single.prior[0]  # whatever was given for an episode that is over
+        truth = self._x[self._rows, np.minimum(self._t, horizon - 1)]
+        error = distance(self._estimates.T, truth.T, self.scenario.position)
+        self._strayed = np.where(error > cutoff, self._strayed + 1, 0)
+        self._t = self._t + 1
+        left = horizon - self._t
+        terminated = (self._strayed >= STRAYED) & ~anew
+        truncated = (left == 0) & ~terminated & ~anew
+        rewards = -np.minimum(error, cutoff) - np.where(terminated, cutoff * left, 0.0)
+        self._t[terminated] = horizon
+        error[anew] = rewards[anew] = 0.0
+        self._begin(anew, [None] * self.num_envs)
+        self._ended = terminated | truncated
+        final = {}
+        scored = ~anew
+        if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():
+            scored = ~self._ended
+            final = self._final(np.where(scored, 0.0, error))
+            self._begin(self._ended.copy(), [None] * self.num_envs)
+        observation, infos = self._emit(np.ones(self.num_envs, bool))
+        if scored.any():
+            infos |= {"error": np.where(scored, error, 0.0), "_error": scored}
+        return observation, rewards, terminated, truncated, infos | final
+
+    def _checked(self, actions, live: np.ndarray) -> np.ndarray:
+        """The actions as floats (num_envs, d); ValueError for a wrong shape and, where one is `live`, for a
+        number out of bounds."""
+        shape = self.action_space.shape
+        try:
+            actions = np.array(actions).astype(float, casting="same_kind")
+        except (TypeError, ValueError):
+            raise ValueError(f"actions must be numbers of shape {shape}") from None
+        if actions.shape != shape:
+            raise ValueError(f"actions must have shape {shape}, got {actions.shape}")
+        wrong = live & ~(np.abs(actions) <= EXTENT).all(axis=1)
+        if wrong.any():
+            i = int(wrong.argmax())
+            raise ValueError(
+                f"actions must be finite and within +-{EXTENT:g}, got {actions[i].tolist()} in row {i}"
+            )
+        return actions
+
+    def _begin(self, chosen: np.ndarray, seeds: Sequence[int | None]) -> None:
+        """A new episode in the chosen environments, of its seed, or for None of the stream's next."""
+        for i in np.flatnonzero(chosen).tolist():
+            given = seeds[i]
+            seed = self._next_seed(i) if given is None else given
+            if self._carried is None:
+                self._drawn[i] = draw(self.scenario, seed)
+                self._x[i], self._mode[i] = self._drawn[i].x, self._drawn[i].mode
+                continue
+            self._keys[i] = key_of(seed)
+            if not is_scripted(self.scenario):
+                self._x[i], self._mode[i] = true(self.scenario, seed)
+                self._expected[i] = self.scenario.sensor.observed(self._x[i])
+        self._t[chosen], self._strayed[chosen], self._ended[chosen] = 0, 0, False
+        self._estimates[chosen] = self._single.prior[0]
+
+    def _next_seed(self, i: int) -> int:
+        random = self._randoms[i]
+        if random is None:
+            random = self._randoms[i] = seeding.np_random()[0]
+        return int(random.integers(2**63))
+
+    def _emit(self, told: np.ndarray):
+        """Observations of all environments, and infos of those that are told."""
+        n, shape = self.num_envs, self._single.shape
+        if self.copy or self._handed_out is None:
+            # the rows that hold something are all of them: nothing is known of any
+            self._handed_out = (
+                np.empty((n, *shape)), np.empty((n, shape[0]), np.int8), np.empty((n, shape[0]), ORIGIN),
+                np.full(n, shape[0]),
+            )  # fmt: skip
+            self._priors = [np.tile(part, (n, 1)) for part in self._single.prior]
+        z, mask, origin, _ = self._handed_out
+        shown = self._t < self.scenario.horizon
+        if self._carried is None:
+            self._scans_in_turn(shown)
+        else:
+            self._scans_at_once()
+        mean, covariance = self._priors
+        observation = {
+            "scan": z,
+            "mask": mask,
+            "time": (self._t[:, None] + 1) * self.scenario.period,
+            "prior_mean": mean,
+            "prior_covariance": covariance,
+        }
+        told = told & shown
+        if not told.any():
+            return observation, {}
+        at = self._rows, np.where(told, self._t, 0)
+        truth, mode = self._x[at], self._mode[at]
+        if not told.all():
+            origin = origin.copy()
+            truth[~told], mode[~told], origin[~told] = 0, 0, 0
+        return observation, {
+            "truth": truth, "mode": mode, "origin": origin,
+            "_truth": told, "_mode": told.copy(), "_origin": told.copy(),
+        }  # fmt: skip
+
+    def _scans_in_turn(self, shown: np.ndarray) -> None:
+        """The scans of a sensor that is not linear."""
+        z, mask, origin, filled = self._handed_out
+        for i in range(self.num_envs):
+            k, place = 0, -1
+            if shown[i]:
+                centre = self.scenario.centre(self._estimates[i])
+                k, place = make_scan(z[i], self.scenario, self._view, self._drawn[i], int(self._t[i]), centre)
+            label_into(z[i], mask[i], origin[i], filled[i], k, place)
+            filled[i] = k
+
+    def _scans_at_once(self) -> None:
+        """The scans of a linear sensor, each thread making those of a share of the environments."""
+        sensor, chance = self.scenario.sensor, float(self.scenario.detection_probability)
+        everything = (
+            *self._handed_out, self._view, self._carried, sensor.R, chance, self._keys, self._expected,
+            self._t, self._estimates,
+        )  # fmt: skip
+        together(scans_into, [(*share, *everything) for share in self._shares])
+
+    def _final(self, error: np.ndarray) -> dict[str, Any]:
+        """What info holds of the episodes that have just ended."""
+        ended = self._ended.copy()
+        observations = np.full(self.num_envs, None, object)
+        for i in np.flatnonzero(ended):
+            observations[i] = self._single.nothing_more()
+        return {
+            "final_obs": observations, "_final_obs": ended,
+            "final_info": {"error": error, "_error": ended.copy()}, "_final_info": ended.copy(),
+        }  # fmt: skip
+
+
+def seeds_of(seed: int | Sequence[int | None] | None, n: int) -> list[int | None]:
+    """The seeds of n environments: s, s + 1, ... for a number s, or one each; ValueError for another."""
+    if seed is None:
+        return [None] * n
+    if isinstance(seed, int | np.integer):
+        return [int(seed) + i for i in range(n)]
+    if not isinstance(seed, Sequence | np.ndarray) or len(seed) != n:
+        raise ValueError(f"seed must be a whole number or {n} of them, got {seed!r}")
+    return list(seed)
+
+
+def _chosen(options: dict[str, Any] | None, n: int) -> np.ndarray:
+    """Which of the n environments a reset is for."""
+    if options is None or "reset_mask" not in options:
+        return np.ones(n, bool)
+    mask = np.asarray(options["reset_mask"])
+    if mask.shape != (n,) or mask.dtype != bool or not mask.any():
+        raise ValueError(f"options['reset_mask'] must be {n} booleans, at least one of them true, got {mask}")
+    return mask

@@ -1,0 +1,126 @@
+"""Random numbers that are functions of a key and a counter: any one of them without those before it.
+
+Philox4x32-10 (Salmon, Moraes, Dror and Shaw 2011): two words of key and four of counter make four words of
+32 bits. The first word of the counter holds the stream and, in its lower 28 bits, the number of the draw; the
+others are the caller's `at`: a scan, and a square of the ground. Sixty-four bits are used in place of
+thirty-two so that products fit; the compiler makes loops of it that fill eight lanes.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+ROUNDS = 10
+MULTIPLIERS = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
+WEYL = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
+WORD, HALF = np.uint64(0xFFFFFFFF), np.uint64(32)
+DRAWS = 28  # bits of the first word that count the draws of a stream
+FEW = 10.0  # a Poisson rate below which multiplying uniforms is faster, and above which the other holds
+
+
+# inlined as source: a loop with a call in it would not be turned into vectors
+@njit(inline="always")
+def block(c0, c1, c2, c3, k0, k1):
+    """The four words of a counter of four under a key of two, all of them as uint64 below 2**32."""
+    for _ in range(ROUNDS):
+        a, b = MULTIPLIERS[0] * c0, MULTIPLIERS[1] * c2
+        c0, c1, c2, c3 = (b >> HALF) ^ c1 ^ k0, b & WORD, (a >> HALF) ^ c3 ^ k1, a & WORD
+        k0, k1 = (k0 + WEYL[0]) & WORD, (k1 + WEYL[1]) & WORD
+    return c0, c1, c2, c3
+
+
+@njit(inline="always")
+def uniform(a, b):
+    """Two words as a number in [0, 1), a multiple of 2**-53."""
+    return np.float64(np.int64(((a << HALF) | b) >> np.uint64(11))) * 2.0**-53
+
+
+@njit(cache=True, error_model="numpy")
+def pair(key, stream, draw, at):
+    """Two uniforms in [0, 1): of key (2,), a stream's draw and the place `at`, three words."""
+    a, b, c, d = block(
+        np.uint64((stream << DRAWS) + draw), np.uint64(at[0]), np.uint64(at[1]), np.uint64(at[2]),
+        np.uint64(key[0]), np.uint64(key[1]),
+    )  # fmt: skip
+    return uniform(a, b), uniform(c, d)
+
+
+@njit(cache=True, error_model="numpy")
+def points_into(z, n, low, high, key, stream, at):
+    """The first n rows of z (capacity, p), contiguous, become points uniform between low and high (p,): row i
+    of the i-th pairs of the stream and of those after it, each of which gives two coordinates."""
+    p = z.shape[1]
+    flat, words = z.reshape(-1), np.empty((4, n), np.uint32)
+    w0, w1, w2, w3 = words[0], words[1], words[2], words[3]
+    c1, c2, c3 = np.uint64(at[0]), np.uint64(at[1]), np.uint64(at[2])
+    k0, k1 = np.uint64(key[0]), np.uint64(key[1])
+    for c in range(0, p, 2):
+        first = np.uint64((stream + c // 2) << DRAWS)
+        # words first and numbers after them: either loop is turned into vectors, one of both would not be
+        for i in range(n):
+            w0[i], w1[i], w2[i], w3[i] = block(first + np.uint64(np.uint32(i)), c1, c2, c3, k0, k1)
+        start, side = low[c], high[c] - low[c]
+        if p == 2:
+            other, length = low[1], high[1] - low[1]
+            for i in range(n):
+                u = start + side * uniform(np.uint64(w0[i]), np.uint64(w1[i]))
+                v = other + length * uniform(np.uint64(w2[i]), np.uint64(w3[i]))
+                flat[2 * i] = u
+                flat[2 * i + 1] = v
+            return
+        for i in range(n):
+            flat[p * i + c] = start + side * uniform(np.uint64(w0[i]), np.uint64(w1[i]))
+        if c + 1 < p:
+            start, side = low[c + 1], high[c + 1] - low[c + 1]
+            for i in range(n):
+                flat[p * i + c + 1] = start + side * uniform(np.uint64(w2[i]), np.uint64(w3[i]))
+
+
+@njit(cache=True, error_model="numpy")
+def normals_into(out, key, stream, at):
+    """Fills out (n,) with standard normals, two of every pair of uniforms (Box and Muller 1958)."""
+    for i in range(0, len(out), 2):
+        u, v = pair(key, stream, i // 2, at)
+        length = math.sqrt(-2.0 * math.log(1.0 - u))
+        out[i] = length * math.cos(2.0 * math.pi * v)
+        if i + 1 < len(out):
+            out[i + 1] = length * math.sin(2.0 * math.pi * v)
+
+
+@njit(cache=True, error_model="numpy")
+def poisson(rate, key, stream, at):
+    """A Poisson count of that rate, at least 0: by transformed rejection with squeeze (Hörmann 1993, PTRS),
+    a rate below `FEW` by multiplying uniforms until they are less than exp(-rate)."""
+    draw = 0
+    if rate < FEW:
+        least, product, count = math.exp(-rate), 1.0, 0
+        while True:
+            u, v = pair(key, stream, draw, at)
+            product *= u
+            if product <= least:
+                return count
+            product *= v
+            if product <= least:
+                return count + 1
+            count += 2
+            draw += 1
+    b = 0.931 + 2.53 * math.sqrt(rate)
+    a = -0.059 + 0.02483 * b
+    log_inverse_alpha = math.log(1.1239 + 1.1328 / (b - 3.4))
+    squeeze = 0.9277 - 3.6224 / (b - 2.0)
+    while True:
+        u, v = pair(key, stream, draw, at)
+        draw += 1
+        u -= 0.5
+        inside = 0.5 - abs(u)
+        if inside < 0.013 and v > inside:
+            continue
+        count = math.floor((2.0 * a / inside + b) * u + rate + 0.43)
+        if inside >= 0.07 and v <= squeeze:
+            return int(count)
+        if count < 0:
+            continue
+        log_ratio = math.log(v) + log_inverse_alpha - math.log(a / (inside * inside) + b)
+        if log_ratio <= count * math.log(rate) - rate - math.lgamma(count + 1.0):
+            return int(count)

@@ -1,0 +1,204 @@
+"""A scan made in place: clutter that is a function of a key and of the scan's number, and the target's own
+detection among it."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from gmr_gym.mixture import cholesky_into
+from gmr_gym.philox import normals_into, pair, points_into, poisson
+
+CELL = 500.0  # m, side of the squares in which clutter on the ground is drawn
+# streams of an episode's key
+NOISE, DETECTION, COUNT, GROUND_COUNT = range(4)
+PLACES, GROUND_PLACES = 4, 8  # and those after them, one for every two coordinates
+
+
+class View(NamedTuple):
+    """What `scan_into` has to know of a scenario; `simulate.viewed` reads it off."""
+
+    clutter_rate: float  # expected false detections in the window, a scan
+    low: np.ndarray  # (p,), m, of the window, relative to its centre
+    high: np.ndarray  # (p,), m
+    ends_sight: bool
+    region_low: np.ndarray  # (2,), m, of the region; (0,) where there is none
+    region_high: np.ndarray  # (2,), m
+
+
+@njit(cache=True, error_model="numpy")
+def hear_all(heard, key, R):
+    """Adds to what a sensor would say of T scans (T, p) the noise of covariance R (p, p) that goes with the
+    key (2,). Returns for every scan two numbers (T,) in [0, 1): the target is detected if the first is below
+    its probability, and the second decides where among the clutter its detection stands."""
+    L, luck, slot = factor(R), np.empty(len(heard)), np.empty(len(heard))
+    for t in range(len(heard)):
+        luck[t], slot[t] = hear(heard[t], key, t, L)
+    return luck, slot
+
+
+@njit(cache=True, error_model="numpy")
+def hear(heard, key, t, L):
+    """`hear_all` of scan t alone, heard (p,), for noise of covariance L L'."""
+    at, normal = (t, 0, 0), np.empty(len(L))
+    normals_into(normal, key, NOISE, at)
+    for r in range(len(L)):
+        noise = 0.0
+        for c in range(r + 1):
+            noise += L[r, c] * normal[c]
+        heard[r] += noise
+    return pair(key, DETECTION, 0, at)
+
+
+@njit(cache=True, error_model="numpy")
+def factor(R):
+    """Lower factor L (p, p) of the covariance R = L L'."""
+    L = np.zeros_like(R)
+    cholesky_into(L, R)
+    return L
+
+
+@njit(cache=True, error_model="numpy")
+def scan_into(z, view, key, t, centre, target, detected, slot):
+    """Scan t of the episode that has the key (2,), by a linear sensor whose View is placed at centre (p,),
+    zeros where it stands fast: its k detections, one a row of z (capacity, p), among them that of the target
+    (p,) where it is `detected` and in sight, in a place that `slot` in [0, 1) decides. Returns k and the
+    target's row, -1 for none; the rows from k on are left as they are."""
+    seen = detected
+    if view.ends_sight:
+        for c in range(len(target)):
+            away = target[c] - centre[c]
+            seen = seen and view.low[c] <= away and away <= view.high[c]
+            if len(view.region_low) > 0:
+                seen = seen and view.region_low[c] <= target[c] and target[c] <= view.region_high[c]
+    if len(view.region_low) > 0:
+        k, place = ground_into(z, view, key, t, centre, slot)
+    else:
+        k = clutter_into(z, view, key, t, centre)
+        place = int(slot * (k + 1))
+    if not seen:
+        return k, -1
+    return insert_into(z, k, place, target)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def scans_into(first, last, z, mask, origin, filled, view, carried, R, chance, key, expected, t, estimates):
+    """One scan of each of the episodes from `first` to before `last` of n: scan t[i] of that with key[i]
+    (n, 2), or nothing where it has none of that number, into z (n, capacity, p). What the sensor would say of
+    the truth without noise is `expected` (n, T, p), the noise's covariance R (p, p), the target's probability
+    of detection `chance`, and the estimate (n, d) of the scan before, as `carried`, places the window. For
+    `mask`, `origin` and `filled` see `label_into`."""
+    centre, heard, L = np.zeros(len(R)), np.empty(len(R)), factor(R)
+    for i in range(first, last):
+        k, place, now = 0, -1, t[i]
+        if now < expected.shape[1]:
+            carry_into(centre, carried, estimates[i])
+            heard[:] = expected[i, now]
+            luck, slot = hear(heard, key[i], now, L)
+            k, place = scan_into(z[i], view, key[i], now, centre, heard, luck < chance, slot)
+        label_into(z[i], mask[i], origin[i], filled[i], k, place)
+        filled[i] = k
+
+
+@njit(cache=True, error_model="numpy")
+def label_into(z, mask, origin, filled, k, place):
+    """Tells of a scan of k detections in the rows of z (capacity, p): mask (capacity,) 1 for a detection and
+    0 for none, origin (capacity,) 0 in the target's row `place`, unless that is -1, then -1, and -2 for no
+    detection. Rows from k to before `filled` are made zero; those behind it have been so before, as has the
+    mask there."""
+    for i in range(k):
+        mask[i] = 1
+        origin[i] = -1
+    if place >= 0:
+        origin[place] = 0
+    for i in range(k, len(z)):
+        origin[i] = -2
+    for i in range(k, filled):
+        mask[i] = 0
+        for c in range(z.shape[1]):
+            z[i, c] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def carry_into(centre, carried, estimate):
+    """Where the next scan's window stands (p,) after the estimate (d,): nowhere else for no motion."""
+    F, offset, H = carried
+    d = len(F)
+    for c in range(len(H)):
+        centre[c] = 0.0
+        for i in range(d):
+            moved = offset[i]
+            for j in range(d):
+                moved += F[i, j] * estimate[j]
+            centre[c] += H[c, i] * moved
+
+
+@njit(cache=True, error_model="numpy")
+def insert_into(z, k, place, target):
+    """Puts the target (p,) in its place among the first k rows of z, whose order says nothing; the row that
+    stood there becomes the last. Returns k + 1 and the place."""
+    for c in range(len(target)):
+        z[k, c] = z[place, c]
+        z[place, c] = target[c]
+    return k + 1, place
+
+
+@njit(cache=True, error_model="numpy")
+def clutter_into(z, view, key, t, centre):
+    """Clutter of scan t, uniform in the window placed at centre (p,), one point a row of z (capacity, p);
+    returns how many, always less than the rows."""
+    at = (t, 0, 0)
+    k = min(poisson(view.clutter_rate, key, COUNT, at), len(z) - 1)
+    points_into(z, k, view.low + centre, view.high + centre, key, PLACES, at)
+    return k
+
+
+@njit(cache=True, error_model="numpy")
+def ground_into(z, view, key, t, centre, slot):
+    """What a window at centre (2,) shows of the clutter of scan t that stands fast on a region's ground, one
+    point a row of z (capacity, 2); returns how many, always less than the rows, and how many of them rank
+    below `slot`.
+
+    It is a Poisson process, drawn square by square from streams that each square of the grid about the
+    region's corner has to itself. Its order is by ranks of its own: that of the squares would give the
+    target away."""
+    low, high, squares = np.empty(2), np.empty(2), np.empty((2, 2), np.int64)
+    corner, expected = view.region_low, view.clutter_rate * CELL**2
+    for c in range(2):
+        low[c] = max(view.low[c] + centre[c], corner[c])
+        high[c] = min(view.high[c] + centre[c], view.region_high[c])
+        expected /= view.high[c] - view.low[c]
+        if not low[c] < high[c]:
+            return 0, 0
+        squares[c, 0], squares[c, 1] = (low[c] - corner[c]) // CELL, (high[c] - corner[c]) // CELL
+    ranks, k = np.empty(len(z)), 0
+    for i in range(squares[0, 0], squares[0, 1] + 1):
+        for j in range(squares[1, 0], squares[1, 1] + 1):
+            # squares are counted from 1: 0 is where the episode's other streams are
+            at = (t, i + 1, j + 1)
+            points = np.empty((poisson(expected, key, GROUND_COUNT, at), 3))
+            points_into(points, len(points), np.zeros(3), np.ones(3), key, GROUND_PLACES, at)
+            for n in range(len(points)):
+                x, y = corner[0] + CELL * (i + points[n, 0]), corner[1] + CELL * (j + points[n, 1])
+                if low[0] <= x <= high[0] and low[1] <= y <= high[1] and k < len(z) - 1:
+                    z[k, 0], z[k, 1], ranks[k] = x, y, points[n, 2]
+                    k += 1
+    _sort(z, ranks, k)
+    place = 0
+    while place < k and ranks[place] < slot:
+        place += 1
+    return k, place
+
+
+@njit(cache=True, error_model="numpy")
+def _sort(z, ranks, k):
+    """Puts the first k rows of z (capacity, 2) in the order of their ranks (Shell 1959)."""
+    gap = k
+    while gap > 1:
+        gap = max(1, int(gap / 2.25))
+        for i in range(gap, k):
+            x, y, rank, j = z[i, 0], z[i, 1], ranks[i], i
+            while j >= gap and ranks[j - gap] > rank:
+                z[j, 0], z[j, 1], ranks[j] = z[j - gap, 0], z[j - gap, 1], ranks[j - gap]
+                j -= gap
+            z[j, 0], z[j, 1], ranks[j] = x, y, rank

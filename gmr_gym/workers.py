@@ -1,0 +1,74 @@
+"""Calls shared among processes of this machine, or of a Dask or Ray cluster; made again where one died."""
+
+from collections.abc import Iterator, Mapping
+from importlib.util import find_spec
+from typing import Any, TypeVar
+
+import joblib
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+from gmr_gym import clusters
+from gmr_gym.clusters import WorkerDied
+
+BACKENDS = {"loky": "joblib", "dask": "distributed", "ray": "ray"}  # -> the package that it takes
+ATTEMPTS = 3  # in a row without a single result
+Task = TypeVar("Task")
+
+
+class WorkersLost(RuntimeError):
+    """Workers died again and again before anything was finished."""
+
+
+def check_backend(backend: str, scheduler: str | None) -> None:
+    """ValueError for a backend that is none, or whose address is missing or of no use; ImportError, with the
+    extra that brings it, for one that is not installed."""
+    if backend not in BACKENDS:
+        raise ValueError(f"unknown backend {backend!r}; choose one of {', '.join(BACKENDS)}")
+    if not find_spec(BACKENDS[backend]):
+        raise ImportError(f"backend {backend!r} is not installed; pip install 'gmr-gym[{backend}]'")
+    if backend == "loky" and scheduler:
+        raise ValueError("scheduler is for the backends dask and ray; loky stays on this machine")
+    if backend != "loky" and not scheduler:
+        raise ValueError(f"backend {backend!r} needs scheduler, the address of a cluster that is running")
+
+
+def results(
+    calls: Mapping[Task, tuple], jobs: int = 1, backend: str = "loky", scheduler: str | None = None
+) -> Iterator[tuple[Task, Any]]:
+    """(task, result) of every call (function, *arguments) as it is finished, each once.
+
+    On this machine `jobs` processes make them, of a cluster all that it has. A call whose worker dies is made
+    again; raises WorkersLost when that has happened ATTEMPTS times in a row without a result.
+    """
+    left, attempts = dict(calls), 0
+    while left:
+        try:
+            for task, result in _attempt(left, jobs, backend, scheduler):
+                attempts = 0
+                del left[task]
+                yield task, result
+        except (TerminatedWorkerError, WorkerDied) as death:
+            attempts += 1
+            if attempts == ATTEMPTS:
+                reason = str(death).splitlines()[0]
+                raise WorkersLost(f"workers died {ATTEMPTS} times in a row ({reason})") from death
+
+
+def _attempt(calls: Mapping[Task, tuple], jobs: int, backend: str, scheduler: str | None) -> Iterator:
+    if not scheduler:
+        yield from _parallel(calls, n_jobs=jobs)
+        return
+    with getattr(clusters, backend)(scheduler) as connected:
+        # all at once: workers that join a cluster on the way find something to do
+        yield from _parallel(calls, n_jobs=-1, backend=connected, pre_dispatch="all")
+
+
+def _parallel(calls: Mapping[Task, tuple], **options) -> Iterator:
+    parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1, **options)
+    # one tuple: joblib would leave a large argument with one worker of Dask, and it would die with it
+    return parallel(joblib.delayed(_call)((task, *call)) for task, call in list(calls.items()))
+
+
+def _call(told: tuple) -> tuple:
+    task, function, *arguments = told
+    return task, function(*arguments)

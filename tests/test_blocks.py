@@ -1,0 +1,205 @@
+"""Shards and merges: blocks of runs from machines that share nothing make up the whole, each once."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from baselines.gm_phd import gm_phd
+from baselines.mht import runnalls
+from baselines.nearest_neighbour import NearestNeighbour
+from gmr_gym.blocks import load, merge
+from gmr_gym.crowd_runs import CrowdRuns
+from gmr_gym.montecarlo import BLOCK, Runs, run, run_shard
+from gmr_gym.scenarios.dortenzio import turning_target
+from gmr_gym.scenarios.lv import unknown_clutter
+from gmr_gym.sweeps import shard_of
+
+WORLD = turning_target(horizon=4, clutter_rate=5)
+NEAREST = {"nearest": NearestNeighbour(WORLD.model)}
+BUILT = NEAREST | {"mht": runnalls(WORLD.model, 3)}
+RUNS = 4 * BLOCK + 1  # five blocks
+KINDS = Runs, CrowdRuns
+
+
+def names(folder):
+    return {file.name for file in folder.iterdir()}
+
+
+def sharded(folder, n):
+    """A folder for each of n shards."""
+    folders = [folder / str(i) for i in range(1, n + 1)]
+    for i, one in enumerate(folders, 1):
+        one.mkdir()
+        run_shard(WORLD, BUILT, RUNS, seed=7, shard=(i, n), folder=one)
+    return folders
+
+
+@pytest.fixture(scope="module")
+def shards(tmp_path_factory):
+    return sharded(tmp_path_factory.mktemp("shards"), 3)
+
+
+def test_every_block_is_in_one_shard_and_every_third_of_each_tracker_in_each(shards):
+    found = [names(folder) for folder in shards]
+    assert sum(map(len, found)) == len(set.union(*found)) == 2 * 5
+    for digest in {name[:32] for name in set.union(*found)}:
+        places = {
+            int(name.split("-")[1]) // BLOCK: i
+            for i, some in enumerate(found) for name in some if name.startswith(digest)
+        }  # fmt: skip
+        start = places[0]
+        assert places == {block: (start + block) % 3 for block in range(5)}
+
+
+def test_merged_shards_are_the_whole_sweep_and_nothing_is_run_again(shards, tmp_path):
+    merged = merge(shards, tmp_path, *KINDS)
+    assert len(merged.copied) == 10 and not any(merged[1:])
+    seen = []
+    found = run(WORLD, BUILT, RUNS, seed=7, folder=tmp_path, progress=lambda *at: seen.append(at))
+    assert seen == [(2 * RUNS, 2 * RUNS)]
+    whole = run(WORLD, BUILT, RUNS, seed=7)
+    for name in BUILT:
+        assert len(found[name].x) == RUNS
+        for field in set(Runs._fields) - {"seconds"}:
+            np.testing.assert_array_equal(getattr(found[name], field), getattr(whole[name], field), field)
+
+
+def test_a_shard_goes_on_where_it_stopped_and_says_how_much_there_is(shards, tmp_path):
+    seen = []
+    size = len(names(shards[0]))
+    for _ in range(2):
+        told = run_shard(
+            WORLD, BUILT, RUNS, seed=7, shard=(1, 3), folder=tmp_path, progress=lambda *at: seen.append(at)
+        )
+        assert told == (size, 10)
+    assert names(tmp_path) == names(shards[0])
+    total = seen[0][1]
+    assert seen[0] == (0, total) and seen[-2:] == [(total, total)] * 2 and len(seen) == size + 2
+    next(tmp_path.iterdir()).write_bytes(b"")
+    with pytest.raises(ValueError, match="is not a block of runs"):
+        run_shard(WORLD, BUILT, RUNS, seed=7, shard=(1, 3), folder=tmp_path)
+
+
+def test_a_shard_with_nothing_to_do_leaves_a_folder_that_can_be_merged(tmp_path):
+    left, seen = [tmp_path / str(i) for i in (1, 2)], []
+    for i, folder in enumerate(left, 1):
+        run_shard(WORLD, NEAREST, 1, shard=(i, 2), folder=folder, progress=lambda *at: seen.append(at))
+    assert sorted(len(names(folder)) for folder in left) == [0, 1] and seen == [(0, 1), (1, 1)]
+    assert len(merge(left, tmp_path / "into", *KINDS).copied) == 1
+
+
+def test_a_part_of_a_block_is_not_taken_for_the_block(tmp_path):
+    run(WORLD, NEAREST, BLOCK, folder=tmp_path)
+    run(WORLD, NEAREST, 5, folder=tmp_path)
+    assert len(run(WORLD, NEAREST, BLOCK, folder=tmp_path)["nearest"].x) == BLOCK
+    assert len(names(tmp_path)) == 2
+
+
+def test_other_machines_name_the_blocks_alike(tmp_path):
+    """Another process, with other hashes of strings, another place for the source, and a world built anew."""
+    run(WORLD, BUILT, 1, folder=tmp_path / "here")
+    program = """
+from tests.test_blocks import *
+run(turning_target(horizon=4, clutter_rate=5), {'a': BUILT['mht'], 'b': BUILT['nearest']}, 1, folder='.')
+"""
+    (tmp_path / "there").mkdir()
+    root = Path(__file__).parents[1]
+    (tmp_path / "elsewhere").symlink_to(root)
+    environment = os.environ | {"PYTHONHASHSEED": "17", "PYTHONPATH": str(tmp_path / "elsewhere")}
+    subprocess.run([sys.executable, "-c", program], cwd=tmp_path / "there", env=environment, check=True)
+    assert names(tmp_path / "there") == names(tmp_path / "here")
+
+
+def test_a_block_twice_is_kept_once_and_one_that_disagrees_is_told(shards, tmp_path):
+    again, other, into = tmp_path / "again", tmp_path / "other", tmp_path / "into"
+    merge(shards[:1], into, *KINDS)
+    run_shard(WORLD, BUILT, RUNS, seed=7, shard=(1, 3), folder=again)  # the clock is never the same twice
+    before = {file: file.read_bytes() for file in into.iterdir()}
+    merged = merge([again], into, *KINDS)
+    assert names(again) == {file.name for file in merged.present} and not merged.copied + merged.differing
+    other.mkdir()
+    name = min(names(into))
+    block = load(into / name, Runs)
+    off = np.nextafter(block.x, np.inf)
+    np.savez(other / name, **block._replace(x=off)._asdict())
+    merged = merge([other], into, *KINDS)
+    assert merged.differing == [other / name] and not merged.copied + merged.present + merged.refused
+    assert {file: file.read_bytes() for file in into.iterdir()} == before
+
+
+def test_blocks_of_many_targets_are_merged_too(tmp_path):
+    world = unknown_clutter(horizon=6)
+    built = {"phd": gm_phd(world.population)}
+    kept = run(world, built, 2, folder=tmp_path / "a")["phd"]
+    assert len(merge([tmp_path / "a"], tmp_path / "b", *KINDS).copied) == 1
+    np.testing.assert_array_equal(run(world, built, 2, folder=tmp_path / "b")["phd"].seconds, kept.seconds)
+
+
+def bad(block):
+    """Files that are no blocks of 20 runs, by what is wrong with them."""
+    fields = block._asdict()
+    return {
+        "other arrays": {"x": block.x},
+        "an array too many": fields | {"more": block.x},
+        "a run too few": {field: array[1:] for field, array in fields.items()},
+        "a scan too few": fields | {"x": block.x[:, 1:]},
+        "an axis too few": fields | {"modes": block.modes[..., 0]},
+        "a dimension too few": fields | {"P": block.P[..., 1:]},
+        "other dimensions": fields | {"x": block.x[..., 1:], "P": block.P[..., 1:, 1:]},
+        "objects": fields | {"x": np.full(block.x.shape, None)},
+        "words": fields | {"x": block.x.astype(str)},
+    }
+
+
+@pytest.mark.parametrize("wrong", [*bad(Runs(*[np.zeros((1, 1, 1, 1))] * 9)), "cut", "text", "one array"])
+def test_what_is_no_block_is_refused_by_name_and_the_rest_is_merged(shards, tmp_path, wrong):
+    source, into = tmp_path / "source", tmp_path / "into"
+    merge(shards[:1], source, *KINDS)
+    whole = sorted(file for file in source.iterdir() if file.name.endswith(("-0-20.npz", "-20-40.npz")))
+    victim, all_names = whole[0], names(source)
+    if wrong == "cut":
+        victim.write_bytes(victim.read_bytes()[:-100])
+    elif wrong == "text":
+        victim.write_text("not a block")
+    elif wrong == "one array":
+        with victim.open("wb") as stream:
+            np.save(stream, np.zeros(3))
+    else:
+        np.savez(victim, **bad(load(victim, Runs))[wrong])
+    for foreign in ("notes.txt", "0123.npz", f"{victim.name}.part"):
+        (source / foreign).write_text("")
+    (refused,) = (merged := merge([source], into, *KINDS)).refused
+    assert refused.startswith(f"{victim} is not a block of runs (")
+    assert names(into) == all_names - {victim.name}
+    assert {file.name for file in merged.foreign} == {"notes.txt", "0123.npz", f"{victim.name}.part"}
+
+
+def test_nothing_in_a_block_is_unpickled(shards, tmp_path):
+    class Trap:
+        def __reduce__(self):
+            return os.mkdir, (str(tmp_path / "sprung"),)
+
+    name = min(names(shards[0]))
+    block = load(shards[0] / name, Runs)
+    (tmp_path / "source").mkdir()
+    np.savez(tmp_path / "source" / name, **block._asdict() | {"x": np.array([[[Trap()]]], dtype=object)})
+    assert len(merge([tmp_path / "source"], tmp_path / "into", *KINDS).refused) == 1
+    assert not (tmp_path / "sprung").exists()
+
+
+@pytest.mark.parametrize("text", ["0/3", "4/3", "2", "2/", "/3", "a/3", "1/3/3", "-1/3", "1.5/3", ""])
+def test_a_shard_that_is_none_is_refused(text):
+    with pytest.raises(ValueError, match="shard must be I/N with I from 1 to N, as in 2/3, got"):
+        shard_of(text, Path())
+
+
+def test_shards_are_read_and_bad_ones_refused_in_python_too(tmp_path):
+    assert shard_of("2/3", Path()) == (2, 3) and shard_of(None, None) is None
+    with pytest.raises(ValueError, match="with --out in which folder"):
+        shard_of("2/3", None)
+    with pytest.raises(ValueError, match=r"1 <= i <= n, got \(0, 3\)"):
+        run_shard(WORLD, BUILT, RUNS, shard=(0, 3), folder=tmp_path)
