@@ -284,7 +284,7 @@ def test_searches_begin_with_the_constant_and_stay_in_the_box():
 
 
 def test_every_competitor_has_as_many_steps_as_an_agent():
-    assert tune_static.trained_steps() == 1_310_720
+    assert tune_static.trained_steps() == 983_040
 
 
 @pytest.fixture(scope="module")
