@@ -51,13 +51,6 @@ def gates(predicted: Mixture, sensor: Sensing, probability: float) -> Gates:
     return Gates(z, S, gate_size(probability, z.shape[1]))
 
 
-def gated_distances(gates: Gates, z: np.ndarray) -> np.ndarray:
-    """Squared Mahalanobis distances (n, k) of the points z (k, p) of the gates' space from their centres,
-    infinite where a point lies outside the gate."""
-    none = np.empty((0, *gates.S.shape[1:]))
-    return gated(gates.z, gates.S, z[None], none, gates.size)
-
-
 def expand_together(
     predicted: Mixture, model: Model, z: np.ndarray, hopeless: float
 ) -> tuple[Expansion, Gates, bool]:
@@ -126,6 +119,11 @@ def crowding(gates: Gates, z: np.ndarray) -> tuple[float, float]:
     return _crowding(gates.z, gates.S, gates.size, unit_ball(gates.z.shape[1]), z)
 
 
+def outside(gates: Gates, point: np.ndarray) -> bool:
+    """Whether the point (p,) of the gates' space lies in no gate; so too where it is nan."""
+    return outside_all(gates.z, gates.S, gates.size, point)
+
+
 @lru_cache
 def unit_ball(p: int) -> float:
     """Volume of the ball of radius 1 in p dimensions."""
@@ -170,8 +168,25 @@ def log_odds(
 @njit(cache=True, error_model="numpy")
 def _crowding(centres, S, size, ball, z):
     p = S.shape[1]
-    d2 = gated(centres, S, z.reshape(1, len(z), p), np.empty((0, p, p)), size)
-    return ball * size ** (p / 2) * root_determinants(S).mean(), np.isfinite(d2).sum() / len(centres)
+    first, _, _ = pairs_gated(centres, S, z.reshape(1, len(z), p), np.empty((0, p, p)), size)
+    return mean_volume(S, size, ball), first[len(centres)] / len(centres)
+
+
+@njit(cache=True, error_model="numpy")
+def mean_volume(S, size, ball):
+    """Of the gates of innovation covariances S (n, p, p), with the volume of the ball of radius 1."""
+    whole = 0.0
+    for root in root_determinants(S):
+        whole += root
+    return ball * size ** (S.shape[1] / 2) * (whole / len(S))
+
+
+@njit(cache=True, error_model="numpy")
+def outside_all(centres, S, size, point):
+    """See `outside`."""
+    p = len(point)
+    first, _, _ = pairs_gated(centres, S, point.reshape(1, 1, p), np.empty((0, p, p)), size)
+    return first[len(centres)] == 0
 
 
 @njit(cache=True, error_model="numpy")

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment, linprog
 from scipy.spatial.distance import cdist
 
-from gmr_gym.association import Gates, gated_distances
+from gmr_gym.association import Gates, outside
 
 MOST_COPIES = 300  # beyond, a linear program is faster than the assignment
 
@@ -20,14 +20,14 @@ MOST_COPIES = 300  # beyond, a linear program is faster than the assignment
 def truth_outside_gates(H: np.ndarray, gates: Gates, x: np.ndarray, z: np.ndarray) -> bool:
     """Whether the noise-free detection H x of the true state x (d,) lies in no gate
     (D'Ortenzio, section 4: "not contained in any of the hypotheses gates")."""
-    return not np.isfinite(gated_distances(gates, (H @ x)[None])).any()
+    return outside(gates, H @ x)
 
 
 def detection_outside_gates(gates: Gates, x: np.ndarray, z: np.ndarray) -> bool:
     """Whether the target's own detection z (p,) lies in no gate; so too where there was none, z then being
     nan (Maybeck, section V: "without the target-originated measurement falling within an association
     gate for any of the mixture hypotheses")."""
-    return not np.isfinite(z).all() or not np.isfinite(gated_distances(gates, z[None])).any()
+    return outside(gates, z)
 
 
 def lost_at(off_target: np.ndarray, patience: int) -> np.ndarray:

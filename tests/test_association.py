@@ -9,7 +9,7 @@ from gmr_gym.association import (
     expand,
     false_expected,
     gate_size,
-    gated_distances,
+    gated,
     gates,
     look_together,
     volumes,
@@ -24,6 +24,10 @@ def random_case(seed, n=4, k=7, d=4, p=2):
     predicted = Mixture(*reference.random_mixture(rng, n, d))
     R = reference.random_mixture(rng, 1, p)[2][0]
     return predicted, sensor(rng.standard_normal((p, d)), R), 6 * rng.standard_normal((k, p))
+
+
+def gated_distances(gates, z):
+    return gated(gates.z, gates.S, z[None], np.empty((0, *gates.S.shape[1:])), gates.size)
 
 
 @pytest.mark.parametrize("p", [1, 2, 3])
