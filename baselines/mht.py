@@ -12,7 +12,7 @@ from gmr_gym import reduction
 from gmr_gym.hypotheses import MOST, expanded, reduced
 from gmr_gym.mixture import Mixture, collapsed, moments
 from gmr_gym.model import Model
-from gmr_gym.reduction import Reduced
+from gmr_gym.reduction import Greedy, Reduced
 from gmr_gym.tracker import Report, check_limits, check_scan
 
 
@@ -49,14 +49,15 @@ class Mht:
 def capping(model: Model, components: int = 30, prune_weight: float = 0.0, prune_density: float = 0.0) -> Mht:
     """MHT that keeps the heaviest `components` hypotheses and does not prune otherwise
     (D'Ortenzio, Capping: the paper's capping takes no part in its change of gamma)."""
-    return Mht(model, partial(reduction.capping, components=components), prune_weight, prune_density)
+    most = min(reduction.at_least_one(components), MOST)
+    return Mht(model, Greedy(reduction.ANY), prune_weight, prune_density, most)  # there is nothing to merge
 
 
 def runnalls(
     model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10
 ) -> Mht:
     """MHT reduced to `components` by Runnalls' greedy merging (D'Ortenzio, Runnalls)."""
-    return Mht(model, reduction.Greedy(reduction.at_least_one(components)), prune_weight, prune_density)
+    return Mht(model, Greedy(reduction.at_least_one(components)), prune_weight, prune_density)
 
 
 def adaptive(
