@@ -34,6 +34,15 @@ class Mht:
         # a wrong parameter is an error here, not in a scan
         reduction.check_reduced(self.reduce(collapsed(self.model.prior)), 1)
 
+    @property
+    def limits(self) -> tuple | None:
+        """What a compiled loop over many runs has to know besides the model, see `gmr_gym.batch`: gamma, the
+        most that enter a reduction, the two numbers of Greedy, gamma~; None where it cannot reduce so."""
+        if type(self) is not Mht or not isinstance(self.reduce, Greedy):
+            return None
+        merging = self.reduce.components, self.reduce.loss_bound
+        return float(self.prune_weight), int(self.most), *merging, float(self.prune_density)
+
     def init(self) -> Mixture:
         return self.model.prior
 

@@ -90,8 +90,8 @@ def averages(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[
         rows[name] |= {
             "components": mean(runs.components.mean(axis=1)),
             "gate_area": mean(runs.gate_volume.mean(axis=1)),
-            "time_per_scan": Figure(float(np.median(runs.seconds))),
-            "time_worst": Figure(float(runs.seconds.max())),
+            "time_per_scan": Figure(float(np.nanmedian(runs.seconds))),
+            "time_worst": Figure(float(np.nanmax(runs.seconds))),
         }
     return rows
 

@@ -10,7 +10,7 @@ import joblib
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from gmr_gym import blocks, source, workers
+from gmr_gym import batch, blocks, source, workers
 from gmr_gym.association import crowding
 from gmr_gym.crowd import ManyScenario
 from gmr_gym.crowd_runs import CrowdRuns, crowd_once
@@ -20,6 +20,7 @@ from gmr_gym.tracker import Tracker
 from gmr_gym.version import __version__
 
 BLOCK = 20  # runs in one task, and in one file on disk
+MANY = 500  # runs from which it pays to compile the call that plays a block of them together
 _ALONE = Lock()  # the threads of a worker share what limits them
 
 
@@ -34,7 +35,7 @@ class Runs(NamedTuple):
     gated: np.ndarray  # (runs, T), detections in a gate, mean over the gates
     off_target: np.ndarray  # (runs, T), given up, or missed by the scenario's loss rule
     modes: np.ndarray  # (runs, T, r), probability of each of the motions the tracker knows
-    seconds: np.ndarray  # (runs, T), of the tracker alone
+    seconds: np.ndarray  # (runs, T), of the tracker alone; nan in a run played together with others
 
 
 def run(
@@ -56,7 +57,9 @@ def run(
     processes of this machine are the workers or, with the backend "dask" or "ray", all that the cluster at
     the address `scheduler` has. With a `folder`, finished blocks of runs are kept there, found again by the
     content of scenario, tracker, seed and source code, and not run a second time. progress(done, total)
-    counts runs. Raises workers.WorkersLost when they die again and again.
+    counts runs. Of at least MANY runs, those of a block are played by one compiled call where `gmr_gym.batch`
+    offers that, but for the first, which is timed as any tracker is. Raises workers.WorkersLost when they die
+    again and again.
     """
     sweep = _Sweep(scenario, trackers, runs, seed, folder, progress, jobs, backend, scheduler)
     tasks, files = sweep.tasks(), sweep.files()
@@ -176,11 +179,11 @@ def _computed(sweep: _Sweep, tasks: list, there: Container, files: Mapping) -> I
     done, finished = total - left, len(tasks) - len(missing)
     if sweep.progress and tasks:
         sweep.progress(done, total)
-    sources = {}
+    sources, twice = {}, 2 * [np.random.SeedSequence(sweep.seed)]
     for name in {name for name, _ in missing}:
         tracker = sweep.trackers[name]
         # compiled here, once: every worker of this machine then finds it on disk
-        _once(sweep.scenario)(sweep.scenario, tracker, np.random.SeedSequence(sweep.seed), scans=3)
+        _played(sweep.scenario, tracker, twice, sweep.runs >= MANY, scans=3)
         sources[name] = {} if sweep.backend == "loky" else source.sources(tracker)
     calls: dict = {}
     for task in missing:
@@ -213,13 +216,24 @@ def _block_alone(sources: Mapping[str, str], *asked) -> Any:
 
 def _block(scenario, tracker, seed, task, runs):
     first = task[1]
+    seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(first, min(first + BLOCK, runs))]
     # several threads would change the last bits of a sum, and only slow small matrices down
     with threadpool_limits(1):
-        rows = [
-            _once(scenario)(scenario, tracker, np.random.SeedSequence(seed, spawn_key=(i,)))
-            for i in range(first, min(first + BLOCK, runs))
-        ]
-    return _joined(_kind(scenario), np.array, rows)
+        return _played(scenario, tracker, seeds, runs >= MANY)
+
+
+def _played(scenario, tracker, seeds, together, scans=None):
+    """The runs of these seeds, all of their scans or the first few; where `together`, and where that can be,
+    all but the first in one call."""
+    together = together and batch.offered(scenario, tracker)
+    alone = [_once(scenario)(scenario, tracker, seed, scans) for seed in seeds[: 1 if together else None]]
+    runs = _joined(_kind(scenario), np.array, alone)
+    if len(alone) == len(seeds):
+        return runs
+    truth, *said = batch.played(scenario, tracker, [draw(scenario, seed) for seed in seeds[1:]], scans)
+    sure, untimed = np.ones((*truth.shape[:2], 1)), np.full(truth.shape[:2], np.nan)
+    others = Runs._make((truth, *said, sure, untimed))
+    return _joined(Runs, np.concatenate, [runs, others])
 
 
 def _once(scenario: Scenario | ManyScenario) -> Callable:

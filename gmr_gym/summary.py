@@ -66,7 +66,7 @@ def summary(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[s
             "inclination_own": Figure(float(inclination[defined].mean()) if defined.any() else np.nan),
             "components": mean(runs.components.mean(axis=1)),
             "gate_area": mean(runs.gate_volume.mean(axis=1)),
-            "time_per_scan": Figure(float(np.median(runs.seconds))),
+            "time_per_scan": Figure(float(np.nanmedian(runs.seconds))),
         }
     return rows
 
