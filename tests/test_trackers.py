@@ -102,6 +102,18 @@ def test_mht_prunes_by_weight_then_reduces_then_prunes_by_density():
     assert len(seen[-1].w) == 4 and belief.w.tolist() == [1.0]
 
 
+@pytest.mark.parametrize("pruning", [0.0, 1e-3])
+def test_capping_is_the_mht_whose_reduction_caps(pruning):
+    world = turning_target(horizon=30)
+    mine = run_once(world, make_tracker("capping-7", world.model, prune_weight=pruning), 4)
+    reduce = partial(reduction.capping, components=7)
+    theirs = run_once(world, Mht(world.model, reduce, pruning, prune_density=0.0), 4)
+    # weights rescaled before capping or after
+    np.testing.assert_allclose(mine.x, theirs.x, rtol=1e-9)
+    np.testing.assert_allclose(mine.P, theirs.P, rtol=1e-9)
+    assert (mine.components == theirs.components).all() and mine.components.max() == 7
+
+
 @pytest.mark.parametrize("clutter_rate", [20, 150])
 def test_pda_is_the_mht_merged_down_to_one(clutter_rate):
     world = turning_target(clutter_rate=clutter_rate, horizon=30)
