@@ -17,7 +17,7 @@ from gmr_gym.association import (
     log_odds,
 )
 from gmr_gym.kalman import Sensor, innovation, predict, predict_all
-from gmr_gym.mixture import Mixture, rescaled, root_determinants
+from gmr_gym.mixture import Mixture, collapsed, match, pairwise_sum, rescaled, root_determinants
 from gmr_gym.model import Model
 from gmr_gym.reduction import Greedy, Reduced, among_heaviest, heavier, merge_by_cost, selected_by
 
@@ -71,6 +71,16 @@ def expanded(belief: Mixture, model: Model, z: np.ndarray) -> Expanded:
     return Expanded(posterior, looked)
 
 
+def fused(belief: Mixture, model: Model, z: np.ndarray) -> tuple[Mixture, Gates]:
+    """`expanded` with the whole posterior merged into one Gaussian; and the gates."""
+    if isinstance(model.sensor, Sensor):
+        size, log_miss, log_detect = odds(model)
+        centres, S, w, m, P = fuse_scan(*belief, *model.motion, *model.sensor, size, log_miss, log_detect, z)
+        return Mixture(w, m, P), Gates(centres, S, size)
+    full = expanded(belief, model, z)
+    return collapsed(full.posterior.mixture), full.gates
+
+
 def reduced(
     posterior: Mixture,
     reduce: Callable[[Mixture], Reduced],
@@ -109,6 +119,14 @@ def expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
         size, log_miss, log_detect, np.zeros(k),
     )  # fmt: skip
     return centres, S, w, m, P, parent, detection, log_density
+
+
+@njit(cache=True, error_model="numpy")
+def fuse_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
+    """Centres and innovation covariances of the gates, and the w, m, P of the one Gaussian."""
+    centres, S, w, m, P, _, _, _ = expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z)
+    _, m, P = match(w, m, P, np.zeros(len(w), np.int64), 1)
+    return centres, S, np.full(1, pairwise_sum(w)), m, P
 
 
 @njit(cache=True, error_model="numpy")
