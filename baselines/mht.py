@@ -41,7 +41,7 @@ class Mht:
         full = expanded(belief, self.model, check_scan(z, len(self.model.sensor.H)))
         posterior = reduced(
             full.posterior.mixture, self.reduce, self.prune_weight, self.prune_density, self.most
-        ).mixture
+        )
         mean, covariance = moments(posterior)
         return posterior, Report(mean[None], covariance[None], full.gates, posterior)
 

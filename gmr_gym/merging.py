@@ -14,8 +14,6 @@ loop into vector instructions.
 import numpy as np
 from numba import njit
 
-from gmr_gym.mixture import match
-
 BLOCK = 128  # components: a block of 4-D covariances stays in the nearest cache
 
 
@@ -73,13 +71,35 @@ def merge_greedily(w, m, P, components, budget):
 def cost_of_all(w, m, P):
     """Cost of merging everything: the sum of the costs B of any way down to one; and the mean (d,) and
     covariance (d, d) of that one."""
-    _, _, entries = by_entry(w, m, P)
-    room = np.empty((len(entries), BLOCK)), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
-    apart = weighted_log_determinants(w, entries, room).sum()
-    weight, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), 1)
-    _, _, entries = by_entry(weight, mean, covariance)
-    whole = weighted_log_determinants(weight, entries, room)[0]
-    return max(0.0, 0.5 * (whole - apart)), mean[0], covariance[0]
+    n, d = m.shape
+    weight, mean, covariance = 0.0, np.zeros(d), np.zeros((d, d))
+    for i in range(n):
+        weight += w[i]
+    for i in range(n):
+        share = w[i] / weight
+        for r in range(d):
+            mean[r] += share * m[i, r]
+    A, determinant, log_det = np.empty((d * (d + 1) // 2, BLOCK)), np.empty(BLOCK), np.empty(BLOCK)
+    apart = 0.0
+    for start in range(0, n, BLOCK):
+        stop = min(start + BLOCK, n)
+        for i in range(start, stop):
+            share, q = w[i] / weight, 0
+            for r in range(d):
+                for c in range(r + 1):
+                    A[q, i - start] = P[i, r, c]
+                    covariance[r, c] += share * (P[i, r, c] + (m[i, r] - mean[r]) * (m[i, c] - mean[c]))
+                    q += 1
+        log_determinants(A, stop - start, determinant, log_det)
+        for i in range(start, stop):
+            apart += w[i] * log_det[i - start]
+    q = 0
+    for r in range(d):
+        for c in range(r + 1):
+            A[q, 0] = covariance[c, r] = covariance[r, c]
+            q += 1
+    log_determinants(A, 1, determinant, log_det)
+    return max(0.0, 0.5 * (weight * log_det[0] - apart)), mean, covariance
 
 
 # no comparison here meets a nan; told so, the compiler vectorises the search for a minimum
@@ -202,16 +222,24 @@ def weighted_log_determinants(w, entries, room):
         for q in range(len(entries)):
             for j in range(start, stop):
                 A[q, j - start] = entries[q, j]
-        _determinants(A, stop - start, determinant)
-        _logarithms(determinant, stop - start, log_det)
+        log_determinants(A, stop - start, determinant, log_det)
         for j in range(start, stop):
-            if not 1e-300 < determinant[j - start] < 1e300:
-                raise ValueError(
-                    "a covariance of the mixture is not positive definite, or its determinant lies "
-                    "outside 1e-300 to 1e300: choose units nearer to the spread of the states"
-                )
             out[j] = w[j] * log_det[j - start]
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def log_determinants(A, n, determinant, log_det):
+    """Logarithms of the determinants of the first n matrices of `_determinants`; A is overwritten. Raises
+    ValueError for one that is not positive definite."""
+    _determinants(A, n, determinant)
+    for j in range(n):
+        if not 1e-300 < determinant[j] < 1e300:
+            raise ValueError(
+                "a covariance of the mixture is not positive definite, or its determinant lies "
+                "outside 1e-300 to 1e300: choose units nearer to the spread of the states"
+            )
+    _logarithms(determinant, n, log_det)
 
 
 @njit(cache=True, error_model="numpy")
