@@ -17,9 +17,11 @@ from rows import environment_rows, reduction_rows, scan_rows, worker_rows
 from start import memory_rows, start_rows
 from threadpoolctl import threadpool_limits
 from timing import Plan, Row, Timing
+from vectors import vector_rows
 
 SECTIONS: tuple[Callable[[Plan], Iterator[Row]], ...] = (
-    reduction_rows, scan_rows, mode_rows, crowd_rows, environment_rows, worker_rows, start_rows, memory_rows,
+    reduction_rows, scan_rows, mode_rows, crowd_rows, environment_rows, vector_rows, worker_rows, start_rows,
+    memory_rows,
 )  # fmt: skip
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 

@@ -60,9 +60,9 @@ def memory_rows(plan: Plan) -> Iterator[Row]:
     runs = 20 if plan.quick else 100
     with TemporaryDirectory() as out:
         table = f"reproduce dortenzio --table 1 --jobs 1 --runs {runs} --out".split()
-        peak = _peak(*COMMAND, *table, out)
+        most = peak(*COMMAND, *table, out)
     what = f"peak memory, Table 1 of D'Ortenzio, {runs} runs"
-    yield Row(what, peak, "import gmr_gym", _peak(*IMPORT), unit="MB")
+    yield Row(what, most, "import gmr_gym", peak(*IMPORT), unit="MB")
 
 
 def _first_scans(cache: str) -> float:
@@ -70,7 +70,8 @@ def _first_scans(cache: str) -> float:
     return float(_output(sys.executable, "-c", FIRST_SCANS, env=environment))
 
 
-def _peak(*command: str) -> Timing:
+def peak(*command: str) -> Timing:
+    """Peak memory of a command, MB."""
     megabytes = float(_output(sys.executable, "-c", PEAK, *command)) / 1024  # ru_maxrss is in kB on Linux
     return Timing(megabytes, megabytes)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.distances import dimension, pack, products_of_columns, products_with
-from gmr_gym.merging import BLOCK, by_entry, form_costs, pair_covariances, weighted_log_determinants
+from gmr_gym.merge_cost import BLOCK, by_entry, form_costs, log_determinants, pair_covariances
 from gmr_gym.mixture import Mixture
 
 MEASURES = ("isd", "correlation", "runnalls")
@@ -124,11 +124,11 @@ def _uncorrelatedness(M):
 def _merge_costs(w, m, P):
     n = len(w)
     w, means, entries = by_entry(w, m, P)
-    room = np.empty((len(entries), BLOCK)), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
-    w_log_det = weighted_log_determinants(w, entries, room)
+    room = np.empty((len(entries), BLOCK)), np.empty(BLOCK)
+    log_det = log_determinants(entries, room)
     table = np.zeros((n, n))
     for i in range(1, n):
-        form_costs(i, i, w, means, entries, w_log_det, room, table[i])
+        form_costs(i, 0, i, w, means, entries, log_det, room, table[i])
         for j in range(i):
             # two of no weight have no moment match, and cost nothing
             table[i, j] = table[j, i] = table[i, j] if w[i] + w[j] > 0.0 else 0.0

@@ -7,7 +7,7 @@ from numba import njit
 from gmr_gym.agglomeration import cheapest_pair, merged_by, nearest_others, numbered, take_in
 from gmr_gym.dissimilarity import isd_row, isd_table, own_products
 from gmr_gym.distances import dimension, pack, products_of_columns
-from gmr_gym.merging import merge_pair
+from gmr_gym.merge_cost import merge_pair
 from gmr_gym.mixture import Mixture, moments
 from gmr_gym.reduction import Reduced
 
@@ -29,7 +29,7 @@ def _merge_nearest(w, M, components):
     """Groups (n,) of greedy merging of the Gaussians packed in M (T, n); w and M are overwritten."""
     T, n = M.shape
     means, entries = M[T - dimension(T) :], M[: T - dimension(T)]
-    room = np.empty((len(entries), 1)), np.empty(1), np.empty(1), np.empty(1)
+    room = np.empty((len(entries), 1)), np.empty(1)
     own, table = own_products(M), isd_table(w, M)
     nearest, least = nearest_others(table)
     group, alive = np.arange(n), np.arange(n)

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from gmr_gym.merging import cost_of_all, merge_greedily
+from gmr_gym.merge_cost import cost_of_all
+from gmr_gym.merging import merge_greedily
 from gmr_gym.mixture import Mixture, matched, moments, root_determinants
 
 Reduced = tuple[Mixture, np.ndarray]

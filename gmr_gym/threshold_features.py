@@ -9,7 +9,7 @@ from numba import njit
 from gmr_gym.association import Gates, gate_size, volumes
 from gmr_gym.hypotheses import MOST
 from gmr_gym.kalman import innovation
-from gmr_gym.merging import cost_of_all
+from gmr_gym.merge_cost import cost_of_all
 from gmr_gym.mixture import root_determinants
 from gmr_gym.model import Model
 

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.hypotheses import MOST, merge_costs, reduce_scan
-from gmr_gym.merging import cost_of_all
+from gmr_gym.merge_cost import cost_of_all
 
 
 class Thresholds(NamedTuple):

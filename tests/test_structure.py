@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 NUMERICS = [
-    "mixture", "kalman", "association", "merging", "reduction", "ise", "distances", "model",
+    "mixture", "kalman", "association", "merge_cost", "merging", "reduction", "ise", "distances", "model",
     "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
     "curves", "philox", "scans", "simulate", "play", "metrics", "montecarlo", "summary", "tracker",
     "scenarios", "crowd", "crowd_runs", "crowd_summary", "multitarget", "phd", "cardinality",

@@ -262,9 +262,22 @@ def test_the_tables_are_apart_and_extrapolation_lies_outside():
 def test_the_committed_tables_are_what_the_script_draws(number):
     table, rng = TABLES[number], np.random.default_rng((SEED, number))
     kinds = UNSEEN if table == "extrapolation" else SEEN
-    for i, row in enumerate(instances(table).values()):
-        candidates = (drawn(rng, f"{table}-{i:02}", kinds[i % len(kinds)], number) for _ in range(100))
+    rows = list(instances(table).values())
+    shares = (rng.permutation(len(rows)) + rng.random(len(rows))) / len(rows)
+    for i, row in enumerate(rows):
+        kind = kinds[i % len(kinds)]
+        candidates = (drawn(rng, f"{table}-{i:02}", kind, number, shares[i]) for _ in range(100))
         assert any(candidate == row for candidate in candidates)  # the ones before it nobody could follow
+
+
+@pytest.mark.parametrize("table", TABLES[:3])
+def test_clutter_is_spread_evenly_over_its_range_in_every_table(table):
+    """No table of a few rows may leave out what another is judged by."""
+    rates = np.array([row.clutter_rate for row in instances(table).values()])
+    shares = np.sort(np.log(rates / 50) / np.log(400 / 50))
+    n = len(shares)
+    # of the rows only what nobody could follow at first was drawn anew, and that with its own clutter
+    np.testing.assert_allclose(shares, (np.arange(n) + 0.5) / n, atol=0.51 / n)
 
 
 def test_the_script_keeps_what_can_be_followed():

@@ -36,35 +36,40 @@ def main(folder: Path) -> None:
     for number, (table, size) in enumerate(zip(TABLES, SIZES, strict=True)):
         rng = np.random.default_rng((SEED, number))
         names = UNSEEN if table == "extrapolation" else SEEN
+        # clutter decides most, and in a few rows it falls as it may: each has a share of its range of its own
+        shares = (rng.permutation(size) + rng.random(size)) / size
         kept: list[Instance] = []
         while len(kept) < size:
-            candidate = drawn(rng, f"{table}-{len(kept):02}", names[len(kept) % len(names)], number)
+            row = len(kept)
+            candidate = drawn(rng, f"{table}-{row:02}", names[row % len(names)], number, shares[row])
             if followed(candidate):
                 kept.append(candidate)
                 print(*candidate, flush=True)
         write(folder / f"{table}.csv", kept)
 
 
-def drawn(rng: np.random.Generator, name: str, kind: str, number: int) -> Instance:
-    """A candidate of table `number`. The paths of one table that are drawn are in no other."""
+def drawn(rng: np.random.Generator, name: str, kind: str, number: int, share: float) -> Instance:
+    """A candidate of table `number`, its clutter at that share of its range. The paths of one table that are
+    drawn are in no other."""
     path = f"{JUMPS}-{100 * number + rng.integers(100)}" if kind == JUMPS else kind
     x = trajectory(path)
     first = int(rng.integers(max(1, len(x) - SCANS)))
     peak = np.linalg.norm(np.diff(x[first : first + SCANS + 1, :2], 2, axis=0), axis=1).max()  # m/s^2
     ranges = INSIDE if TABLES[number] != "extrapolation" else BEYOND[rng.integers(len(BEYOND))]
-    hardest, rates, probabilities, shares = ranges
-    manoeuvre = min(evenly_in_log(rng, (1.0, hardest)) / peak, 2.0)
-    rate = evenly_in_log(rng, rates)
+    hardest, rates, probabilities, expectations = ranges
+    manoeuvre = min(in_log(rng.random(), (1.0, hardest)) / peak, 2.0)
+    rate = in_log(share, rates)
     seen = rng.uniform(*probabilities)
     deviation = rng.uniform(5, 12)
     told = deviation * rng.uniform(0.9, 1.2)
-    expected = max(0.8, manoeuvre * peak * evenly_in_log(rng, shares))
+    expected = max(0.8, manoeuvre * peak * in_log(rng.random(), expectations))
     numbers = (manoeuvre, rate, seen, deviation, told, expected)
     return Instance(name, path, first, *(float(f"{value:.3g}") for value in numbers))
 
 
-def evenly_in_log(rng: np.random.Generator, ends: tuple[float, float]) -> float:
-    return float(np.exp(rng.uniform(*np.log(ends))))
+def in_log(share: float, ends: tuple[float, float]) -> float:
+    """The number at a share of the way between two ends, on a logarithmic scale."""
+    return float(ends[0] * (ends[1] / ends[0]) ** share)
 
 
 def followed(instance: Instance) -> bool:

@@ -1,0 +1,224 @@
+"""Runnalls' cost of merging two components, many pairs at once.
+
+With a = wi / (wi + wj), b = 1 - a, and Pij = a Pi + b Pj + a b (mi - mj)(mi - mj)' the covariance
+of the merged pair, merging i and j costs
+
+    B = 1/2 (wi (log|Pij| - log|Pi|) + wj (log|Pij| - log|Pj|))       (D'Ortenzio, eq. 13)
+
+which is the least of wi KL(i || N) + wj KL(j || N) over all Gaussians N.
+"""
+
+import numpy as np
+from numba import njit
+
+BLOCK = 128  # components: a block of covariances stays in the nearest cache
+
+
+@njit(cache=True, error_model="numpy")
+def form_costs(i, start, stop, w, means, entries, log_det, room, row):
+    """Costs of merging component i with each of start..stop-1, written to the same places in row."""
+    if len(means) == 4:
+        _planar_determinants(i, start, stop, w, means, entries, row)
+    else:
+        A, share = room
+        for first in range(start, stop, BLOCK):
+            last = min(first + BLOCK, stop)
+            pair_covariances(i, first, last, w, means, entries, share, A)
+            _determinants(A, last - first, row[first:])
+    wi, log_det_i = w[i], log_det[i]
+    for j in range(start, stop):
+        log_det_ij = _logarithm(row[j])
+        cost = 0.5 * (wi * (log_det_ij - log_det_i) + w[j] * (log_det_ij - log_det[j]))
+        cost = cost if cost > 0.0 else 0.0
+        # beyond 1e8 standard deviations apart the determinant drowns in rounding: never nearest
+        row[j] = cost if row[j] > 0.0 else np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def merge_pair(i, j, w, means, entries, room):
+    """Writes the moment match of i and j to place i; returns its log determinant."""
+    A, share = room
+    pair_covariances(i, j, j + 1, w, means, entries, share, A)
+    for q in range(len(entries)):
+        entries[q, i] = A[q, 0]
+    for r in range(len(means)):
+        means[r, i] = share[0] * means[r, i] + (1 - share[0]) * means[r, j]
+    w[i] += w[j]
+    _determinants(A, 1, share)
+    return _logarithm(share[0])
+
+
+@njit(cache=True, error_model="numpy")
+def cost_of_all(w, m, P):
+    """Cost of merging everything: the sum of the costs B of any way down to one; and the mean (d,) and
+    covariance (d, d) of that one."""
+    n, d = m.shape
+    weight, mean, covariance = 0.0, np.zeros(d), np.zeros((d, d))
+    for i in range(n):
+        weight += w[i]
+    for i in range(n):
+        share = w[i] / weight
+        for r in range(d):
+            mean[r] += share * m[i, r]
+    A, log_det = np.empty((d * (d + 1) // 2, BLOCK)), np.empty(BLOCK)
+    apart = 0.0
+    for start in range(0, n, BLOCK):
+        stop = min(start + BLOCK, n)
+        for i in range(start, stop):
+            share, q = w[i] / weight, 0
+            for r in range(d):
+                for c in range(r + 1):
+                    A[q, i - start] = P[i, r, c]
+                    covariance[r, c] += share * (P[i, r, c] + (m[i, r] - mean[r]) * (m[i, c] - mean[c]))
+                    q += 1
+        _log_determinants(A, stop - start, log_det)
+        for i in range(start, stop):
+            apart += w[i] * log_det[i - start]
+    q = 0
+    for r in range(d):
+        for c in range(r + 1):
+            A[q, 0] = covariance[c, r] = covariance[r, c]
+            q += 1
+    _log_determinants(A, 1, log_det)
+    return max(0.0, 0.5 * (weight * log_det[0] - apart)), mean, covariance
+
+
+@njit(cache=True, error_model="numpy")
+def log_determinants(entries, room):
+    A, _ = room
+    n = entries.shape[1]
+    out = np.empty(n)
+    for start in range(0, n, BLOCK):
+        stop = min(start + BLOCK, n)
+        for q in range(len(entries)):
+            for j in range(start, stop):
+                A[q, j - start] = entries[q, j]
+        _log_determinants(A, stop - start, out[start:])
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _log_determinants(A, n, out):
+    """Logarithms of `_determinants`; ValueError for a matrix that is not positive definite."""
+    _determinants(A, n, out)
+    for j in range(n):
+        if not 1e-300 < out[j] < 1e300:
+            raise ValueError(
+                "a covariance of the mixture is not positive definite, or its determinant lies "
+                "outside 1e-300 to 1e300: choose units nearer to the spread of the states"
+            )
+        out[j] = _logarithm(out[j])
+
+
+@njit(cache=True, error_model="numpy")
+def by_entry(w, m, P):
+    """The mixture with the component axis last, so that a loop over components is vectorised: w
+    (n,), means (d, n), lower triangles of the covariances row by row (d (d + 1) / 2, n)."""
+    n, d = m.shape
+    means, entries = np.empty((d, n)), np.empty((d * (d + 1) // 2, n))
+    for i in range(n):
+        q = 0
+        for r in range(d):
+            means[r, i] = m[i, r]
+            for c in range(r + 1):
+                entries[q, i] = P[i, r, c]
+                q += 1
+    return w.copy(), means, entries
+
+
+@njit(cache=True, error_model="numpy")
+def pair_covariances(i, start, stop, w, means, entries, share, A):
+    """Covariances by entry of component i merged with each of start..stop-1, written to the first
+    columns of A; share is left holding w_i / (w_i + w_j)."""
+    n = stop - start
+    for j in range(n):
+        share[j] = w[i] / (w[i] + w[start + j])
+    q = 0
+    for r in range(len(means)):
+        for c in range(r + 1):
+            mean_r, mean_c, entry = means[r, i], means[c, i], entries[q, i]
+            others_r, others_c = means[r, start:stop], means[c, start:stop]
+            others, target = entries[q, start:stop], A[q]
+            for j in range(n):
+                spread = (mean_r - others_r[j]) * (mean_c - others_c[j])
+                target[j] = share[j] * entry + (1 - share[j]) * (others[j] + share[j] * spread)
+            q += 1
+
+
+@njit(cache=True, error_model="numpy")
+def _planar_determinants(i, start, stop, w, means, entries, out):
+    """`_determinants` of `pair_covariances` for four states, the case of a planar position and
+    velocity, written out: |A + c dd'| = |A| (1 + c d'A^-1 d) with A = a Pi + b Pj and c = a b, by
+    blocks of two states."""
+    wi, m0, m1, m2, m3 = w[i], means[0, i], means[1, i], means[2, i], means[3, i]
+    q00, q10, q11, q20, q21 = entries[0, i], entries[1, i], entries[2, i], entries[3, i], entries[4, i]
+    q22, q30, q31, q32, q33 = entries[5, i], entries[6, i], entries[7, i], entries[8, i], entries[9, i]
+    for j in range(start, stop):
+        b = w[j] / (wi + w[j])
+        p00, p10, p11 = (
+            q00 + b * (entries[0, j] - q00),
+            q10 + b * (entries[1, j] - q10),
+            q11 + b * (entries[2, j] - q11),
+        )
+        p20, p21, p22 = (
+            q20 + b * (entries[3, j] - q20),
+            q21 + b * (entries[4, j] - q21),
+            q22 + b * (entries[5, j] - q22),
+        )
+        p30, p31 = q30 + b * (entries[6, j] - q30), q31 + b * (entries[7, j] - q31)
+        p32, p33 = q32 + b * (entries[8, j] - q32), q33 + b * (entries[9, j] - q33)
+        d0, d1, d2, d3 = means[0, j] - m0, means[1, j] - m1, means[2, j] - m2, means[3, j] - m3
+        upper = p00 * p11 - p10 * p10
+        v = 1.0 / upper
+        x0, x1 = (p11 * p20 - p10 * p21) * v, (p00 * p21 - p10 * p20) * v
+        y0, y1 = (p11 * p30 - p10 * p31) * v, (p00 * p31 - p10 * p30) * v
+        p22, p32, p33 = p22 - x0 * p20 - x1 * p21, p32 - y0 * p20 - y1 * p21, p33 - y0 * p30 - y1 * p31
+        d2, d3 = d2 - x0 * d0 - x1 * d1, d3 - y0 * d0 - y1 * d1
+        c = b * (1 - b)
+        lower = p22 * p33 - p32 * p32
+        # c d'A^-1 d times lower: what the first two states add to it, and the others given these
+        near = lower * (p11 * d0 * d0 - 2 * p10 * d0 * d1 + p00 * d1 * d1) * v
+        far = p33 * d2 * d2 - 2 * p32 * d2 * d3 + p22 * d3 * d3
+        spread = c * (near + far)
+        # where the covariance itself would drown in rounding
+        out[j] = upper * (lower + spread) if spread < 1e16 * lower else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _determinants(A, n, out):
+    """Determinants of the first n symmetric matrices given by entry, A (d (d + 1) / 2, n), by LDL'
+    without square roots; A is overwritten."""
+    for j in range(n):
+        out[j] = 1.0
+    d = int(np.sqrt(2 * len(A)))
+    for k in range(d):
+        pivot = k * (k + 3) // 2
+        for j in range(n):
+            out[j] *= A[pivot, j]
+            A[pivot, j] = 1.0 / A[pivot, j]
+        for r in range(k + 1, d):
+            below = r * (r + 1) // 2 + k
+            for c in range(k + 1, r + 1):
+                target, beside = r * (r + 1) // 2 + c, c * (c + 1) // 2 + k
+                for j in range(n):
+                    A[target, j] -= A[below, j] * A[pivot, j] * A[beside, j]
+
+
+@njit(cache=True, error_model="numpy")
+def _logarithm(x):
+    """Natural logarithm of a positive normal number, to the last bit or the one before. A call of the
+    library's logarithm would keep a loop from being vectorised."""
+    bits = np.float64(x).view(np.int64)
+    mantissa = np.int64((bits & 0x000FFFFFFFFFFFFF) | 0x3FF0000000000000).view(np.float64)
+    exponent = float((bits >> 52) - 1023)
+    above = mantissa > 1.4142135623730951
+    mantissa = 0.5 * mantissa if above else mantissa
+    exponent = exponent + 1.0 if above else exponent
+    # log(mantissa) = 2 (s + s^3/3 + s^5/5 + ...), |s| < 0.172
+    s = (mantissa - 1.0) / (mantissa + 1.0)
+    s2 = s * s
+    # written out, since a loop over the coefficients would not be vectorised
+    series = 1 / 15 + s2 * (1 / 17 + s2 * (1 / 19 + s2 * (1 / 21)))
+    series = 1 / 7 + s2 * (1 / 9 + s2 * (1 / 11 + s2 * (1 / 13 + s2 * series)))
+    series = 1 / 3 + s2 * (1 / 5 + s2 * series)
+    return exponent * 0.6931471805599453 + 2.0 * (s + s * s2 * series)
