@@ -93,12 +93,15 @@ def encoded(thresholds: Thresholds, parameters: Sequence[str]) -> np.ndarray:
 
 
 def check_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
-    """The names of thresholds as a tuple; ValueError for none, for one twice and for an unknown one."""
-    if isinstance(parameters, str) or not parameters or len(set(parameters)) < len(parameters):
+    """The names of thresholds as a tuple; ValueError for another kind, for none, for one twice and
+    for an unknown one."""
+    if not isinstance(parameters, Sequence) or isinstance(parameters, str) or not parameters:
         raise ValueError(f"parameters must be a list of different thresholds, got {parameters!r}")
     for name in parameters:
         if name not in Thresholds._fields:
             raise ValueError(f"unknown threshold {name!r}; choose from {', '.join(Thresholds._fields)}")
+    if len(set(parameters)) < len(parameters):
+        raise ValueError(f"parameters must be a list of different thresholds, got {parameters!r}")
     return tuple(parameters)
 
 

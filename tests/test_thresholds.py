@@ -273,5 +273,9 @@ def test_policies_do_as_they_say():
     drawn = np.array([random(seen, t) for t in range(8)])
     assert (drawn[:4] == drawn[0]).all() and (drawn[4:] == drawn[4]).all() and (drawn[0] != drawn[4]).all()
     assert (np.abs(drawn) <= 1).all()
+    for every, message in ((0, "at least 1, got 0"), (1.5, "a whole number, got 1.5"), ("5", "1, got '5'")):
+        for policy in (schedule, random):
+            with pytest.raises(ValueError, match=f"every must be .*{message}"):
+                replace(policy, every=every)
     with pytest.raises(ValueError, match="unknown feature 'entropie'"):
         replace(rule, names=("entropie",))(seen, 0)
