@@ -12,7 +12,7 @@ from gmr_gym.association import Gates
 from gmr_gym.hypotheses import expand_scan, odds
 from gmr_gym.kalman import Sensor
 from gmr_gym.mixture import Mixture
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.network import Network, forward, load
 from gmr_gym.reduction import at_least_one
 from gmr_gym.threshold_features import FEATURES, Memory, at_start, observe, told

@@ -18,7 +18,7 @@ from gmr_gym.association import (
 )
 from gmr_gym.kalman import Sensor, innovation, predict, predict_all
 from gmr_gym.mixture import Mixture, rescaled, root_determinants
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.reduction import Greedy, Reduced, among_heaviest, heavier, merge_by_cost, selected_by
 
 MOST = 2000  # hypotheses that enter a reduction, the heaviest, lest a huge scan fill memory

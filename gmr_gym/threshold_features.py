@@ -11,7 +11,7 @@ from gmr_gym.hypotheses import MOST
 from gmr_gym.kalman import innovation
 from gmr_gym.merge_cost import cost_of_all
 from gmr_gym.mixture import root_determinants
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 
 # In this order, and scaled so that most of them lie within [-1, 1] most of the time. n: hypotheses of the
 # full posterior, w: their weights, c: cost of merging them all, S = H P H' + R: covariance of a detection,
