@@ -6,7 +6,7 @@ import numpy as np
 
 from gmr_gym.hypotheses import fused
 from gmr_gym.mixture import Mixture, collapsed
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.tracker import Report, check_scan
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gmr_gym.association import Gates
 from gmr_gym.mixture import Mixture
-from gmr_gym.model import Model, told_by
+from gmr_gym.models import Model, told_by
 from gmr_gym.multitarget import Population
 
 GROUP, CROWD_GROUP = "gmr_gym.trackers", "gmr_gym.crowd_trackers"
