@@ -9,7 +9,7 @@ import numpy as np
 
 from gmr_gym.association import expand_together, hopeless_beyond
 from gmr_gym.mixture import Mixture, collapsed, moments, normalised
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.modes import Bank, banked, fused, leave_alone, merged, mixed, moved, started, tended
 from gmr_gym.reducers import reducer
 from gmr_gym.reduction import Reduced, check_reduced, heaviest

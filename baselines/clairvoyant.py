@@ -7,7 +7,7 @@ import numpy as np
 
 from gmr_gym.association import expand, gates
 from gmr_gym.mixture import collapsed, moments
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.modes import Modal, carried, spread
 from gmr_gym.reduction import runnalls
 from gmr_gym.tracker import Report, check_scan

@@ -9,7 +9,7 @@ from gmr_gym.association import Gates, distances_seen, gates, volumes
 from gmr_gym.imm import mixed_ahead
 from gmr_gym.kalman import Look
 from gmr_gym.mixture import Mixture, collapsed
-from gmr_gym.model import Model, told_by
+from gmr_gym.models import Model, told_by
 from gmr_gym.modes import Bank, started
 from gmr_gym.tracker import Report, check_scan
 

@@ -8,7 +8,7 @@ from gmr_gym.association import Gates, gate_size, hopeless_beyond, unit_ball
 from gmr_gym.imm import associated, mixed_ahead
 from gmr_gym.kalman import Motion
 from gmr_gym.mixture import Mixture, collapsed
-from gmr_gym.model import Model, told_by
+from gmr_gym.models import Model, told_by
 from gmr_gym.modes import Bank, started
 from gmr_gym.tracker import Report, check_limits, check_scan
 

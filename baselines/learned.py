@@ -8,14 +8,15 @@ import numpy as np
 from numba import njit
 
 import gmr_gym
-from gmr_gym.hypotheses import expanded, odds
+from gmr_gym.association import Gates
+from gmr_gym.hypotheses import expand_scan, odds
 from gmr_gym.kalman import Sensor
 from gmr_gym.mixture import Mixture
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.network import Network, forward, load
 from gmr_gym.reduction import at_least_one
 from gmr_gym.threshold_features import FEATURES, Memory, at_start, observe, told
-from gmr_gym.thresholds import PAPER, Thresholds, adapted, decode, encoded, places
+from gmr_gym.thresholds import PAPER, Thresholds, adapt, decode, encoded, places
 from gmr_gym.tracker import Report, check_scan
 
 SHIPPED = Path(gmr_gym.__file__).parent / "data" / "policies" / "thresholds.npz"
@@ -36,15 +37,16 @@ class LearnedThresholds:
     model: Model
     network: Network
     rest: Thresholds = PAPER
-    # the same at every scan: what the model says, the network, and the thresholds that it sets among all
+    # the same at every scan: what the model says, the network, which thresholds it sets, and the rest
     _same: tuple[Any, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self):
-        if not isinstance(self.model.sensor, Sensor):
+        model = self.model
+        if not isinstance(model.sensor, Sensor):
             raise ValueError("learned thresholds need a linear sensor of positions, and here it is a radar")
         encoded(self.rest, ("components",))  # a limit out of range is an error here, not in a scan
         same = (
-            odds(self.model)[2], told(self.model), *self.network.packed(),
+            *model.motion, *model.sensor, *odds(model), told(model), *self.network.packed(),
             places(self.network.parameters), np.array(self.rest, float),
         )  # fmt: skip
         object.__setattr__(self, "_same", same)
@@ -53,27 +55,32 @@ class LearnedThresholds:
         return Belief(self.model.prior, at_start(self.model))
 
     def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
-        sensor = self.model.sensor
-        full = expanded(belief.mixture, self.model, check_scan(z, len(sensor.H)))
-        thresholds, cost = _chosen(
-            *full.posterior.mixture, full.posterior.detection, full.posterior.log_density, full.gates.S,
-            sensor.H, sensor.R, *belief.memory, *self._same,
-        )  # fmt: skip
-        done = adapted(full, thresholds, cost)
-        report = Report(done.mean[None], done.covariance[None], full.gates, done.mixture)
-        return Belief(done.mixture, Memory(len(done.mixture.w), done.given_up, done.work)), report
+        z = check_scan(z, len(self.model.sensor.H))
+        gates, w, m, P, mean, covariance, given_up, work = _scan(
+            *belief.mixture, *belief.memory, z, *self._same
+        )
+        mixture = Mixture(w, m, P)
+        report = Report(mean[None], covariance[None], Gates(*gates), mixture)
+        return Belief(mixture, Memory(len(w), given_up, work)), report
 
 
 @njit(cache=True, error_model="numpy")
-def _chosen(
-    w, m, P, detection, log_density, S, H, R, kept, given_up, work,
-    log_odds, known, mean, deviation, reach, curved, squashed, sizes, numbers, set_by, rest,
+def _scan(
+    w, m, P, kept, given_up, work, z,
+    F, Q, offset, H, R, size, log_miss, log_detect, known, layout, numbers, set_by, rest,
 ):  # fmt: skip
-    """The thresholds (4,) that a packed network says for a posterior, and the cost of merging all of it."""
-    seen, cost, _ = observe(w, m, P, detection, log_density, S, H, R, log_odds, known, kept, given_up, work)
+    """A whole scan in one call: the fields of the gates, and what `adapt` returns for the thresholds that a
+    packed network says."""
+    centres, S, w, m, P, _, detection, log_density = expand_scan(
+        w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z
+    )
+    seen, cost, gated = observe(
+        w, m, P, detection, log_density, S, H, R, log_detect, known, kept, given_up, work
+    )
     single = seen.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
-    actions = forward(single, mean, deviation, reach, curved, squashed, sizes, numbers)
-    return decode(actions, set_by, rest)[0], cost
+    thresholds = decode(forward(single, layout, numbers), set_by, rest)[0]
+    w, m, P, mean, covariance, given_up, work = adapt(w, m, P, thresholds, cost, gated)
+    return (centres, S, size), w, m, P, mean, covariance, given_up, work
 
 
 def learned_thresholds(

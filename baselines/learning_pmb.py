@@ -8,7 +8,7 @@ import numpy as np
 
 from gmr_gym import multi_bernoulli
 from gmr_gym.clutter_learning import Learner, Lessons, first_lesson, learn, learner
-from gmr_gym.model import check_probability
+from gmr_gym.models import check_probability
 from gmr_gym.multi_bernoulli import MultiBernoulli
 from gmr_gym.multitarget import Account, Population
 from gmr_gym.tracker import check_limits, check_scan

@@ -11,7 +11,7 @@ from gmr_gym import ise as williams
 from gmr_gym import reduction
 from gmr_gym.hypotheses import MOST, expanded, reduced
 from gmr_gym.mixture import Mixture, collapsed, moments
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.reduction import Greedy, Reduced
 from gmr_gym.tracker import Report, check_limits, check_scan
 
@@ -50,7 +50,7 @@ class Mht:
         full = expanded(belief, self.model, check_scan(z, len(self.model.sensor.H)))
         posterior = reduced(
             full.posterior.mixture, self.reduce, self.prune_weight, self.prune_density, self.most
-        ).mixture
+        )
         mean, covariance = moments(posterior)
         return posterior, Report(mean[None], covariance[None], full.gates, posterior)
 

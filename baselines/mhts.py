@@ -11,7 +11,7 @@ import numpy as np
 from gmr_gym.association import Expansion, Gates, expand, hopeless_beyond, look_together
 from gmr_gym.kalman import Look, predict
 from gmr_gym.mixture import Mixture, collapsed, joined, moments, normalised, take
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.modes import diverging, floored, mmae_weights
 from gmr_gym.reducers import reducer
 from gmr_gym.reduction import Reduced, check_reduced, heaviest, runnalls

@@ -10,7 +10,7 @@ import numpy as np
 from gmr_gym import modes
 from gmr_gym.association import expand_together, hopeless_beyond
 from gmr_gym.mixture import Mixture, moments, normalised
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.modes import Modal, carried, spread
 from gmr_gym.reducers import reducer
 from gmr_gym.reduction import Reduced, capping, check_reduced, heaviest

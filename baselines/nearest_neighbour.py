@@ -7,7 +7,7 @@ import numpy as np
 from gmr_gym.association import distances_seen, expand, gates
 from gmr_gym.kalman import predict
 from gmr_gym.mixture import Mixture, collapsed
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.tracker import Report, check_scan
 
 

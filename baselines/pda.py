@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmr_gym.hypotheses import expanded
+from gmr_gym.hypotheses import fused
 from gmr_gym.mixture import Mixture, collapsed
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.tracker import Report, check_scan
 
 
@@ -21,6 +21,5 @@ class Pda:
         return collapsed(self.model.prior)
 
     def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
-        full = expanded(belief, self.model, check_scan(z, len(self.model.sensor.H)))
-        merged = collapsed(full.posterior.mixture)
-        return merged, Report(merged.m, merged.P, full.gates, merged)
+        merged, gates = fused(belief, self.model, check_scan(z, len(self.model.sensor.H)))
+        return merged, Report(merged.m, merged.P, gates, merged)

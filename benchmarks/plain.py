@@ -5,7 +5,7 @@ from numba import njit
 
 from gmr_gym.association import gate_size
 from gmr_gym.mixture import Mixture
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.simulate import Scenario
 
 

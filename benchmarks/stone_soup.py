@@ -29,7 +29,7 @@ from stonesoup.updater.pointprocess import PHDUpdater
 
 from gmr_gym.kalman import Motion, Sensor
 from gmr_gym.mixture import Mixture
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.multitarget import Population
 from gmr_gym.simulate import Scenario
 

@@ -1,18 +1,37 @@
 """Target tracking in clutter, as something to measure, reproduce and learn on.
 
-Importing registers the environments; trackers and the Monte Carlo harness work without one.
+Importing registers the environments; trackers and the Monte Carlo harness work without one. What stands here
+is imported when it is first used: numba, which all of it needs, takes longer to import than all the rest.
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from gmr_gym.envs import register_envs
-from gmr_gym.mixture import Mixture
-from gmr_gym.model import Model, model
-from gmr_gym.policy import CrowdPolicy, Policy
-from gmr_gym.tracker import Report, Tracker, make_tracker, trackers
 from gmr_gym.version import __version__
+
+if TYPE_CHECKING:
+    from gmr_gym.mixture import Mixture
+    from gmr_gym.models import Model, model
+    from gmr_gym.policy import CrowdPolicy, Policy
+    from gmr_gym.tracker import Report, Tracker, make_tracker, trackers
 
 __all__ = [
     "CrowdPolicy", "Mixture", "Model", "Policy", "Report", "Tracker", "__version__",
     "make_tracker", "model", "register_envs", "trackers",
 ]  # fmt: skip
+_HOME = {
+    "mixture": ("Mixture",),
+    "models": ("Model", "model"),
+    "policy": ("CrowdPolicy", "Policy"),
+    "tracker": ("Report", "Tracker", "make_tracker", "trackers"),
+}
 
 register_envs()
+
+
+def __getattr__(name: str) -> Any:
+    for module, names in _HOME.items():
+        if name in names:
+            return getattr(import_module(f"gmr_gym.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

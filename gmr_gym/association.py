@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from scipy.special import gamma
-from scipy.stats import chi2
+from scipy.special import gamma, gammaincinv
 
 from gmr_gym.kalman import Sensing, posterior_into, predict
 from gmr_gym.mixture import (
@@ -18,7 +17,7 @@ from gmr_gym.mixture import (
     root_determinants,
     take,
 )
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 
 
 class Gates(NamedTuple):
@@ -42,7 +41,7 @@ class Expansion(NamedTuple):
 @lru_cache
 def gate_size(probability: float, p: int) -> float:
     """Chi-square quantile that a p-dimensional innovation stays under with `probability`."""
-    return float(chi2.ppf(probability, p))
+    return float(2 * gammaincinv(p / 2, probability))
 
 
 def gates(predicted: Mixture, sensor: Sensing, probability: float) -> Gates:

@@ -17,7 +17,6 @@ from functools import lru_cache
 
 import numpy as np
 from numba import njit
-from scipy.stats import binom, poisson
 
 from gmr_gym.kalman import Sensor
 from gmr_gym.mixture import Mixture
@@ -31,6 +30,8 @@ def transitions(survival_probability: float, spawned: float, born: float, most: 
     goes beyond N.
 
     Departs: nothing spawns in the paper."""
+    from scipy.stats import binom, poisson
+
     n = np.arange(most + 1)
     out = np.empty((most + 1, most + 1))
     for m in n:

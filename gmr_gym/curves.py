@@ -6,7 +6,7 @@ from typing import NamedTuple
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
-from scipy.stats import DegenerateDataWarning, bootstrap, norm
+from scipy.special import ndtri
 
 from gmr_gym.metrics import credibility, nees
 from gmr_gym.montecarlo import Runs
@@ -60,6 +60,8 @@ def resampled(statistic: Callable[[np.ndarray], np.ndarray], mask: np.ndarray) -
     """statistic(weight) -> (s,) of the runs in the mask (runs,), each with the interval that the standard
     error of a bootstrap over runs gives: percentiles would be off, for with every run that is drawn twice
     a credibility comes out higher. All nan for fewer than two runs."""
+    from scipy.stats import DegenerateDataWarning, bootstrap
+
     chosen = np.flatnonzero(mask)
     if len(chosen) < 2:
         return [Figure(np.nan)] * len(statistic(np.ones(len(mask))))
@@ -70,7 +72,7 @@ def resampled(statistic: Callable[[np.ndarray], np.ndarray], mask: np.ndarray) -
             vectorized=False, n_resamples=RESAMPLES, method="percentile", rng=np.random.default_rng(0),
         ).standard_error  # fmt: skip
     value = statistic(mask.astype(float))
-    reach = norm.ppf((1 + CONFIDENCE) / 2) * error
+    reach = ndtri((1 + CONFIDENCE) / 2) * error
     return [Figure(*map(float, row)) for row in zip(value, value - reach, value + reach, strict=True)]
 
 

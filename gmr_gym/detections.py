@@ -14,7 +14,7 @@ import numpy as np
 
 from gmr_gym.kalman import position_sensor
 from gmr_gym.mixture import Mixture, gaussian, mixture, moments
-from gmr_gym.model import Model, model
+from gmr_gym.models import Model, model
 from gmr_gym.motions import constant_velocity
 from gmr_gym.tracker import Tracker, check_scan
 

@@ -17,8 +17,8 @@ from gmr_gym.association import (
     log_odds,
 )
 from gmr_gym.kalman import Sensor, innovation, predict, predict_all
-from gmr_gym.mixture import Mixture, rescaled, root_determinants
-from gmr_gym.model import Model
+from gmr_gym.mixture import Mixture, collapsed, match, pairwise_sum, rescaled, root_determinants
+from gmr_gym.models import Model
 from gmr_gym.reduction import Greedy, Reduced, among_heaviest, heavier, merge_by_cost, selected_by
 
 MOST = 2000  # hypotheses that enter a reduction, the heaviest, lest a huge scan fill memory
@@ -29,29 +29,6 @@ class Expanded(NamedTuple):
 
     posterior: Expansion  # every hypothesis with every gated detection
     gates: Gates  # about the predicted hypotheses
-
-    @property
-    def gated(self) -> int:
-        """Pairs of a hypothesis and a detection in its gate: so many Gaussians were updated."""
-        return int(np.count_nonzero(self.posterior.detection >= 0))
-
-
-class Kept(NamedTuple):
-    """What a reduction left, and how much there was of it to merge."""
-
-    mixture: Mixture  # weights sum to 1
-    entered: int  # hypotheses that SP pruning let into the merging
-    left: int  # hypotheses that came out of it, before NWP pruning
-
-    @property
-    def merge_costs(self) -> int:
-        """Evaluations of the cost B of a pair that greedy merging needs on its way from n = `entered` to
-        r = `left` hypotheses: one for each of the n (n - 1) / 2 pairs at first, then, after each merge, one
-        for the new hypothesis with each of the others,
-
-            n (n - 1) / 2 + (r - 1) + r + ... + (n - 2) = (n - 1)^2 - (r - 1) (r - 2) / 2
-        """
-        return merge_costs(self.entered, self.left)
 
 
 def expanded(belief: Mixture, model: Model, z: np.ndarray) -> Expanded:
@@ -71,23 +48,32 @@ def expanded(belief: Mixture, model: Model, z: np.ndarray) -> Expanded:
     return Expanded(posterior, looked)
 
 
+def fused(belief: Mixture, model: Model, z: np.ndarray) -> tuple[Mixture, Gates]:
+    """`expanded` with the whole posterior merged into one Gaussian; and the gates."""
+    if isinstance(model.sensor, Sensor):
+        size, log_miss, log_detect = odds(model)
+        centres, S, w, m, P = fuse_scan(*belief, *model.motion, *model.sensor, size, log_miss, log_detect, z)
+        return Mixture(w, m, P), Gates(centres, S, size)
+    full = expanded(belief, model, z)
+    return collapsed(full.posterior.mixture), full.gates
+
+
 def reduced(
     posterior: Mixture,
     reduce: Callable[[Mixture], Reduced],
     prune_weight: float,
     density: float,
     most: int = MOST,
-) -> Kept:
+) -> Mixture:
     """The second half: SP pruning of what weighs less than `prune_weight` (gamma), of the rest the `most`
     heaviest through `reduce`, NWP pruning below `density` (gamma~), renormalised after each."""
     if isinstance(reduce, Greedy):
-        w, m, P, entered, left = reduce_scan(
+        *left, _, _ = reduce_scan(
             *posterior, prune_weight, most, reduce.components, reduce.loss_bound, density
         )
-        return Kept(Mixture(w, m, P), entered, left)
+        return Mixture(*left)
     entering = Mixture(*let_in(*posterior, prune_weight, most))
-    leaving = reduce(entering)[0]
-    return Kept(Mixture(*let_out(*leaving, density)), len(entering.w), len(leaving.w))
+    return Mixture(*let_out(*reduce(entering)[0], density))
 
 
 def odds(model: Model) -> tuple[float, float, float]:
@@ -109,6 +95,14 @@ def expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
         size, log_miss, log_detect, np.zeros(k),
     )  # fmt: skip
     return centres, S, w, m, P, parent, detection, log_density
+
+
+@njit(cache=True, error_model="numpy")
+def fuse_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
+    """Centres and innovation covariances of the gates, and the w, m, P of the one Gaussian."""
+    centres, S, w, m, P, _, _, _ = expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z)
+    _, m, P = match(w, m, P, np.zeros(len(w), np.int64), 1)
+    return centres, S, np.full(1, pairwise_sum(w)), m, P
 
 
 @njit(cache=True, error_model="numpy")
@@ -138,5 +132,10 @@ def let_out(w, m, P, density):
 
 @njit(cache=True, error_model="numpy")
 def merge_costs(entered, left):
-    """See `Kept.merge_costs`."""
+    """Evaluations of the cost B of a pair that greedy merging needs on its way from n = `entered` to
+    r = `left` hypotheses: one for each of the n (n - 1) / 2 pairs at first, then, after each merge, one for
+    the new hypothesis with each of the others,
+
+        n (n - 1) / 2 + (r - 1) + r + ... + (n - 2) = (n - 1)^2 - (r - 1) (r - 2) / 2
+    """
     return (entered - 1) ** 2 - (left - 1) * (left - 2) // 2

@@ -1,11 +1,20 @@
 """Williams' greedy reduction: each step leaves the least integral squared error it can."""
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
-from gmr_gym.distances import BLOCK, dimension, pack, products, products_of_columns, products_with, unpack
+from gmr_gym.distances import pack, products, unpack
+from gmr_gym.ise_pairs import (
+    ROUNDING,
+    Work,
+    add_products,
+    carry,
+    count_merges,
+    pair,
+    products_with_all,
+    score_pairs,
+    weighted,
+)
 from gmr_gym.merging import first_least
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction import at_least_one
@@ -14,14 +23,16 @@ from gmr_gym.reduction import at_least_one
 # g = sum_a q[a] M[a], and r = f - s g the error. An action that turns r into r + v costs
 # 2 <r, v> + <v, v>:
 #   to delete a               v = (s - s') g + s' q[a] M[a],  s' the scale afterwards
-#   to merge a and b into c   v = s delta,  delta = two - one, two = q[a] M[a] + q[b] M[b], one = q[c] M[c]
-# <delta, delta> stays what it is while a and b live. <r, two> is known at any time, and for any share
-#   <r, delta> = (1 - share) <r, two> - <r, one - share two> >= (1 - share) <r, two> - |r| |one - share two|
-# so many merges lose without a look at <f, one> and <g, one>; the share with the least
-# |one - share two| is <one, two> / <two, two>. Once looked at, <f, one> stays and <g, one> changes by
-# at most three products per action.
-
-ROUNDING = 1e-14  # relative error granted to a sum of products; bounds stay on its safe side
+#   to merge a and b into c   v = s delta,  delta = A + B - C,  A = q[a] M[a], B = q[b] M[b], C = q[c] M[c]
+# <delta, delta> stays what it is while a and b live. <r, A> is known at any time for every a, and for any
+# x and y
+#   <r, delta> = (1 - x) <r, A> + (1 - y) <r, B> - <r, C - x A - y B>
+# where the last is at most |r| |C - x A - y B| in size, least where x A + y B is the projection of C. So
+# many merges lose without a look at <r, C>. For those that do not
+#   <r, delta> = (1 - s) <f, delta> + s <e, delta>,  e = f - g
+# in which e has few terms at first, the inputs that went and the merges made of them, and <e, C> changes by
+# at most three products per action. <f, C> stays; as s is near 1 a bound as above, of |f| for |r|, often
+# does in its place.
 
 
 def integral_squared_error(
@@ -50,35 +61,16 @@ def integral_squared_error(
     return Mixture(s * work.q[alive], *unpack(work.M[:, work.place[alive]], d)), _numbered(work)
 
 
-class _Work(NamedTuple):
-    """f, and g with what is known of it. A merge takes the place of its first component, so that
-    the components of g keep the order of the inputs; nothing is moved when one goes."""
-
-    M: np.ndarray  # (T, L) packed Gaussians: the N of f, then the merges that g holds
-    w: np.ndarray  # (L,) their weights in f
-    u: np.ndarray  # (L,) their weights in g
-    place: np.ndarray  # (N,) column of component a of g, -1 once it is gone
-    q: np.ndarray  # (N,) its weight, 0 once it is gone
-    h: np.ndarray  # (N,) <f, q[a] M[a]>
-    g: np.ndarray  # (N,) <g, q[a] M[a]>
-    E: np.ndarray  # (N, N) <M[a], M[b]>
-    D: np.ndarray  # (N, N) <delta, delta> of the pair a < b, infinite once one of them is gone
-    share: np.ndarray  # (N, N) the share of two that comes nearest to one
-    reach: np.ndarray  # (N, N) |one - share two|, rounded up
-    fc: np.ndarray  # (N, N) <f, q[c] M[c]>, where gc is known
-    gc: np.ndarray  # (N, N) <g, q[c] M[c]>, nan while unknown
-    origin: np.ndarray  # (N,) component of g that each input went into, -1 once deleted
-
-
 def _begun(w, f, E):
     """Where the reduction starts: g is f."""
     T, n = f.shape
     room = n // 2  # for merges, each of two inputs or more
     M, weight = np.hstack([f, np.empty((T, room))]), np.append(w, np.zeros(room))
     place = np.arange(n)
-    D, share, reach, fc, gc = (np.full((n, n), fill) for fill in (np.inf, 0.0, 0.0, 0.0, np.nan))
+    ec, fc = np.full((2, n, n), np.nan)
+    D, x, y, reach, bound = np.full((5, n, n), np.inf)
     h, g, u, q, origin = np.empty(n), np.empty(n), weight.copy(), w.copy(), place.copy()
-    return _Work(M, weight, u, place, q, h, g, E, D, share, reach, fc, gc, origin)
+    return Work(M, weight, u, place, q, h, g, E, D, x, y, reach, ec, fc, bound, origin)
 
 
 def _numbered(work):
@@ -94,16 +86,16 @@ def _reduce(work, components, renormalise):
     _overlap(work)
     work.h[:] = work.g  # to the last bit: no difference yet, no cost
     for a in range(n):
-        _score_pairs(work, a, np.arange(a))
+        score_pairs(work, a, np.arange(a))
     W = work.q.sum()  # weight of g
     s = 1.0
     J = 0.0  # <r, r>
-    rounding = ROUNDING * work.h.sum()
+    size = np.sqrt(work.h.sum())  # |f|
     while n > components:
         _overlap(work)
-        error = np.sqrt(max(J, 0.0) + rounding)
+        error = np.sqrt(max(J, 0.0) + ROUNDING * size**2)
         delete_cost, k, after = _cheapest_deletion(work, s, W, renormalise)
-        merge_cost, a, b = _cheapest_merge(work, s, error, delete_cost)
+        merge_cost, a, b = _cheapest_merge(work, s, error, size, delete_cost)
         if merge_cost < delete_cost:
             J += merge_cost
             _merge(work, a, b)
@@ -153,175 +145,107 @@ def _cheapest_deletion(work, s, W, renormalise):
 
 
 @njit(cache=True, error_model="numpy")
-def _cheapest_merge(work, s, error, limit):
-    """Cost and components a < b of the cheapest merge below `limit`, or an infinite cost.
+def _cheapest_merge(work, s, error, size, limit):
+    """Cost and components a < b of the cheapest merge, or `limit` where none costs less.
 
-    The least lower bound is made exact until it already is.
+    Of what could be cheapest by its bound one pair is looked at, to learn how little a merge may cost,
+    then all the others together.
     """
-    n = len(work.q)
-    bound, at, room = np.full(n, np.inf), np.zeros(n, np.int64), np.empty(n)
-    for a in range(n):
-        if work.place[a] >= 0:
-            bound[a], at[a] = _least_bound(work, a, s, error, room)
+    n, total = len(work.q), len(work.q) + count_merges(work)
+    f, f_weights = work.M[:, :n].copy(), work.w[:n]
+    changed = np.flatnonzero(work.w[:total] != work.u[:total])
+    e, e_weights = work.M[:, changed].copy(), work.w[changed] - work.u[changed]
+    r_with = work.h - s * work.g
+    bound, cost = np.full(n, np.inf), np.full(n, np.inf)  # the least of each row
+    bound_at, cost_at = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    out_of_date, alone = work.place >= 0, True
     while True:
-        a = first_least(bound, n)
-        b = at[a]
-        if not bound[a] < limit:
-            return np.inf, a, b
-        if not np.isnan(work.gc[a, b]):
-            return bound[a], a, b
-        c, qc = _pair(work, a, b)
-        with_c = _products_with_all(work, c)
-        work.fc[a, b] = qc * _weighted(work.w, with_c)
-        work.gc[a, b] = qc * _weighted(work.u, with_c)
-        bound[a], at[a] = _least_bound(work, a, s, error, room)
+        for a in np.flatnonzero(out_of_date):
+            bound[a], bound_at[a], cost[a], cost_at[a] = _bound_row(work, a, s, error, size, r_with)
+        a, i = first_least(cost, n), first_least(bound, n)
+        least = min(cost[a], limit)
+        if not bound[i] < least:
+            return least, a, cost_at[a]
+        least = bound[i] if alone else least
+        out_of_date = bound <= least
+        first, second = _unknown(work.ec, work.bound, out_of_date, least)
+        add_products(work, work.ec, first, second, e, e_weights)
+        if alone or len(first) == 0:
+            first, second = _unknown(work.fc, work.bound, out_of_date, least)
+            add_products(work, work.fc, first, second, f, f_weights)
+        alone = False
 
 
 @njit(cache=True, error_model="numpy")
-def _least_bound(work, a, s, error, room):
-    """Least lower bound on the cost of a merge of a with any b > a, and that b."""
-    h, g, n = work.h, work.g, len(work.q)
-    D, share, reach, fc, gc = work.D[a], work.share[a], work.reach[a], work.fc[a], work.gc[a]
-    r_a = h[a] - s * g[a]
-    for b in range(a + 1, n):
-        r_two = r_a + (h[b] - s * g[b])
-        known = r_two - (fc[b] - s * gc[b])
-        rd = (1.0 - share[b]) * r_two - error * reach[b] if np.isnan(gc[b]) else known
-        cost = 2.0 * s * rd + s * s * D[b]
-        room[b] = np.inf if np.isnan(cost) else cost
-    b = a + 1 + first_least(room[a + 1 :], n - a - 1)
-    return (room[b], b) if b < n else (np.inf, a)
+def _bound_row(work, a, s, error, size, r_with):
+    """Sets the bounds of a with every b > a. The least bound and its b, the least cost that is known and its
+    b."""
+    n, b = len(work.q), a + 1
+    h_a, g_a, r_a = work.h[a], work.g[a], r_with[a]
+    h, g, r = work.h[b:], work.g[b:], r_with[b:]
+    D, x, y, reach = work.D[a, b:], work.x[a, b:], work.y[a, b:], work.reach[a, b:]
+    ec, fc, bound, cost = work.ec[a, b:], work.fc[a, b:], work.bound[a, b:], np.empty(n - b)
+    for i in range(n - b):
+        f_delta = (1.0 - x[i]) * h_a + (1.0 - y[i]) * h[i] + size * reach[i]
+        f_two = h_a + h[i]
+        f_delta = f_delta if f_delta < f_two else f_two
+        f_delta = f_delta if np.isnan(fc[i]) else f_two - fc[i]
+        e_delta = (f_two - ec[i]) - (g_a + g[i])  # to the rounding of what it is made of: no cost below that
+        r_delta = (1.0 - s) * f_delta + s * e_delta  # s is at least 1
+        below = (1.0 - x[i]) * r_a + (1.0 - y[i]) * r[i] - error * reach[i]
+        r_delta = below if np.isnan(ec[i]) else r_delta
+        least = 2.0 * s * r_delta + s * s * D[i]
+        least = np.inf if np.isnan(least) else least
+        known = not np.isnan(ec[i]) and (s == 1.0 or not np.isnan(fc[i]))
+        bound[i] = least
+        cost[i] = least if known else np.inf
+    if b == n:
+        return np.inf, a, np.inf, a
+    i, j = first_least(bound, n - b), first_least(cost, n - b)
+    return bound[i], b + i, cost[j], b + j
 
 
 @njit(cache=True, error_model="numpy")
-def _products_with_all(work, c):
-    """Products of the Gaussian packed in c (T,) with every column in use."""
-    return products_with(c, work.M, len(work.q) + _count_merges(work))
-
-
-@njit(cache=True, error_model="numpy")
-def _count_merges(work):
-    return (work.place >= len(work.q)).sum()
-
-
-@njit(cache=True, error_model="numpy")
-def _weighted(weights, products):
-    total = 0.0
-    for i in range(len(products)):
-        total += weights[i] * products[i]
-    return total
-
-
-@njit(cache=True, error_model="numpy")
-def _score_pairs(work, a, others):
-    """Set D, share and reach of a with each of `others`; their other products become unknown."""
-    q, E = work.q, work.E
-    c, qc = _moment_match(work, np.full(len(others), a), others)
-    near = work.M[:, work.place[others]]
-    cc = products_of_columns(c, c, len(others))
-    ac = products_with(work.M[:, work.place[a]].copy(), c, len(others))
-    bc = products_of_columns(near, c, len(others))
-    for k in range(len(others)):
-        b = others[k]
-        two = q[a] * q[a] * E[a, a] + q[b] * q[b] * E[b, b] + 2.0 * q[a] * q[b] * E[a, b]
-        one = qc[k] * qc[k] * cc[k]
-        across = qc[k] * (q[a] * ac[k] + q[b] * bc[k])
-        share = across / two if two > 0.0 else 1.0
-        i, j = min(a, b), max(a, b)
-        work.D[i, j] = max(two + one - 2.0 * across, 0.0)
-        work.share[i, j] = share
-        work.reach[i, j] = np.sqrt(max(one - share * across, 0.0) + ROUNDING * (two + one))
-        work.gc[i, j] = np.nan
-
-
-@njit(cache=True, error_model="numpy")
-def _moment_match(work, a, b):
-    """Packed merges (T, k) of the components a (k,) with b (k,), and their weights (eq. 9)."""
-    M, a_at, b_at = work.M, work.place[a], work.place[b]
-    T, k = len(M), len(a)
-    d = dimension(T)
-    c, qc, share, apart = np.empty((T, k)), np.empty(k), np.empty(k), np.empty((d, k))
-    for i in range(k):
-        qc[i] = work.q[a[i]] + work.q[b[i]]
-        share[i] = work.q[a[i]] / qc[i] if qc[i] > 0.0 else 0.5
-    t = 0
-    for row in range(d):
-        mean, out = M[T - d + row], c[T - d + row]
-        for i in range(k):
-            apart[row, i] = mean[a_at[i]] - mean[b_at[i]]
-            out[i] = share[i] * mean[a_at[i]] + (1.0 - share[i]) * mean[b_at[i]]
-        for col in range(row + 1):
-            entry, out, left, right = M[t], c[t], apart[row], apart[col]
-            for i in range(k):
-                P = entry[a_at[i]] + (1.0 - share[i]) * (left[i] * right[i])
-                out[i] = share[i] * P + (1.0 - share[i]) * entry[b_at[i]]
-            t += 1
-    return c, qc
-
-
-@njit(cache=True, error_model="numpy")
-def _pair(work, a, b):
-    """The merge of a and b, packed (T,), and its weight."""
-    c, qc = _moment_match(work, np.full(1, a), np.full(1, b))
-    return c.reshape(-1), qc[0]
-
-
-@njit(cache=True, error_model="numpy")
-def _carry(work, change, weights):
-    """Add the Gaussians packed in change (k, T), weighted, to g in every <g, q[c] M[c]> known."""
-    a, b = _known_pairs(work)
-    for start in range(0, len(a), BLOCK):
-        left, right = a[start : start + BLOCK], b[start : start + BLOCK]
-        c, qc = _moment_match(work, left, right)
-        for k in range(len(weights)):
-            with_c = products_with(change[k], c, len(left))
-            for i in range(len(left)):
-                work.gc[left[i], right[i]] += weights[k] * qc[i] * with_c[i]
-
-
-@njit(cache=True, error_model="numpy")
-def _known_pairs(work):
-    """Components a < b (k,) of the pairs whose <g, q[c] M[c]> is known."""
-    alive = np.flatnonzero(work.place >= 0)
-    n = len(alive)
+def _unknown(table, bound, rows, most):
+    """Components a < b (k,) of the pairs in these rows that are unknown and whose bound is at most this."""
+    n = len(rows)
     a, b, count = np.empty(n * n // 2 + 1, np.int64), np.empty(n * n // 2 + 1, np.int64), 0
     for i in range(n):
-        row = work.gc[alive[i]]
-        for j in range(i + 1, n):
-            a[count], b[count] = alive[i], alive[j]
-            count += not np.isnan(row[alive[j]])
+        if rows[i]:
+            for j in range(i + 1, n):
+                a[count], b[count] = i, j
+                count += bound[i, j] <= most and np.isnan(table[i, j])
     return a[:count], b[:count]
 
 
 @njit(cache=True, error_model="numpy")
 def _delete(work, k):
-    change, weights = np.empty((1, len(work.M))), np.full(1, -work.q[k])
-    change[0] = work.M[:, work.place[k]]
+    change, weights = work.M[:, work.place[k] : work.place[k] + 1].copy(), np.full(1, -work.q[k])
     work.origin[work.origin == k] = -1
     _vacate(work, k)
-    _carry(work, change, weights)
+    carry(work, change, weights)
 
 
 @njit(cache=True, error_model="numpy")
 def _merge(work, a, b):
     """Put the merge of a and b into a."""
     n = len(work.q)
-    c, qc = _pair(work, a, b)
-    change, weights = np.empty((3, len(c))), np.array([-work.q[a], -work.q[b], qc])
-    change[0], change[1], change[2] = work.M[:, work.place[a]], work.M[:, work.place[b]], c
+    c, qc = pair(work, a, b)
+    change, weights = np.empty((len(c), 3)), np.array([-work.q[a], -work.q[b], qc])
+    change[:, 0], change[:, 1], change[:, 2] = work.M[:, work.place[a]], work.M[:, work.place[b]], c
     work.origin[work.origin == b] = a
     _vacate(work, a)
     _vacate(work, b)
-    _carry(work, change, weights)
-    column = n + _count_merges(work)
+    carry(work, change, weights)
+    column = n + count_merges(work)
     work.M[:, column], work.u[column] = c, qc
     work.place[a], work.q[a] = column, qc
-    with_c = _products_with_all(work, c)
-    work.h[a] = qc * _weighted(work.w, with_c)
+    with_c = products_with_all(work, c)
+    work.h[a] = qc * weighted(work.w, with_c)
     alive = np.flatnonzero(work.place >= 0)
     for e in alive:
         work.E[a, e] = work.E[e, a] = with_c[work.place[e]]
-    _score_pairs(work, a, alive[alive != a])
+    score_pairs(work, a, alive[alive != a])
 
 
 @njit(cache=True, error_model="numpy")
@@ -329,12 +253,12 @@ def _vacate(work, a):
     """Take component a out of g; the last merge moves into the column of one that goes."""
     n, hole = len(work.q), work.place[a]
     if hole >= n:
-        last = n + _count_merges(work) - 1
+        last = n + count_merges(work) - 1
         work.M[:, hole], work.u[hole] = work.M[:, last], work.u[last]
         work.place[work.place == last] = hole
         hole = last
     work.u[hole] = 0.0
     work.place[a], work.q[a] = -1, 0.0
-    for table, gone in ((work.D, np.inf), (work.gc, np.nan)):
+    for table, gone in ((work.D, np.inf), (work.ec, np.nan), (work.fc, np.nan)):
         table[a] = gone
         table[:, a] = gone

@@ -11,8 +11,6 @@ which is the least of wi KL(i || N) + wj KL(j || N) over all Gaussians N.
 import numpy as np
 from numba import njit
 
-from gmr_gym.mixture import match
-
 BLOCK = 128  # components: a block of covariances stays in the nearest cache
 
 
@@ -54,13 +52,35 @@ def merge_pair(i, j, w, means, entries, room):
 def cost_of_all(w, m, P):
     """Cost of merging everything: the sum of the costs B of any way down to one; and the mean (d,) and
     covariance (d, d) of that one."""
-    _, _, entries = by_entry(w, m, P)
-    room = np.empty((len(entries), BLOCK)), np.empty(BLOCK)
-    apart = (w * log_determinants(entries, room)).sum()
-    weight, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), 1)
-    _, _, entries = by_entry(weight, mean, covariance)
-    whole = weight[0] * log_determinants(entries, room)[0]
-    return max(0.0, 0.5 * (whole - apart)), mean[0], covariance[0]
+    n, d = m.shape
+    weight, mean, covariance = 0.0, np.zeros(d), np.zeros((d, d))
+    for i in range(n):
+        weight += w[i]
+    for i in range(n):
+        share = w[i] / weight
+        for r in range(d):
+            mean[r] += share * m[i, r]
+    A, log_det = np.empty((d * (d + 1) // 2, BLOCK)), np.empty(BLOCK)
+    apart = 0.0
+    for start in range(0, n, BLOCK):
+        stop = min(start + BLOCK, n)
+        for i in range(start, stop):
+            share, q = w[i] / weight, 0
+            for r in range(d):
+                for c in range(r + 1):
+                    A[q, i - start] = P[i, r, c]
+                    covariance[r, c] += share * (P[i, r, c] + (m[i, r] - mean[r]) * (m[i, c] - mean[c]))
+                    q += 1
+        _log_determinants(A, stop - start, log_det)
+        for i in range(start, stop):
+            apart += w[i] * log_det[i - start]
+    q = 0
+    for r in range(d):
+        for c in range(r + 1):
+            A[q, 0] = covariance[c, r] = covariance[r, c]
+            q += 1
+    _log_determinants(A, 1, log_det)
+    return max(0.0, 0.5 * (weight * log_det[0] - apart)), mean, covariance
 
 
 @njit(cache=True, error_model="numpy")
@@ -73,7 +93,14 @@ def log_determinants(entries, room):
         for q in range(len(entries)):
             for j in range(start, stop):
                 A[q, j - start] = entries[q, j]
-        _determinants(A, stop - start, out[start:])
+        _log_determinants(A, stop - start, out[start:])
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _log_determinants(A, n, out):
+    """Logarithms of `_determinants`; ValueError for a matrix that is not positive definite."""
+    _determinants(A, n, out)
     for j in range(n):
         if not 1e-300 < out[j] < 1e300:
             raise ValueError(
@@ -81,7 +108,6 @@ def log_determinants(entries, room):
                 "outside 1e-300 to 1e300: choose units nearer to the spread of the states"
             )
         out[j] = _logarithm(out[j])
-    return out
 
 
 @njit(cache=True, error_model="numpy")

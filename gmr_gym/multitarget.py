@@ -10,7 +10,7 @@ import numpy as np
 from gmr_gym.association import unit_ball
 from gmr_gym.kalman import Motion, Sensor
 from gmr_gym.mixture import Mixture, check_covariance, log_density
-from gmr_gym.model import check_probability
+from gmr_gym.models import check_probability
 
 
 class Clutter(NamedTuple):

@@ -34,14 +34,14 @@ class Network(NamedTuple):
         rows = np.array(features, float, ndmin=2)
         return forward(rows, *self.packed()).reshape(*np.shape(features)[:-1], -1)
 
-    def packed(self) -> tuple[Any, ...]:
-        """What `forward` takes: the network as a few plain arrays and numbers."""
-        layers = [part.ravel() for pair in zip(self.weights, self.biases, strict=True) for part in pair]
-        sizes = np.array([len(self.mean), *map(len, self.biases)])
-        return (
-            self.mean, self.deviation, self.reach, self.activation == "tanh", self.squashed, sizes,
-            np.concatenate(layers).astype(float),
-        )  # fmt: skip
+    def packed(self) -> tuple[np.ndarray, np.ndarray]:
+        """What `forward` takes: the sizes of the layers after two flags, whether units are tanh and whether
+        what comes out is; and all numbers in the order in which they are used."""
+        layout = [self.activation == "tanh", self.squashed, len(self.mean), *map(len, self.biases)]
+        parts = [np.array([self.reach]), self.mean, self.deviation]
+        for W, b in zip(self.weights, self.biases, strict=True):
+            parts += [b, W.T.ravel()]
+        return np.array(layout, int), np.concatenate(parts).astype(float)
 
 
 def save(file: Path | str, network: Network) -> None:
@@ -80,26 +80,31 @@ def load(file: Path | str, features: Sequence[str], parameters: Sequence[str]) -
 
 
 @njit(cache=True, error_model="numpy")
-def forward(features, mean, deviation, reach, curved, squashed, sizes, numbers):
-    """Actions (n, j) for features (n, k) of a `Network.packed`: sizes of the layers from k to j, and their
-    weights and biases one after another."""
-    depth, widest = len(sizes) - 1, sizes.max()
+def forward(features, layout, numbers):
+    """Actions (n, j) for features (n, k) of a `Network.packed`."""
+    curved, squashed, sizes = layout[0] > 0, layout[1] > 0, layout[2:]
+    depth, k = len(sizes) - 1, sizes[0]
+    mean, deviation = numbers[1 : 1 + k], numbers[1 + k : 1 + 2 * k]
     out = np.empty((len(features), sizes[depth]))
-    x, y = np.empty(widest), np.empty(widest)
+    x, y = np.empty(sizes.max()), np.empty(sizes.max())
     for row in range(len(features)):
-        for c in range(sizes[0]):
-            x[c] = min(max((features[row, c] - mean[c]) / deviation[c], -reach), reach)
-        at = 0
+        for c in range(k):
+            x[c] = min(max((features[row, c] - mean[c]) / deviation[c], -numbers[0]), numbers[0])
+        at = 1 + 2 * k
         for layer in range(depth):
             width, units = sizes[layer], sizes[layer + 1]
             for r in range(units):
-                total = numbers[at + units * width + r]
-                for c in range(width):
-                    total += numbers[at + r * width + c] * x[c]
+                y[r] = numbers[at + r]
+            for c in range(width):
+                # units side by side: one unit after another, its sum could not be turned into vectors
+                column, value = numbers[at + (c + 1) * units :], x[c]
+                for r in range(units):
+                    y[r] += column[r] * value
+            for r in range(units):
                 if layer == depth - 1:
-                    y[r] = np.tanh(total) if squashed else min(max(total, -1.0), 1.0)
+                    y[r] = np.tanh(y[r]) if squashed else min(max(y[r], -1.0), 1.0)
                 else:
-                    y[r] = np.tanh(total) if curved else max(total, 0.0)
+                    y[r] = np.tanh(y[r]) if curved else max(y[r], 0.0)
             at += units * (width + 1)
             x, y = y, x
         out[row] = x[: sizes[depth]]

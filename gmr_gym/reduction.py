@@ -7,6 +7,7 @@ of weight zero is always dropped.
 """
 
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 from numba import njit
@@ -116,13 +117,14 @@ def whitened(p: Mixture) -> np.ndarray:
     return np.linalg.solve(np.linalg.cholesky(P), (p.m - mean).T).T.copy()
 
 
-def at_least_one(components: int) -> int:
-    """A budget of components, checked; ValueError unless it is a whole number of at least 1."""
-    if components < 1:
-        raise ValueError(f"components must be at least 1, got {components}")
-    if components != int(components):
-        raise ValueError(f"components must be a whole number, got {components}")
-    return int(components)
+def at_least_one(count: int, name: str = "components") -> int:
+    """A count, by default the budget of components, checked; ValueError naming it unless it is a whole number
+    of at least 1."""
+    if not isinstance(count, Real) or not count >= 1:
+        raise ValueError(f"{name} must be at least 1, got {count!r}")
+    if count % 1 != 0:
+        raise ValueError(f"{name} must be a whole number, got {count!r}")
+    return int(count)
 
 
 def _heavier(p: Mixture, measure: np.ndarray, threshold: float) -> Reduced:

@@ -6,11 +6,11 @@ from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy.special import pdtr, pdtrik
 
 from gmr_gym.association import Gates
 from gmr_gym.kalman import Sensing, Sensor
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 from gmr_gym.scans import View, carry_into, clutter_into, hear_all, insert_into, scan_into
 
 Loss = Callable[[Gates, np.ndarray, np.ndarray], bool]
@@ -143,7 +143,9 @@ def _sequence(seed: int | np.random.SeedSequence) -> np.random.SeedSequence:
 @lru_cache
 def capacity(clutter_rate: float) -> int:
     """Detections that a scan has room for: the quantile of the clutter at 1 - 1e-12, and the target's own."""
-    return int(stats.poisson.ppf(1 - 1e-12, clutter_rate)) + 1
+    share = 1 - 1e-12
+    quantile = np.ceil(pdtrik(share, clutter_rate))
+    return int(quantile - (pdtr(quantile - 1, clutter_rate) >= share)) + 1  # rounding may step over it
 
 
 def viewed(scenario: Scenario) -> View:

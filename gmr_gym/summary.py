@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import binomtest, bootstrap
 
 from gmr_gym.metrics import credibility, lost_at, nees
 from gmr_gym.montecarlo import Runs
@@ -100,12 +99,16 @@ def paired_share(difference: np.ndarray) -> Figure:
 
 def proportion(count: int, total: int) -> Figure:
     """Share with its Wilson interval."""
+    from scipy.stats import binomtest
+
     low, high = binomtest(count, total).proportion_ci(CONFIDENCE, method="wilson")
     return Figure(count / total, float(low), float(high))
 
 
 def mean(values: np.ndarray) -> Figure:
     """Mean over runs (runs,) with its bootstrap interval; all nan for no runs."""
+    from scipy.stats import bootstrap  # takes a second to import
+
     if len(values) == 0:
         return Figure(np.nan)
     value = float(np.mean(values))

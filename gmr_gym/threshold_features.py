@@ -7,11 +7,11 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.association import Gates, gate_size, volumes
-from gmr_gym.hypotheses import MOST, Expanded, odds
+from gmr_gym.hypotheses import MOST
 from gmr_gym.kalman import innovation
 from gmr_gym.merge_cost import cost_of_all
 from gmr_gym.mixture import root_determinants
-from gmr_gym.model import Model
+from gmr_gym.models import Model
 
 # In this order, and scaled so that most of them lie within [-1, 1] most of the time. n: hypotheses of the
 # full posterior, w: their weights, c: cost of merging them all, S = H P H' + R: covariance of a detection,
@@ -49,7 +49,7 @@ class Memory(NamedTuple):
     """What a policy knows of the scan before."""
 
     kept: int  # hypotheses
-    given_up: float  # see `thresholds.Adapted`
+    given_up: float  # see `thresholds.adapt`
     work: int
 
 
@@ -71,35 +71,28 @@ def told(model: Model) -> np.ndarray:
     ])  # fmt: skip
 
 
-def features(full: Expanded, memory: Memory, model: Model, known: np.ndarray) -> np.ndarray:
-    """FEATURES (k,) of a scan's full posterior, each within +-BOUND; `known` is told(model). They do not
-    depend on the order of the hypotheses."""
-    posterior, sensor = full.posterior, model.sensor
-    return observe(
-        *posterior.mixture, posterior.detection, posterior.log_density, full.gates.S,
-        sensor.H, sensor.R, odds(model)[2], known, *memory,
-    )[0]  # fmt: skip
-
-
 @njit(cache=True, error_model="numpy")
 def observe(w, m, P, detection, log_density, S, H, R, log_odds, known, kept, given_up, work):
-    """FEATURES (k,), the cost of merging everything, and how many hypotheses have a detection."""
+    """FEATURES (k,) of a scan's full posterior w, m, P, each within +-BOUND, the cost of merging everything,
+    and how many hypotheses have a detection, of log N(z; H m, S) `log_density`. S are the covariances of the
+    predicted hypotheses' gates, `known` is `told` of the model, `log_odds` is log(P_D / lambda), and the rest
+    is the Memory. Features do not depend on the order of the hypotheses."""
     entropy, square, first, second, hit, evidence = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    pairs = 0
-    over = np.zeros(4)  # heavier than 1e-2, 1e-3, ...
+    pairs, over_2, over_3, over_4, over_5 = 0, 0, 0, 0, 0
     for i in range(len(w)):
-        if w[i] > 0.0:
-            entropy -= w[i] * np.log(w[i])
-        square += w[i] * w[i]
-        if w[i] > first:
-            first, second = w[i], first
-        elif w[i] > second:
-            second = w[i]
-        for k in range(4):
-            over[k] += w[i] > 0.01 / 10**k
+        v = w[i]
+        if v > 0.0:
+            entropy -= v * np.log(v)
+        square += v * v
+        second = max(second, min(first, v))
+        first = max(first, v)
+        over_2 += v > 1e-2
+        over_3 += v > 1e-3
+        over_4 += v > 1e-4
+        over_5 += v > 1e-5
         if detection[i] >= 0:
-            hit += w[i]
-            evidence += w[i] * (log_density[i] + log_odds)
+            hit += v
+            evidence += v * (log_density[i] + log_odds)
             pairs += 1
     cost, mean, covariance = cost_of_all(w, m, P)
     d = len(mean)
@@ -115,10 +108,10 @@ def observe(w, m, P, detection, log_density, S, H, R, log_odds, known, kept, giv
         -2 * np.log(square) / LOG_MOST - 1,
         2 * first - 1,
         2 * second / first - 1,
-        2 * np.log(max(over[0], 1.0)) / LOG_MOST - 1,
-        2 * np.log(max(over[1], 1.0)) / LOG_MOST - 1,
-        2 * np.log(max(over[2], 1.0)) / LOG_MOST - 1,
-        2 * np.log(max(over[3], 1.0)) / LOG_MOST - 1,
+        2 * np.log(max(over_2, 1)) / LOG_MOST - 1,
+        2 * np.log(max(over_3, 1)) / LOG_MOST - 1,
+        2 * np.log(max(over_4, 1)) / LOG_MOST - 1,
+        2 * np.log(max(over_5, 1)) / LOG_MOST - 1,
         1 - 2 * hit,
         np.log(root_determinants(whole)[0] / smallest) / len(R) - 1,
         np.log(gates.max()) / len(R) - 1,

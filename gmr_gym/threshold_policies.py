@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from gmr_gym.network import Network
+from gmr_gym.reduction import at_least_one
 from gmr_gym.threshold_features import FEATURES
 
 
@@ -30,6 +31,9 @@ class Schedule:
 
     actions: np.ndarray  # (m, j)
     every: int  # scans
+
+    def __post_init__(self):
+        at_least_one(self.every, "every")
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
         return self.actions[min(t // self.every, len(self.actions) - 1)]
@@ -70,6 +74,9 @@ class Random:
     every: int  # scans
     rng: np.random.Generator
     _action: np.ndarray = field(init=False)
+
+    def __post_init__(self):
+        at_least_one(self.every, "every")
 
     def watching(self, env: Any) -> "Random":
         """Itself: having a stream, it plays one episode after another and no two at once."""

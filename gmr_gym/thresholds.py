@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from gmr_gym.hypotheses import MOST, Expanded, merge_costs, reduce_scan
+from gmr_gym.hypotheses import MOST, merge_costs, reduce_scan
 from gmr_gym.merge_cost import cost_of_all
-from gmr_gym.mixture import Mixture
 
 
 class Thresholds(NamedTuple):
@@ -94,35 +93,24 @@ def encoded(thresholds: Thresholds, parameters: Sequence[str]) -> np.ndarray:
 
 
 def check_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
-    """The names of thresholds as a tuple; ValueError for none, for one twice and for an unknown one."""
-    if isinstance(parameters, str) or not parameters or len(set(parameters)) < len(parameters):
+    """The names of thresholds as a tuple; ValueError for another kind, for none, for one twice and
+    for an unknown one."""
+    if not isinstance(parameters, Sequence) or isinstance(parameters, str) or not parameters:
         raise ValueError(f"parameters must be a list of different thresholds, got {parameters!r}")
     for name in parameters:
         if name not in Thresholds._fields:
             raise ValueError(f"unknown threshold {name!r}; choose from {', '.join(Thresholds._fields)}")
+    if len(set(parameters)) < len(parameters):
+        raise ValueError(f"parameters must be a list of different thresholds, got {parameters!r}")
     return tuple(parameters)
-
-
-class Adapted(NamedTuple):
-    """What the thresholds left of a scan."""
-
-    mixture: Mixture  # weights sum to 1
-    mean: np.ndarray  # (d,), of the whole mixture
-    covariance: np.ndarray  # (d, d)
-    given_up: float  # share of the cost of merging all of the posterior that is gone from what is left
-    work: int  # Gaussians that were updated, and costs of pairs that were evaluated
-
-
-def adapted(full: Expanded, thresholds: np.ndarray | Thresholds, cost: float) -> Adapted:
-    """The posterior pruned, merged adaptively and pruned again (D'Ortenzio, Adaptive) by thresholds (4,); the
-    cost is that of merging all of it."""
-    w, m, P, *rest = adapt(*full.posterior.mixture, np.array(thresholds, float), cost, full.gated)
-    return Adapted(Mixture(w, m, P), *rest)
 
 
 @njit(cache=True, error_model="numpy")
 def adapt(w, m, P, thresholds, cost, gated):
-    """The fields of `Adapted`, w, m and P apart."""
+    """The posterior pruned, merged adaptively and pruned again (D'Ortenzio, Adaptive) by thresholds (4,),
+    where merging all of it costs `cost` and `gated` of its Gaussians were updated. Returns w, m and P of what
+    is left, weights that sum to 1; its mean (d,) and covariance (d, d); the share of the cost that is gone
+    from it; and the work, Gaussians that were updated and costs of pairs that were evaluated."""
     alpha, prune, density = thresholds[0], thresholds[1], thresholds[2]
     w, m, P, entered, left = reduce_scan(
         w, m, P, prune, np.int64(MOST), int(thresholds[COMPONENTS]), alpha, density

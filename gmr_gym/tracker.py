@@ -9,7 +9,7 @@ import numpy as np
 
 from gmr_gym.association import Gates
 from gmr_gym.mixture import Mixture
-from gmr_gym.model import Model, told_by
+from gmr_gym.models import Model, told_by
 from gmr_gym.multitarget import Population
 
 GROUP, CROWD_GROUP = "gmr_gym.trackers", "gmr_gym.crowd_trackers"
@@ -101,14 +101,14 @@ def check_scan(z, p: int) -> np.ndarray:
     does not fit, for what is no number and for one that is not finite."""
     try:
         z = np.asarray(z)
-        z = z.astype(float, casting="same_kind") if z.size else np.empty((0, p))
+        z = z.astype(float, order="C", casting="same_kind") if z.size else np.empty((0, p))
     except (TypeError, ValueError):
         raise ValueError(f"z must be numbers of shape (k, {p}), one detection a row") from None
     if z.ndim != 2 or z.shape[1] != p:
         raise ValueError(f"z must have shape (k, {p}), one detection a row, got {z.shape}")
     if not np.isfinite(z).all():
         raise ValueError(f"z must be finite; row {np.argmin(np.isfinite(z).all(axis=1))} is not")
-    return np.ascontiguousarray(z)
+    return z
 
 
 def check_limits(prune_weight: float, most: int, hopeless: float = np.inf) -> None:

@@ -11,7 +11,7 @@ from scipy.stats import chi2, poisson
 from gmr_gym.kalman import motion, position_sensor
 from gmr_gym.metrics import truth_outside_gates
 from gmr_gym.mixture import gaussian, mixture
-from gmr_gym.model import model
+from gmr_gym.models import model
 from gmr_gym.motions import constant_velocity
 from gmr_gym.simulate import Scenario, Truth, Window
 

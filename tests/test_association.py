@@ -16,7 +16,7 @@ from gmr_gym.association import (
 )
 from gmr_gym.kalman import motion, sensor
 from gmr_gym.mixture import Mixture, gaussian, mixture, normalised
-from gmr_gym.model import model
+from gmr_gym.models import model
 
 
 def random_case(seed, n=4, k=7, d=4, p=2):

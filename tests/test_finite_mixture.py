@@ -22,7 +22,7 @@ from gmr_gym.finite_mixture import (
 from gmr_gym.gibbs import fit_gibbs
 from gmr_gym.kalman import position_sensor
 from gmr_gym.mixture import Mixture, gaussian, log_density
-from gmr_gym.model import model
+from gmr_gym.models import model
 from gmr_gym.montecarlo import run
 from gmr_gym.motions import constant_velocity
 from gmr_gym.multitarget import nothing, population, uniform_clutter

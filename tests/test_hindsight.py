@@ -8,12 +8,12 @@ import pytest
 
 import gmr_gym  # noqa: F401  registers the environments
 from gmr_gym.hypotheses import expanded
-from gmr_gym.mixture import moments
+from gmr_gym.mixture import Mixture, moments
 from gmr_gym.reduction import total_merge_cost
 from gmr_gym.simulate import scan
 from gmr_gym.threshold_features import FEATURES
 from gmr_gym.threshold_hindsight import AHEAD, HINDSIGHT
-from gmr_gym.thresholds import PAPER, adapted, encoded
+from gmr_gym.thresholds import PAPER, adapt, encoded
 
 ACTION = encoded(PAPER, ("alpha", "prune"))
 
@@ -52,8 +52,8 @@ def test_hindsight_is_what_it_is_called(seed):
     for t in range(60):
         z = scan(scenario, episode, t, scenario.centre(moments(belief)[0])).z
         full = expanded(belief, scenario.model, z)
-        belief = adapted(full, PAPER, total_merge_cost(full.posterior.mixture)).mixture
         w, m, P = full.posterior.mixture
+        belief = Mixture(*adapt(w, m, P, np.array(PAPER, float), total_merge_cost(Mixture(w, m, P)), 0)[:3])
         found = dict(zip(HINDSIGHT, observation[len(FEATURES) :].tolist(), strict=True))
         target = H @ x[t]
         distances = np.array([

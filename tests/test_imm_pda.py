@@ -13,7 +13,7 @@ from baselines.banks import Banks
 from baselines.imm_pda import ImmPda
 from gmr_gym.kalman import Motion
 from gmr_gym.mixture import collapsed, gaussian
-from gmr_gym.model import told_by
+from gmr_gym.models import told_by
 from gmr_gym.modes import leave_alone, mixed
 from gmr_gym.play import play
 from gmr_gym.radar import UPDATES, cartesian, spherical

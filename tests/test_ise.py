@@ -114,6 +114,11 @@ def test_choices_stay_those_of_all_candidates_over_many_steps(kind, d):
     assert integral_squared_error(p, 2)[1].tolist() == brute_force(p, 2, True)[1].tolist()
 
 
+def test_choices_are_those_of_all_candidates_among_more_pairs_than_a_block_holds():
+    p = level(np.random.default_rng(1), 20, 6)
+    assert integral_squared_error(p, 18)[1].tolist() == brute_force(p, 18, True)[1].tolist()
+
+
 @given(st.integers(0, 2**32 - 1), st.sampled_from(KINDS), st.integers(1, 12), st.booleans())
 @settings(max_examples=60, deadline=None)
 def test_outputs_are_moment_matches_of_their_inputs(seed, kind, components, renormalise):

@@ -12,7 +12,7 @@ from gmr_gym import spherical as kernels
 from gmr_gym.association import expand, gates
 from gmr_gym.kalman import position_sensor
 from gmr_gym.mixture import Mixture, gaussian
-from gmr_gym.model import model
+from gmr_gym.models import model
 from gmr_gym.motions import constant_velocity
 
 DRAWS = 1_000_000

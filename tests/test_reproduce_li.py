@@ -14,7 +14,7 @@ from gmr_gym import cli
 from gmr_gym.association import gate_size
 from gmr_gym.kalman import predict
 from gmr_gym.mixture import Mixture
-from gmr_gym.model import told_by
+from gmr_gym.models import told_by
 from gmr_gym.play import play
 from gmr_gym.radar import spherical
 from gmr_gym.reproduce import li

@@ -1,14 +1,16 @@
 """Which module may import which: a new arrow is a decision, not an accident."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 NUMERICS = [
-    "mixture", "kalman", "association", "merge_cost", "merging", "reduction", "ise", "distances", "model",
-    "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
+    "mixture", "kalman", "association", "merge_cost", "merging", "reduction", "ise", "ise_pairs", "distances",
+    "models", "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
     "curves", "philox", "scans", "simulate", "play", "metrics", "montecarlo", "summary", "tracker",
     "scenarios", "crowd", "crowd_runs", "crowd_summary", "multitarget", "phd", "cardinality",
     "clutter_learning", "multi_bernoulli", "finite_mixture", "gibbs", "hypotheses", "instances",
@@ -56,3 +58,16 @@ def test_numerics_never_import_an_environment_or_a_plot(name):
 
 def test_baselines_import_neither_one_another_nor_gymnasium():
     assert arrows(BASELINES, "baselines", "agents", "gymnasium", "gmr_gym.envs", "gmr_gym.policy") == []
+
+
+def test_importing_the_package_registers_environments_and_imports_no_numba():
+    code = (
+        "import sys, gmr_gym, gymnasium\n"
+        "assert not {'numba', 'scipy'} & set(sys.modules)\n"
+        "assert 'gmr_gym/TurningTarget-v0' in gymnasium.registry\n"
+        "for name in gmr_gym.__all__: getattr(gmr_gym, name)\n"
+        "assert gmr_gym.Model is gmr_gym.models.Model and callable(gmr_gym.model)\n"
+        "assert not hasattr(gmr_gym, 'Models')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

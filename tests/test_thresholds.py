@@ -9,14 +9,14 @@ import reference
 from baselines.mht import adaptive
 from gmr_gym import reduction
 from gmr_gym.association import Expansion, expand, gates
-from gmr_gym.hypotheses import Expanded, Kept, expanded, reduced
+from gmr_gym.hypotheses import Expanded, expanded, merge_costs, odds, reduce_scan, reduced
 from gmr_gym.kalman import predict
 from gmr_gym.mixture import Mixture, mixture, moments, normalised
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.simulate import draw, scan
-from gmr_gym.threshold_features import BOUND, FEATURES, Memory, at_start, features, told
+from gmr_gym.threshold_features import BOUND, FEATURES, Memory, at_start, observe, told
 from gmr_gym.threshold_policies import ByTable, Constant, Random, Rule, Schedule
-from gmr_gym.thresholds import PAPER, RANGES, Thresholds, adapted, check_parameters, decoded, encoded
+from gmr_gym.thresholds import PAPER, RANGES, Thresholds, adapt, check_parameters, decoded, encoded
 
 WORLD = turning_target()
 TOLD = WORLD.model
@@ -40,6 +40,15 @@ def posterior_of(p, detection=None, log_density=-8.0):
     density = np.where(detection < 0, np.inf, log_density)
     looked = gates(p, TOLD.sensor, TOLD.gate_probability)
     return Expanded(Expansion(p, np.arange(len(p.w)), detection, density), looked)
+
+
+def features(full, memory, model=TOLD, known=KNOWN):
+    """What is seen of a posterior."""
+    posterior, (H, R) = full.posterior, model.sensor
+    return observe(
+        *posterior.mixture, posterior.detection, posterior.log_density, full.gates.S,
+        H, R, odds(model)[2], known, *memory,
+    )[0]  # fmt: skip
 
 
 def spread_out(n, seed=0, scale=20.0):
@@ -66,7 +75,7 @@ def test_constant_thresholds_are_the_adaptive_tracker_scan_for_scan(thresholds, 
     for z in scans(seed):
         belief, report = tracker.step(belief, z)
         full = expanded(mine, TOLD, z)
-        mine = adapted(full, thresholds, 1.0).mixture
+        mine = Mixture(*adapt(*full.posterior.mixture, np.array(thresholds, float), 1.0, 0)[:3])
         for a, b in zip((*mine, *full.gates), (*belief, *report.gates), strict=True):
             np.testing.assert_array_equal(a, b)
 
@@ -78,17 +87,14 @@ def test_the_two_halves_are_the_papers_steps_one_after_another():
         looked = gates(predicted, TOLD.sensor, TOLD.gate_probability)
         p = expand(predicted, looked, TOLD.sensor, z, 0.9, 0.999, TOLD.clutter_density).mixture
         p = normalised(reduction.capping(reduction.prune(p, 1e-3)[0], 12)[0])
-        entered = len(p.w)
         p = normalised(reduction.adaptive(p, 0.02, 6)[0])
-        left = len(p.w)
         p = normalised(reduction.prune_density(p, 1e-9)[0])
         full = expanded(belief, TOLD, z)
-        kept = reduced(full.posterior.mixture, lambda q: reduction.adaptive(q, 0.02, 6), 1e-3, 1e-9, most=12)
-        assert kept[1:] == (entered, left)
-        for a, b in zip(kept.mixture, p, strict=True):
-            np.testing.assert_array_equal(a, b)
+        for reduce in (reduction.greedy(6, 0.02), lambda q: reduction.adaptive(q, 0.02, 6)):
+            kept = reduced(full.posterior.mixture, reduce, 1e-3, 1e-9, most=12)
+            for a, b in zip(kept, p, strict=True):
+                np.testing.assert_array_equal(a, b)
         belief = p
-    assert full.gated == len(full.posterior.mixture.w) - len(full.gates.z)  # every hypothesis has one miss
 
 
 def counted(w, m, P, components):
@@ -112,8 +118,7 @@ def counted(w, m, P, components):
 
 @pytest.mark.parametrize(("n", "r"), [(1, 1), (2, 2), (2, 1), (7, 7), (7, 6), (7, 3), (7, 1), (12, 2)])
 def test_merge_costs_are_those_that_greedy_merging_has_to_evaluate(n, r):
-    p = spread_out(n)
-    assert Kept(p, n, r).merge_costs == counted(*p, r)
+    assert merge_costs(n, r) == counted(*spread_out(n), r)
 
 
 def test_work_counts_updated_gaussians_and_merge_costs_and_what_was_given_up_is_of_the_whole_cost():
@@ -121,18 +126,19 @@ def test_work_counts_updated_gaussians_and_merge_costs_and_what_was_given_up_is_
     for z in scans(3, 20):
         full = expanded(belief, TOLD, z)
         whole = full.posterior.mixture
-        kept = reduced(whole, reduction.greedy(rows.components, rows.alpha), rows.prune, rows.prune_density)
-        done = adapted(full, rows, reduction.total_merge_cost(whole))
-        belief = done.mixture
-        assert done.work == (full.posterior.detection >= 0).sum() + kept.merge_costs
-        for a, b in zip(
-            (*belief, done.mean, done.covariance), (*kept.mixture, *moments(belief)), strict=True
-        ):
+        gated = (full.posterior.detection >= 0).sum()
+        *kept, entered, left = reduce_scan(
+            *whole, rows.prune, 2000, rows.components, rows.alpha, rows.prune_density
+        )
+        *done, given_up, work = adapt(*whole, np.array(rows, float), reduction.total_merge_cost(whole), gated)
+        belief = Mixture(*kept)
+        assert work == gated + merge_costs(entered, left)
+        for a, b in zip(done, (*kept, *moments(belief)), strict=True):
             np.testing.assert_array_equal(a, b)
         costs = [reference.merge_cost(*p) for p in (whole, belief)]
-        assert done.given_up == pytest.approx(max(0.0, 1 - costs[1] / costs[0]), abs=1e-9)
-    one = adapted(posterior_of(Mixture(*(a[:1] for a in TOLD.prior))), PAPER, 0.0)
-    assert one.given_up == 0.0 and one.work == 0
+        assert given_up == pytest.approx(max(0.0, 1 - costs[1] / costs[0]), abs=1e-9)
+    *_, given_up, work = adapt(*(a[:1] for a in TOLD.prior), np.array(PAPER, float), 0.0, 0)
+    assert given_up == 0.0 and work == 0
 
 
 @pytest.mark.parametrize("n", [1, 2, 50, 2000])
@@ -146,7 +152,7 @@ def test_features_are_finite_and_in_their_box(n, kind):
     rng = np.random.default_rng(n)
     for detection in (None, rng.integers(-1, 5, n), np.zeros(n, int)):
         for memory in (FIRST, Memory(2000, 1.0, 10**7)):
-            found = features(posterior_of(p, detection), memory, TOLD, KNOWN)
+            found = features(posterior_of(p, detection), memory)
             assert found.shape == (len(FEATURES),) and found.dtype == float
             assert (np.abs(found) <= BOUND).all()  # a nan compares as False
 
@@ -156,17 +162,15 @@ def test_features_do_not_depend_on_the_order_of_hypotheses():
     detection = rng.integers(-1, 4, 60)
     order = rng.permutation(60)
     shuffled = Mixture(*(a[order] for a in p))
-    a = features(posterior_of(p, detection), FIRST, TOLD, KNOWN)
-    b = features(posterior_of(shuffled, detection[order]), FIRST, TOLD, KNOWN)
+    a = features(posterior_of(p, detection), FIRST)
+    b = features(posterior_of(shuffled, detection[order]), FIRST)
     np.testing.assert_allclose(a, b, rtol=0, atol=1e-12)  # sums in another order
 
 
 def test_features_are_what_they_are_called():
     w = np.array([0.5, 0.3, 0.2])
     p = spread_out(3)._replace(w=w)
-    found = named(
-        features(posterior_of(p, np.array([4, -1, 4]), log_density=-9.0), Memory(20, 0.25, 999), TOLD, KNOWN)
-    )
+    found = named(features(posterior_of(p, np.array([4, -1, 4]), log_density=-9.0), Memory(20, 0.25, 999)))
     H, R, lam = TOLD.sensor.H, TOLD.sensor.R, TOLD.clutter_density
     entropy, cost = -(w * np.log(w)).sum(), reference.merge_cost(*p)
     predicted = np.linalg.det(H @ p.P @ H.T + R)
@@ -202,7 +206,7 @@ def test_features_are_what_they_are_called():
 
 def test_hypotheses_are_counted_by_what_pruning_would_leave():
     w = np.array([0.9, 0.09, 5e-3, 4e-3, 5e-4, 4e-4, 9e-5, 6e-6])
-    found = named(features(posterior_of(spread_out(len(w))._replace(w=w)), FIRST, TOLD, KNOWN))
+    found = named(features(posterior_of(spread_out(len(w))._replace(w=w)), FIRST))
     for k, left in ((2, 2), (3, 4), (4, 6), (5, 7)):
         assert found[f"over_1e-{k}"] == pytest.approx(2 * np.log(left) / np.log(2000) - 1)
 
@@ -269,5 +273,9 @@ def test_policies_do_as_they_say():
     drawn = np.array([random(seen, t) for t in range(8)])
     assert (drawn[:4] == drawn[0]).all() and (drawn[4:] == drawn[4]).all() and (drawn[0] != drawn[4]).all()
     assert (np.abs(drawn) <= 1).all()
+    for every, message in ((0, "at least 1, got 0"), (1.5, "a whole number, got 1.5"), ("5", "1, got '5'")):
+        for policy in (schedule, random):
+            with pytest.raises(ValueError, match=f"every must be .*{message}"):
+                replace(policy, every=every)
     with pytest.raises(ValueError, match="unknown feature 'entropie'"):
         replace(rule, names=("entropie",))(seen, 0)

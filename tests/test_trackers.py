@@ -16,7 +16,7 @@ from gmr_gym import reduction
 from gmr_gym.kalman import Motion, position_sensor
 from gmr_gym.metrics import nees
 from gmr_gym.mixture import gaussian, mixture, moments
-from gmr_gym.model import model
+from gmr_gym.models import model
 from gmr_gym.modes import leave_alone, staying
 from gmr_gym.montecarlo import run, run_once
 from gmr_gym.motions import constant_velocity

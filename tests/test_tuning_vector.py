@@ -116,14 +116,15 @@ def test_an_instance_may_be_asked_for(table):
 def test_what_cannot_be_is_refused(table):
     for kwargs, message in (
         ({"autoreset_mode": "Never"}, "'Never' is not a valid AutoresetMode"),
-        ({"price": -1.0}, "price must be non-negative and finite, got -1.0"),
+        ({"price": -1.0}, "price must be a number, non-negative and finite, got -1.0"),
         ({"components": 1}, r"components must lie in \[2, 200\]"),
         ({"parameters": ("beta",)}, "unknown threshold 'beta'"),
     ):
         with pytest.raises(ValueError, match=message):
             vector(2, instances=table, **kwargs)
-    with pytest.raises(ValueError, match="num_envs must be at least 1, got 0"):
-        vector(0, instances=table)
+    for count, message in ((0, "at least 1, got 0"), (2.5, "a whole number, got 2.5"), ("2", "1, got '2'")):
+        with pytest.raises(ValueError, match=f"num_envs must be .*{message}"):
+            vector(count, instances=table)
     envs = vector(2, instances=table)
     with pytest.raises(RuntimeError, match=r"call reset\(\) before step\(\)"):
         envs.step(np.zeros((2, 2)))

@@ -235,6 +235,7 @@ def test_unseeded_environments_differ_from_one_another():
 def test_wrong_arguments_are_refused_by_name():
     for wrong, message in (
         ({"num_envs": 0}, "num_envs must be at least 1"),
+        ({"num_envs": 2.5}, "num_envs must be a whole number, got 2.5"),
         ({"threads": 0}, "threads must be at least 1"),
         (
             {"autoreset_mode": "never"},

@@ -4,12 +4,11 @@ from numbers import Integral
 
 import gymnasium as gym
 import numpy as np
-from scipy.stats import poisson
 
 from gmr_gym.crowd import Crowd, ManyScenario, draw, scan
 from gmr_gym.envs.episodic import EXTENT, EpisodicEnv
 from gmr_gym.metrics import gospa, ospa
-from gmr_gym.simulate import Scan
+from gmr_gym.simulate import Scan, capacity
 
 SURE = 0.5  # existence from which a row counts as an estimate
 METRICS = ("gospa", "ospa")
@@ -79,7 +78,7 @@ class CrowdEnv(EpisodicEnv):
         super().__init__(scenario, render_mode, world)
         self.metric = metric
         p, d = self.scenario.sensor.H.shape
-        self._capacity = int(poisson.ppf(1 - 1e-12, self.scenario.busiest)) + self.scenario.targets
+        self._capacity = capacity(self.scenario.busiest) - 1 + self.scenario.targets
         end = (self.scenario.horizon + 1) * self.scenario.period
         self.observation_space = gym.spaces.Dict({
             "scan": gym.spaces.Box(-EXTENT, EXTENT, (self._capacity, p), np.float64),

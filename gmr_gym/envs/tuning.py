@@ -170,7 +170,7 @@ class Draws:
 def checked_price(price: float) -> float:
     """The price; ValueError unless it is non-negative and finite."""
     if not isinstance(price, Real) or not 0 <= price < np.inf:
-        raise ValueError(f"price must be non-negative and finite, got {price}")
+        raise ValueError(f"price must be a number, non-negative and finite, got {price!r}")
     return price
 
 

@@ -12,6 +12,7 @@ from gmr_gym.envs.tracking import STRAYED
 from gmr_gym.envs.tuning import PRICE, Draws, checked_price, rest_of, spaces_of
 from gmr_gym.envs.vector import seeds_of
 from gmr_gym.instances import instances as table_of
+from gmr_gym.reduction import at_least_one
 from gmr_gym.threshold_scans import EPISODE, STEP, begin, stepped
 from gmr_gym.thresholds import PAPER, RANGES, check_actions, check_parameters, decode, places
 
@@ -41,8 +42,7 @@ class ReductionTuningVectorEnv(VectorEnv):
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         copy: bool = True,
     ):
-        if num_envs < 1:
-            raise ValueError(f"num_envs must be at least 1, got {num_envs}")
+        num_envs = at_least_one(num_envs, "num_envs")
         mode = AutoresetMode(autoreset_mode)
         self.num_envs, self.copy = num_envs, copy
         self.metadata = {"autoreset_mode": mode}

@@ -13,6 +13,7 @@ from numba import config
 
 from gmr_gym.envs.episodic import EXTENT, ORIGIN
 from gmr_gym.envs.tracking import STRAYED, TrackingEnv, distance
+from gmr_gym.reduction import at_least_one
 from gmr_gym.scans import label_into, scans_into
 from gmr_gym.simulate import carried, draw, is_scripted, key_of, make_scan, true, viewed
 from gmr_gym.threads import together
@@ -50,10 +51,9 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         threads: int | None = None,
         **world,
     ):
-        if num_envs < 1:
-            raise ValueError(f"num_envs must be at least 1, got {num_envs}")
-        if threads is not None and threads < 1:
-            raise ValueError(f"threads must be at least 1, got {threads}")
+        num_envs = at_least_one(num_envs, "num_envs")
+        most: int = config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+        limit = most if threads is None else at_least_one(threads, "threads")
         modes = [mode.value for mode in AutoresetMode]
         if autoreset_mode not in [*modes, *AutoresetMode]:
             raise ValueError(f"autoreset_mode must be one of {', '.join(modes)}, got {autoreset_mode!r}")
@@ -66,7 +66,6 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         self.single_action_space = self._single.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        limit = threads or config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
         bounds = np.linspace(0, num_envs, min(-(-num_envs // SHARE), limit) + 1).astype(int)
         self._shares = list(pairwise(bounds.tolist()))  # of the threads, the caller's own first
         self._view, self._carried = viewed(self.scenario), carried(self.scenario)

@@ -12,7 +12,7 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from gmr_gym.summary import CONFIDENCE, Figure, proportion, summary
 
@@ -69,7 +69,7 @@ def judged(claim: Claim, figure: Figure, **about: str) -> dict[str, Any]:
     """A claim as plain data: "holds" or "fails" when chance puts the number on the other side of the
     threshold less than once in a hundred times, else "tie"; "unknown" without an interval."""
     # from the interval's confidence to 99 %, as `verdict` asks
-    reach = (figure.high - figure.low) / 2 * norm.ppf(0.995) / norm.ppf((1 + CONFIDENCE) / 2)
+    reach = (figure.high - figure.low) / 2 * ndtri(0.995) / ndtri((1 + CONFIDENCE) / 2)
     if not np.isfinite(reach):
         verdict = "unknown"
     elif abs(figure.value - claim.threshold) <= reach:
@@ -96,11 +96,11 @@ def verdict(figure: Figure, runs: int, printed: float, printed_runs: int, share:
         pooled = (runs * figure.value + printed_runs * printed) / (runs + printed_runs)
         deviation = np.sqrt(pooled * (1 - pooled) * (1 / runs + 1 / printed_runs))
     else:
-        own = (figure.high - figure.low) / 2 / norm.ppf((1 + CONFIDENCE) / 2)
+        own = (figure.high - figure.low) / 2 / ndtri((1 + CONFIDENCE) / 2)
         deviation = own * np.hypot(1, printed / figure.value * np.sqrt(runs / printed_runs))
     if not np.isfinite(deviation):
         return "unknown"
-    if abs(figure.value - printed) <= norm.ppf(0.995) * deviation:
+    if abs(figure.value - printed) <= ndtri(0.995) * deviation:
         return "agrees"
     return "above" if figure.value > printed else "below"
 

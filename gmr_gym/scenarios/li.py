@@ -9,7 +9,7 @@ import numpy as np
 
 from gmr_gym.metrics import truth_outside_gates
 from gmr_gym.mixture import gaussian
-from gmr_gym.model import Model, check_probability, model
+from gmr_gym.models import Model, check_probability, model
 from gmr_gym.modes import staying
 from gmr_gym.motions import constant_velocity, singer, with_accelerations
 from gmr_gym.radar import WIDEST, modified_unbiased, radar, spherical

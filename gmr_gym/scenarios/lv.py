@@ -6,12 +6,12 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
+from gmr_gym.association import gate_size
 from gmr_gym.crowd import ManyScenario
 from gmr_gym.kalman import Motion, position_sensor
 from gmr_gym.mixture import Mixture
-from gmr_gym.model import check_probability
+from gmr_gym.models import check_probability
 from gmr_gym.motions import constant_acceleration, constant_velocity
 from gmr_gym.multitarget import Clutter, nothing, population, uniform_clutter
 from gmr_gym.scenarios.planar import shortened
@@ -29,7 +29,7 @@ GROUPS = (
     (0.2, (-200.0, 400.0), (200.0, 200.0)),
     (0.2, (200.0, -200.0), (200.0, 200.0)),
 )
-ELLIPSE_95 = float(chi2.ppf(0.95, 2))  # squared Mahalanobis distance
+ELLIPSE_95 = gate_size(0.95, 2)  # squared Mahalanobis distance
 # expected number a scan, and where
 BIRTHS = ((0.02, (200.0, 800.0)), (0.02, (800.0, -800.0)))
 SPAWNS = 0.01  # expected of a target, a scan

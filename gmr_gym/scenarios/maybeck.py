@@ -9,7 +9,7 @@ from gmr_gym.data import f16_flight
 from gmr_gym.kalman import position_sensor
 from gmr_gym.metrics import detection_outside_gates
 from gmr_gym.mixture import gaussian
-from gmr_gym.model import Model, check_probability, model
+from gmr_gym.models import Model, check_probability, model
 from gmr_gym.motions import constant_acceleration
 from gmr_gym.scenarios.planar import following_box, moving_as_told, shortened
 from gmr_gym.simulate import Scenario, Truth, scripted

@@ -7,7 +7,7 @@ import numpy as np
 from gmr_gym.kalman import position_sensor
 from gmr_gym.metrics import truth_outside_gates
 from gmr_gym.mixture import gaussian
-from gmr_gym.model import Model, check_probability, model
+from gmr_gym.models import Model, check_probability, model
 from gmr_gym.motions import constant_velocity
 from gmr_gym.simulate import Scenario, Truth, Window, scripted
 

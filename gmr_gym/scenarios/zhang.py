@@ -9,7 +9,7 @@ import numpy as np
 from gmr_gym.kalman import Motion, motion, sensor
 from gmr_gym.metrics import truth_outside_gates
 from gmr_gym.mixture import gaussian
-from gmr_gym.model import Model, check_probability, model
+from gmr_gym.models import Model, check_probability, model
 from gmr_gym.modes import staying
 from gmr_gym.scenarios.planar import fixed_box, following_box, moving_as_told
 from gmr_gym.simulate import Scenario, Truth, Window
