@@ -10,7 +10,7 @@ from gmr_gym.association import mean_volume, outside_all, unit_ball
 from gmr_gym.hypotheses import expand_scan, odds, reduce_scan
 from gmr_gym.kalman import Sensor
 from gmr_gym.metrics import detection_outside_gates, truth_outside_gates
-from gmr_gym.mixture import match
+from gmr_gym.mixture import ONE, match
 from gmr_gym.scans import carry_into, scan_into
 from gmr_gym.simulate import Episode, Scenario, capacity, carried, viewed
 
@@ -84,7 +84,7 @@ def _play(
             off_target[i, t] = (own and place < 0) or outside_all(centres, S, size, watched[i, t])
             w, m, P, _, _ = reduce_scan(w, m, P, *limits)
             # a bare 1 would have a version of `match` compiled for itself
-            _, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), np.int64(1))
+            _, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), ONE)
             components[i, t] = len(w)
             for r in range(d):
                 x[i, t, r] = mean[0, r]

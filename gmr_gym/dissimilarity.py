@@ -13,7 +13,7 @@ from numba import njit
 
 from gmr_gym.distances import dimension, pack, products_of_columns, products_with
 from gmr_gym.merge_cost import BLOCK, by_entry, form_costs, log_determinants, pair_covariances
-from gmr_gym.mixture import Mixture
+from gmr_gym.mixture import ZERO, Mixture
 
 MEASURES = ("isd", "correlation", "runnalls")
 
@@ -128,7 +128,7 @@ def _merge_costs(w, m, P):
     log_det = log_determinants(entries, room)
     table = np.zeros((n, n))
     for i in range(1, n):
-        form_costs(i, 0, i, w, means, entries, log_det, room, table[i])
+        form_costs(i, ZERO, i, w, means, entries, log_det, room, table[i])
         for j in range(i):
             # two of no weight have no moment match, and cost nothing
             table[i, j] = table[j, i] = table[i, j] if w[i] + w[j] > 0.0 else 0.0

@@ -17,7 +17,7 @@ from gmr_gym.association import (
     log_odds,
 )
 from gmr_gym.kalman import Sensor, innovation, predict, predict_all
-from gmr_gym.mixture import Mixture, collapsed, match, pairwise_sum, rescaled, root_determinants
+from gmr_gym.mixture import ONE, Mixture, collapsed, match, pairwise_sum, rescaled, root_determinants
 from gmr_gym.models import Model
 from gmr_gym.reduction import Greedy, Reduced, among_heaviest, heavier, merge_by_cost, selected_by
 
@@ -101,7 +101,7 @@ def expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
 def fuse_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
     """Centres and innovation covariances of the gates, and the w, m, P of the one Gaussian."""
     centres, S, w, m, P, _, _, _ = expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z)
-    _, m, P = match(w, m, P, np.zeros(len(w), np.int64), 1)
+    _, m, P = match(w, m, P, np.zeros(len(w), np.int64), ONE)
     return centres, S, np.full(1, pairwise_sum(w)), m, P
 
 

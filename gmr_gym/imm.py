@@ -6,7 +6,7 @@ from numba import njit
 
 from gmr_gym.association import expand_into_hypotheses, gated
 from gmr_gym.kalman import predict_all
-from gmr_gym.mixture import match, root_determinants
+from gmr_gym.mixture import ONE, match, root_determinants
 
 
 @njit(cache=True, error_model="numpy")
@@ -17,7 +17,7 @@ def mixed_ahead(w, m, P, switching, F, Q, offset):
     one = np.zeros(r, np.int64)
     w_out, m_out, P_out = np.zeros(r), np.empty((r, d)), np.empty((r, d, d))
     for q in range(r):
-        total, mean, covariance = match(switching[q] * w, m, P, one, 1)
+        total, mean, covariance = match(switching[q] * w, m, P, one, ONE)
         mean, covariance = predict_all(mean, covariance, F[q], Q[q], offset[q])
         w_out[q], m_out[q], P_out[q] = total[0], mean[0], covariance[0]
     return w_out, m_out, P_out
@@ -49,5 +49,5 @@ def associated(
         w, m, P, expected, S, C, z_near, R_near, np.inf, log_miss, log_detect, log_stretch[listed]
     )
     w, m, P = match(w, m, P, parent, n)
-    _, mean, covariance = match(w, m, P, np.zeros(n, np.int64), 1)
+    _, mean, covariance = match(w, m, P, np.zeros(n, np.int64), ONE)
     return w, m, P, mean, covariance, alive

@@ -11,6 +11,8 @@ which is the least of wi KL(i || N) + wj KL(j || N) over all Gaussians N.
 import numpy as np
 from numba import njit
 
+from gmr_gym.mixture import ONE
+
 BLOCK = 128  # components: a block of covariances stays in the nearest cache
 
 
@@ -44,7 +46,7 @@ def merge_pair(i, j, w, means, entries, room):
     for r in range(len(means)):
         means[r, i] = share[0] * means[r, i] + (1 - share[0]) * means[r, j]
     w[i] += w[j]
-    _determinants(A, 1, share)
+    _determinants(A, ONE, share)
     return _logarithm(share[0])
 
 
@@ -79,7 +81,7 @@ def cost_of_all(w, m, P):
         for c in range(r + 1):
             A[q, 0] = covariance[c, r] = covariance[r, c]
             q += 1
-    _log_determinants(A, 1, log_det)
+    _log_determinants(A, ONE, log_det)
     return max(0.0, 0.5 * (weight * log_det[0] - apart)), mean, covariance
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.merge_cost import BLOCK, by_entry, form_costs, log_determinants, merge_pair
+from gmr_gym.mixture import ZERO
 
 ROUNDING = 1e-15  # of weight times log determinant: bounds stay on the safe side of it
 SOON = 2.0  # times the cost just paid: pairs that may cost less are priced at once, many together
@@ -42,7 +43,7 @@ def merge_greedily(w, m, P, components, budget):
     # the least of row i and where it stands; or a bound on it and UNKNOWN; or infinite and GONE
     least, nearest = np.full(n, np.inf), np.full(n, UNKNOWN)
     for i in range(1, n):
-        form_costs(i, 0, i, w, means, entries, log_det, room, table[i])
+        form_costs(i, ZERO, i, w, means, entries, log_det, room, table[i])
         nearest[i] = first_least(table[i], i)
         least[i] = table[i, nearest[i]]
     name, into, left = np.arange(n), np.arange(n), n
@@ -133,7 +134,7 @@ def _price(i, listed, k, w, means, entries, log_det, near, room, row):
             means_near[q, r] = means[q, c]
         for q in range(len(entries)):
             entries_near[q, r] = entries[q, c]
-    form_costs(k, 0, k, w_near, means_near, entries_near, log_det_near, room, costs)
+    form_costs(k, ZERO, k, w_near, means_near, entries_near, log_det_near, room, costs)
     for r in range(k):
         row[listed[r]] = costs[r]
 

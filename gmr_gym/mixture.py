@@ -7,6 +7,8 @@ import numpy as np
 from numba import njit
 
 LOG_2PI = float(np.log(2 * np.pi))
+# for kernels to be called with: for an integer written down there, numba compiles the kernel once more
+ZERO, ONE = np.int64(0), np.int64(1)
 
 
 class Mixture(NamedTuple):

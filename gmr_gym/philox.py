@@ -92,7 +92,7 @@ def normals_into(out, key, stream, at):
 def poisson(rate, key, stream, at):
     """A Poisson count of that rate, at least 0: by transformed rejection with squeeze (Hörmann 1993, PTRS),
     a rate below `FEW` by multiplying uniforms until they are less than exp(-rate)."""
-    draw = 0
+    draw = np.int64(0)
     if rate < FEW:
         least, product, count = math.exp(-rate), 1.0, 0
         while True:

@@ -6,13 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from gmr_gym.mixture import cholesky_into
+from gmr_gym.mixture import ZERO, cholesky_into
 from gmr_gym.philox import normals_into, pair, points_into, poisson
 
 CELL = 500.0  # m, side of the squares in which clutter on the ground is drawn
 # streams of an episode's key
-NOISE, DETECTION, COUNT, GROUND_COUNT = range(4)
-PLACES, GROUND_PLACES = 4, 8  # and those after them, one for every two coordinates
+NOISE, DETECTION, COUNT, GROUND_COUNT = map(np.int64, range(4))
+PLACES, GROUND_PLACES = np.int64(4), np.int64(8)  # and those after them, one for every two coordinates
 
 
 class View(NamedTuple):
@@ -40,14 +40,14 @@ def hear_all(heard, key, R):
 @njit(cache=True, error_model="numpy")
 def hear(heard, key, t, L):
     """`hear_all` of scan t alone, heard (p,), for noise of covariance L L'."""
-    at, normal = (t, 0, 0), np.empty(len(L))
+    at, normal = (t, ZERO, ZERO), np.empty(len(L))
     normals_into(normal, key, NOISE, at)
     for r in range(len(L)):
         noise = 0.0
         for c in range(r + 1):
             noise += L[r, c] * normal[c]
         heard[r] += noise
-    return pair(key, DETECTION, 0, at)
+    return pair(key, DETECTION, ZERO, at)
 
 
 @njit(cache=True, error_model="numpy")
@@ -147,7 +147,7 @@ def insert_into(z, k, place, target):
 def clutter_into(z, view, key, t, centre):
     """Clutter of scan t, uniform in the window placed at centre (p,), one point a row of z (capacity, p);
     returns how many, always less than the rows."""
-    at = (t, 0, 0)
+    at = (t, ZERO, ZERO)
     k = min(poisson(view.clutter_rate, key, COUNT, at), len(z) - 1)
     points_into(z, k, view.low + centre, view.high + centre, key, PLACES, at)
     return k
@@ -171,7 +171,7 @@ def ground_into(z, view, key, t, centre, slot):
         if not low[c] < high[c]:
             return 0, 0
         squares[c, 0], squares[c, 1] = (low[c] - corner[c]) // CELL, (high[c] - corner[c]) // CELL
-    ranks, k = np.empty(len(z)), 0
+    ranks, k = np.empty(len(z)), ZERO
     for i in range(squares[0, 0], squares[0, 1] + 1):
         for j in range(squares[1, 0], squares[1, 1] + 1):
             # squares are counted from 1: 0 is where the episode's other streams are
