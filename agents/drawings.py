@@ -21,18 +21,19 @@ def draw_fronts(
     file: Path,
     competitors: Mapping[str, Mapping[str, float]],
     constants: Sequence[Mapping[str, float]],
+    best: Mapping[str, Mapping[str, float]],
     by_instance: Sequence[Mapping[str, float]],
 ) -> None:
-    """Error and losses against work, by places of `scores.place`: constants as a cloud with its front,
-    constants chosen by instance as a line, and the competitors."""
+    """Error and losses against work, by places of `scores.place`: constants as a cloud, the front of the best
+    of them, constants chosen by instance as a line, and the competitors."""
     figure = Figure(figsize=(11, 8), layout="constrained")
     axes = figure.subplots(2, 2)
     for row, error in zip(axes, ("error_capped", "track_loss"), strict=True):
         for ax, work in zip(row, ("work", "work_iqm"), strict=True):
             cloud, line = (_points(places, error, work) for places in (constants, by_instance))
             ax.plot(*cloud.T, ".", color="0.7", label="constants")
-            corners = cloud[front(cloud)]
-            ax.plot(*corners.T, "-", color="0.5", label="their front")
+            corners = _points(list(best.values()), error, work)
+            ax.plot(*corners[front(corners)].T, "-", color="0.5", label="front of the best of them")
             ax.plot(*line[front(line)].T, ":", color="0.3", label="constants by instance, in hindsight")
             for marker, (name, place) in zip(MARKERS * 3, competitors.items(), strict=False):
                 ax.plot(*_points([place], error, work).T, marker, label=name, markersize=8)

@@ -16,7 +16,16 @@ from drawings import draw_fronts, draw_instances
 from hindsight import ByInstance, Greedy, grid
 from judge import ENV_ID, Episodes, Policy, played
 from report import markdown, plain
-from scores import against, against_front, chosen_by_instance, figures, hindsight_front, place, together
+from scores import (
+    against,
+    against_front,
+    chosen_by_instance,
+    figures,
+    front,
+    hindsight_front,
+    place,
+    together,
+)
 
 from gmr_gym.instances import instances, world
 from gmr_gym.network import load
@@ -30,6 +39,7 @@ EPISODES = 2000  # of a competitor and table
 BEST, BY_INSTANCE, ORACLE = "best constant", "constant by instance", "greedy oracle"
 SWITCHING = 10  # scans between two draws of the random policy
 ORACLE_LEVELS = np.array([0.0, 0.5, 1.0])  # of each threshold; the best constant is offered as well
+DEAR = 0.25  # of a scan's reward, for work: nobody who is compared, but for `random`, comes near it
 PRICES = np.geomspace(1e-7, 1e-3, 17)  # of work, along the front of constants by instance
 # of the figures; a screen is only so wide
 SCREEN = ("track_loss", "error_capped", "work", "work_iqm", "reward", "work_at_equal_error", "time_per_scan")
@@ -110,6 +120,9 @@ class Comparison:
         }
         found = iter(self._played(table, policies, table, runs, self.seed).values())
         episodes = {name: together([next(found) for _ in group]) for name, group in field.items()}
+        best_of = {name: cloud[name] for name in on_front(list(cloud), seen, self.price)}
+        best_of[BEST] = self.static[BEST]
+        corners = self._played(f"{table}, front of constants", best_of, table, runs, self.seed)
         slow = self._played(f"{table}, random and oracle", self._slow(), table, slow_runs, self.seed)
         episodes |= {name: together([e]) for name, e in slow.items()}
         constants = [
@@ -117,7 +130,8 @@ class Comparison:
             | place(Episodes(*(part[i] for part in scored)))
             for i, action in enumerate(actions)
         ]
-        return record(episodes, list(self.learned), scored) | {
+        return record(episodes, list(self.learned), together(list(corners.values()))) | {
+            "front": {name: place(together([e])) for name, e in corners.items()},
             "constants": constants, "grid_runs": grid_runs, "instances": list(rows), "episodes": episodes,
             "constants_by_instance": hindsight_front(actions, seen, scored, PRICES, cutoff),
         }  # fmt: skip
@@ -144,9 +158,19 @@ class Comparison:
             )  # fmt: skip
 
 
+def on_front(names: Sequence[str], seen: Episodes, price: float) -> list[str]:
+    """Which of the constants (n, instances, runs) of these names no other beats in work and in error or
+    losses, by what they did in the episodes `seen`. Those whose work costs more than DEAR are left out."""
+    work = seen.work.mean(axis=(1, 2))
+    fair = np.flatnonzero(price * work < DEAR)
+    errors = (seen.capped.mean(axis=(1, 2))[fair], seen.lost.mean(axis=(1, 2))[fair])
+    corners = {int(i) for error in errors for i in fair[front(np.column_stack((work[fair], error)))]}
+    return [names[i] for i in sorted(corners)]
+
+
 def record(episodes: Mapping[str, Episodes], trained: Sequence[str], constants: Episodes) -> dict[str, Any]:
     """What a table of instances says: figures of the competitors, of whom some were trained, against the best
-    constant and against the front of constants, and what the gain is due to."""
+    constant and against constants on the front, and what the gain is due to."""
     parts = [*SPLIT, *((what, name, over) for name in trained for what, over in LEARNED)]
     return {
         "shape": {name: e.reward.shape for name, e in episodes.items()},  # seeds, instances, runs
@@ -190,7 +214,8 @@ def main(
         screen.print(table_of(f"{stem}: minus the best constant, episode by episode", found["against"]))
         text.append(markdown(stem, found))
         places = {name: place(e) for name, e in episodes.items()}
-        draw_fronts(out / f"fronts-{stem}.png", places, found["constants"], found["constants_by_instance"])
+        fronts = found["constants"], found["front"], found["constants_by_instance"]
+        draw_fronts(out / f"fronts-{stem}.png", places, *fronts)
         tuned = {name: e for name, e in episodes.items() if name not in ("random", "paper")}
         draw_instances(out / f"instances-{stem}.png", tuned, BEST)
     write_json(out / "comparison.json", {"env": comparison.env, "seed": seed, "tables": plain(records)})

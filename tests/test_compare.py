@@ -120,6 +120,20 @@ def test_the_front_holds_what_no_other_point_beats():
     assert (np.diff(points[kept, 0]) > 0).all() and (np.diff(points[kept, 1]) < 0).all()
 
 
+def test_the_front_is_played_again_by_those_that_nobody_beats_and_that_can_be_paid():
+    # work, capped error, losses: b is beaten by a, c is best in losses alone, d costs too much
+    places = {"a": (10, 5.0, 0.2), "b": (11, 6.0, 0.3), "c": (20, 7.0, 0.1), "d": (5000, 1.0, 0.0)}
+    names = list(places)
+    cells = {name: np.zeros((2, 3)) for name in Episodes._fields}
+    seen = scores.together([
+        Episodes(**cells | {f: np.full((2, 3), x) for f, x in zip(("work", "capped", "lost"), row, strict=True)})
+        for row in places.values()
+    ])  # fmt: skip
+    assert evaluate.on_front(names, seen, 1e-4) == ["a", "c"]
+    assert evaluate.on_front(names, seen, 1e-5) == ["a", "c", "d"]
+    assert evaluate.on_front(names, seen, 1.0) == []
+
+
 def test_work_on_a_front_is_geometric_between_its_corners():
     points = np.array([[1.0, 100.0], [3.0, 1.0], [2.0, 500.0]])
     assert [scores.work_on(points, error) for error in (1, 2, 3, 9)] == pytest.approx([100, 10, 1, 1])
@@ -334,6 +348,7 @@ def test_a_comparison_from_end_to_end(compared, table, monkeypatch):
     gain = found["split"]["tuning (best constant over paper)"]["reward"][0]
     assert gain == pytest.approx(reward["best constant"].mean() - reward["paper"].mean())
     assert "learned beyond the instance (net over constant by instance)" in found["split"]
+    assert found["competitors"]["best constant"]["work_at_equal_error"][0] >= 1  # it is one of the front
     assert len(found["constants"]) == 36 and len(found["constants_by_instance"]) == len(evaluate.PRICES)
     for file in ("fronts-few.png", "instances-few.png"):
         assert (compared / "out" / file).stat().st_size > 10_000
