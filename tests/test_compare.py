@@ -124,10 +124,10 @@ def test_the_front_is_played_again_by_those_that_nobody_beats_and_that_can_be_pa
     # work, capped error, losses: b is beaten by a, c is best in losses alone, d costs too much
     places = {"a": (10, 5.0, 0.2), "b": (11, 6.0, 0.3), "c": (20, 7.0, 0.1), "d": (5000, 1.0, 0.0)}
     names = list(places)
-    cells = {name: np.zeros((2, 3)) for name in Episodes._fields}
+    empty = Episodes(*np.zeros((len(Episodes._fields), 2, 3)))
     seen = scores.together([
-        Episodes(**cells | {f: np.full((2, 3), x) for f, x in zip(("work", "capped", "lost"), row, strict=True)})
-        for row in places.values()
+        empty._replace(work=empty.work + work, capped=empty.capped + error, lost=empty.lost + lost)
+        for work, error, lost in places.values()
     ])  # fmt: skip
     assert evaluate.on_front(names, seen, 1e-4) == ["a", "c"]
     assert evaluate.on_front(names, seen, 1e-5) == ["a", "c", "d"]
