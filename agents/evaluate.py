@@ -121,7 +121,7 @@ class Comparison:
         found = iter(self._played(table, policies, table, runs, self.seed).values())
         episodes = {name: together([next(found) for _ in group]) for name, group in field.items()}
         best_of = {name: cloud[name] for name in on_front(list(cloud), seen, self.price)}
-        best_of[BEST] = self.static[BEST]
+        best_of |= {name: field[name][0] for name in ("paper", BEST)}
         corners = self._played(f"{table}, front of constants", best_of, table, runs, self.seed)
         slow = self._played(f"{table}, random and oracle", self._slow(), table, slow_runs, self.seed)
         episodes |= {name: together([e]) for name, e in slow.items()}
