@@ -120,7 +120,8 @@ class Comparison:
         }
         found = iter(self._played(table, policies, table, runs, self.seed).values())
         episodes = {name: together([next(found) for _ in group]) for name, group in field.items()}
-        best_of = {name: cloud[name] for name in on_front(list(cloud), seen, self.price)}
+        pooled = Episodes(*(np.concatenate(parts, axis=-1) for parts in zip(seen, scored, strict=True)))
+        best_of = {name: cloud[name] for name in on_front(list(cloud), pooled, self.price)}
         best_of |= {name: field[name][0] for name in ("paper", BEST)}
         corners = self._played(f"{table}, front of constants", best_of, table, runs, self.seed)
         slow = self._played(f"{table}, random and oracle", self._slow(), table, slow_runs, self.seed)
