@@ -39,7 +39,7 @@ EPISODES = 2000  # of a competitor and table
 BEST, BY_INSTANCE, ORACLE = "best constant", "constant by instance", "greedy oracle"
 SWITCHING = 10  # scans between two draws of the random policy
 ORACLE_LEVELS = np.array([0.0, 0.5, 1.0])  # of each threshold; the best constant is offered as well
-DEAR = 0.25  # of a scan's reward, for work: nobody who is compared, but for `random`, comes near it
+DEAR = 0.25  # of a scan's reward, for work: beyond that no front is looked for
 PRICES = np.geomspace(1e-7, 1e-3, 17)  # of work, along the front of constants by instance
 # of the figures; a screen is only so wide
 SCREEN = ("track_loss", "error_capped", "work", "work_iqm", "reward", "work_at_equal_error", "time_per_scan")
@@ -106,7 +106,8 @@ class Comparison:
         runs = self.runs or -(-EPISODES // len(rows))
         actions = grid(len(self.parameters))
         cloud = {f"constant {i}": Constant(a) for i, a in enumerate(actions)}
-        # chosen on episodes of their own: chosen and scored on the same ones they would look too good
+        # constants by instance are chosen on episodes of their own: on those that score them they would look
+        # too good. The front may: it is what the others are held against
         seen, scored = (
             together(list(self._played(f"{table}, constants", cloud, table, grid_runs, seed).values()))
             for seed in (self.seed + 1, self.seed)
