@@ -20,6 +20,8 @@ def network_of(model, venv) -> Network:
     """The deterministic policy of a model whose layers have one activation between them, with the moments by
     which `venv` normalises what it sees. Raises ValueError for a policy of another kind."""
     policy = model.policy
+    if hasattr(policy, "lstm_actor"):
+        raise ValueError("a policy that remembers is no stack of layers, and cannot be exported")
     squashed = hasattr(policy, "actor")  # off policy: the action is tanh of the mean
     if squashed:
         layers = [*policy.actor.latent_pi, policy.actor.mu]

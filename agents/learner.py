@@ -25,13 +25,14 @@ from gmr_gym.thresholds import PAPER, encoded
 
 ENV_ID = "gmr_gym/ReductionTuning-v0"
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC}
-CRITICS = {"ppo": OnPolicy, "sac": OffPolicy}  # with hindsight; TQC's critics see what its actor sees
+CRITICS = {"ppo": OnPolicy, "sac": OffPolicy}  # with hindsight; others' critics see what their actors see
+RECURRENT = ("ppo_lstm",)
 try:
-    from sb3_contrib import TQC
+    from sb3_contrib import TQC, RecurrentPPO
 except ImportError:  # they come with a package of their own
     pass
 else:
-    ALGORITHMS["tqc"] = TQC
+    ALGORITHMS |= {"tqc": TQC, "ppo_lstm": RecurrentPPO}
 
 
 @dataclass(frozen=True)
@@ -54,8 +55,8 @@ def settings(
     hindsight: bool = True,
 ) -> Settings:  # fmt: skip
     """Settings from a YAML file as rl_zoo3 reads it, the committed one of the algorithm unless given; without
-    `hindsight` the critic sees what the actor sees, as that of tqc always does. Raises ValueError for an
-    unknown algorithm, and for a file that cannot be read or is without the environment."""
+    `hindsight` the critic sees what the actor sees, as those of tqc and ppo_lstm always do. Raises ValueError
+    for an unknown algorithm, and for a file that cannot be read or is without the environment."""
     if algorithm not in ALGORITHMS:
         raise ValueError(f"unknown algorithm {algorithm!r}; choose from {', '.join(ALGORITHMS)}")
     file = file or Path(__file__).parent / "hyperparams" / f"{algorithm}.yml"

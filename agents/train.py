@@ -11,7 +11,8 @@ import torch
 import typer
 from export import network_of
 from judge import played
-from learner import Run, settings
+from learner import RECURRENT, Run, settings
+from recurrent import remembering
 from stable_baselines3.common.callbacks import ProgressBarCallback
 
 from gmr_gym.commands import key_value
@@ -22,7 +23,7 @@ COLUMNS = ("chapter", "steps", "reward", "error_m", "lost", "work")
 
 
 def main(
-    algorithm: Annotated[str, typer.Argument(help="ppo or sac; with sb3-contrib also tqc")],
+    algorithm: Annotated[str, typer.Argument(help="ppo or sac; with sb3-contrib also tqc and ppo_lstm")],
     seed: Annotated[int, typer.Option(min=0)] = 0,
     steps: Annotated[
         int | None, typer.Option(help="of environments; as the YAML says unless given", min=1)
@@ -56,14 +57,18 @@ def main(
 
 
 def _judge(run: Run, env: dict[str, Any], runs: int, scores: Path) -> None:
-    """Scores the last chapter on VALID and keeps its policy."""
-    network = network_of(run.model, run.venv)
-    found = played({"learned": ByNetwork(network)}, "valid", runs, env=env)["learned"]
+    """Scores the last chapter on VALID and keeps its policy, but for one that remembers: no file holds that,
+    and it is in the chapter's own."""
+    recurrent = run.settings.algorithm in RECURRENT
+    network = None if recurrent else network_of(run.model, run.venv)
+    policy = ByNetwork(network) if network else remembering(run.model, run.venv)
+    found = played({"learned": policy}, "valid", runs, env=env)["learned"]
     row = [run.chapter, run.model.num_timesteps, *(float(np.mean(part)) for part in found[:4])]
     best = max((other[2] for other in _kept(scores)), default=-np.inf)
-    save(run.folder / "last.npz", network)
-    if row[2] > best:
-        save(run.folder / "best.npz", network)
+    if network:
+        save(run.folder / "last.npz", network)
+        if row[2] > best:
+            save(run.folder / "best.npz", network)
     _append(scores, row)
     print(json.dumps(dict(zip(COLUMNS, row, strict=True))), flush=True)
 

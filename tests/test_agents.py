@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import gymnasium as gym
@@ -20,12 +21,14 @@ from from_vector import FromVector  # noqa: E402
 from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
 from judge import Episodes, played  # noqa: E402
 from learner import ENV_ID, Run, environments, recorded, restored, settings  # noqa: E402
+from recurrent import remembering  # noqa: E402
 
 from gmr_gym.network import load, save  # noqa: E402
 from gmr_gym.threshold_features import FEATURES  # noqa: E402
 from gmr_gym.threshold_hindsight import HINDSIGHT  # noqa: E402
 from gmr_gym.thresholds import PAPER, Thresholds, encoded  # noqa: E402
 
+CONTRIB = find_spec("sb3_contrib")
 FEW = {"ppo": {"n_steps": 32, "batch_size": 64, "n_envs": 4}, "sac": {"learning_starts": 50, "n_envs": 4}}
 
 
@@ -83,13 +86,13 @@ def test_the_adapter_refuses_environments_that_reset_a_step_late():
 def shortened(tmp_path, algorithm, steps, seed=3, hindsight=True):
     """Settings of a run of a few steps."""
     entry = yaml.safe_load((ROOT / f"agents/hyperparams/{algorithm}.yml").read_text())
-    entry[ENV_ID] |= FEW[algorithm]
+    entry[ENV_ID] |= FEW[algorithm.removesuffix("_lstm")]
     file = tmp_path / "few.yml"
     file.write_text(yaml.safe_dump(entry))
     return settings(algorithm, seed, steps, 256, {"components": 20}, file, hindsight)
 
 
-@pytest.mark.parametrize("algorithm", FEW)
+@pytest.mark.parametrize("algorithm", [*FEW, *["ppo_lstm"] * bool(CONTRIB)])
 def test_a_stopped_run_goes_on_as_if_it_had_not_been(tmp_path, algorithm):
     whole = Run(tmp_path / "whole", shortened(tmp_path, algorithm, 512))
     while not whole.over:
@@ -155,6 +158,27 @@ def test_train_scores_every_chapter_on_valid_and_keeps_the_best(tmp_path):
     last = load(tmp_path / "run/last.npz", FEATURES, Thresholds._fields)
     same = all(np.array_equal(a, b) for a, b in zip(best.weights, last.weights, strict=True))
     assert same == (rows[1]["reward"] > rows[0]["reward"])
+
+
+@pytest.mark.skipif(not CONTRIB, reason="needs sb3_contrib")
+def test_a_policy_that_remembers_is_judged_by_what_its_model_predicts(tmp_path):
+    said = shortened(tmp_path, "ppo_lstm", 256)
+    run = Run(tmp_path / "run", said)
+    run.learn()
+    act = remembering(run.model, run.venv).watching(None)
+    seen = np.random.default_rng(0).uniform(-2, 2, (2, 12, len(FEATURES))).astype(np.float32)
+    for episode in seen:  # the second begins as if there had been no first
+        state, first = None, np.ones(1, bool)
+        for t, row in enumerate(episode):
+            wanted, state = run.model.predict(
+                run.venv.normalize_obs(row[None]), state, episode_start=first, deterministic=True
+            )
+            np.testing.assert_allclose(act(row, t), wanted[0], atol=1e-5)  # single precision
+            first[:] = False
+    row = played({"one": remembering(run.model, run.venv)}, "valid", 1, env={"components": 20}, jobs=1)["one"]
+    assert np.isfinite(row.reward).all() and row.scans.min() > 0
+    with pytest.raises(ValueError, match="cannot be exported"):
+        network_of(run.model, run.venv)
 
 
 def test_episodes_side_by_side_are_judged_as_one_by_one():
