@@ -33,18 +33,23 @@ def network_of(model, venv) -> Network:
     sound = all(isinstance(layer, torch.nn.Linear) for layer in linear) and len(kinds - {None}) < 2
     if not sound or None in kinds or linear[0].in_features != len(FEATURES):
         raise ValueError(f"a policy must lead from FEATURES by linear layers with tanh or ReLU, got {layers}")
-    k = len(FEATURES)
     return Network(
         FEATURES,
         venv.get_attr("parameters")[0],
-        np.array(venv.obs_rms.mean[:k], float),
-        np.sqrt(venv.obs_rms.var[:k] + venv.epsilon),
-        float(venv.clip_obs),
+        *normalisation(venv),
         kinds.pop() if kinds else "tanh",
         squashed,
         tuple(layer.weight.detach().double().numpy() for layer in linear),
         tuple(layer.bias.detach().double().numpy() for layer in linear),
     )
+
+
+def normalisation(venv) -> tuple[np.ndarray, np.ndarray, float]:
+    """Mean (k,) and deviation (k,) of the features by which `venv` normalises them, and how many deviations
+    it lets through."""
+    k = len(FEATURES)
+    deviation = np.sqrt(venv.obs_rms.var[:k] + venv.epsilon)
+    return np.array(venv.obs_rms.mean[:k], float), deviation, float(venv.clip_obs)
 
 
 def main(

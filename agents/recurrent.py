@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
-from gmr_gym.threshold_features import FEATURES
+from export import normalisation
 
 
 @dataclass(frozen=True)
@@ -34,6 +33,4 @@ class Remembering:
 
 def remembering(model: Any, venv: Any) -> Remembering:
     """The policy of a recurrent model, with the moments by which `venv` normalises what it sees."""
-    k = len(FEATURES)
-    deviation = np.sqrt(venv.obs_rms.var[:k] + venv.epsilon)
-    return Remembering(model.policy, np.array(venv.obs_rms.mean[:k], float), deviation, float(venv.clip_obs))
+    return Remembering(model.policy, *normalisation(venv))

@@ -83,7 +83,6 @@ def _play(
             gated[i, t], volume[i, t] = hits / len(S), mean_volume(S, size, ball)
             off_target[i, t] = (own and place < 0) or outside_all(centres, S, size, watched[i, t])
             w, m, P, _, _ = reduce_scan(w, m, P, *limits)
-            # a bare 1 would have a version of `match` compiled for itself
             _, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), ONE)
             components[i, t] = len(w)
             for r in range(d):
