@@ -4,16 +4,16 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.association import gate_size
-from gmr_gym.mixture import Mixture
+from gmr_gym.mixture import Mixture, moments
 from gmr_gym.models import Model
 from gmr_gym.simulate import Scenario
 
 
-def runnalls_in_numpy(p: Mixture, components: int) -> np.ndarray:
-    """Origin (n,) of Runnalls' merging, pair costs kept in a table whose lower half is used and
-    searched whole for each minimum; a row is formed at once."""
+def runnalls_in_numpy(p: Mixture, components: int, budget: float = np.inf) -> np.ndarray:
+    """Origin (n,) of Runnalls' merging as long as the costs add up to no more than the budget: pair costs
+    kept in a table whose lower half is used and searched whole for each minimum; a row is formed at once."""
     w, m, P = (a.copy() for a in p)
-    n = len(w)
+    n, spent = len(w), 0.0
     into, log_det = np.arange(n), np.linalg.slogdet(P)[1]
     table = np.full((n, n), np.inf)
 
@@ -34,6 +34,9 @@ def runnalls_in_numpy(p: Mixture, components: int) -> np.ndarray:
     alive = np.arange(n)
     while len(alive) > components:
         j, i = divmod(int(table.argmin()), n)  # i < j: only the lower half is finite
+        spent += table[j, i]
+        if spent > budget:
+            break
         mean, merged = matched(i, np.array([j]), np.array([w[i] / (w[i] + w[j])]))
         m[i], P[i], w[i] = mean[0], merged[0], w[i] + w[j]
         log_det[i] = np.linalg.slogdet(P[i])[1]
@@ -43,6 +46,54 @@ def runnalls_in_numpy(p: Mixture, components: int) -> np.ndarray:
         below, above = alive[alive < i], alive[alive > i]
         table[i, below], table[above, i] = costs(i, below), costs(i, above)
     return np.searchsorted(alive, into)
+
+
+def adaptive_in_numpy(p: Mixture, loss_bound: float) -> np.ndarray:
+    """Origin (n,) of D'Ortenzio's merging while the relative loss stays within the bound."""
+    _, P = moments(p)
+    total = p.w.sum() * np.linalg.slogdet(P)[1] - p.w @ np.linalg.slogdet(p.P)[1]
+    return runnalls_in_numpy(p, 1, loss_bound * 0.5 * total)
+
+
+def williams_in_numpy(p: Mixture, components: int) -> np.ndarray:
+    """Origin (n,) of Williams' reduction: the error of every merge and deletion from sums formed anew."""
+    w, m, P = (a.copy() for a in p)
+    origin = np.arange(len(w))
+    while len(w) > components:
+        i, j = np.triu_indices(len(w), 1)
+        a, b, w_c = w[i] / (w[i] + w[j]), w[j] / (w[i] + w[j]), w[i] + w[j]
+        e = m[i] - m[j]
+        m_c = a[:, None] * m[i] + b[:, None] * m[j]
+        spread = (a * b)[:, None, None] * e[:, :, None] * e[:, None, :]
+        P_c = a[:, None, None] * P[i] + b[:, None, None] * P[j] + spread
+        f, f_c = p.w @ _products(p.m, p.P, m, P), p.w @ _products(p.m, p.P, m_c, P_c)
+        G, G_c = _products(m, P, m, P), _products(m, P, m_c, P_c)
+        own_c = 1 / np.sqrt(np.linalg.det(4 * np.pi * P_c))
+        g, own, k = G @ w, np.diag(G), np.arange(len(i))
+        gone_f, gone_g = w * f, 2 * w * g - w**2 * own
+        less_g = gone_g[i] + gone_g[j] - 2 * w[i] * w[j] * G[i, j]
+        more_g = 2 * w_c * (w @ G_c - w[i] * G_c[i, k] - w[j] * G_c[j, k]) + w_c**2 * own_c
+        merged = (w @ f - gone_f[i] - gone_f[j] + w_c * f_c, w @ g - less_g + more_g)
+        s, s_k = p.w.sum() / w.sum(), p.w.sum() / (w.sum() - w)
+        by_merging = -2 * s * merged[0] + s**2 * merged[1]
+        by_deleting = -2 * s_k * (w @ f - gone_f) + s_k**2 * (w @ g - gone_g)
+        if by_merging.min() < by_deleting.min():
+            k = by_merging.argmin()
+            w[i[k]], m[i[k]], P[i[k]], gone = w_c[k], m_c[k], P_c[k], j[k]
+            origin[origin == gone] = i[k]
+        else:
+            gone = by_deleting.argmin()
+            origin[origin == gone] = -1
+        origin[origin > gone] -= 1
+        w, m, P = (np.delete(part, gone, axis=0) for part in (w, m, P))
+    return origin
+
+
+def _products(m, P, other_m, other_P):
+    """Integrals (n, k) of the products of n Gaussians and k others."""
+    S, e = P[:, None] + other_P, (m[:, None] - other_m)[..., None]
+    d2 = (e * np.linalg.solve(S, e)).sum((-2, -1))
+    return np.exp(-0.5 * d2) / np.sqrt(np.linalg.det(2 * np.pi * S))
 
 
 def runnalls_compiled(p: Mixture, components: int) -> np.ndarray:

@@ -6,12 +6,10 @@ from importlib.util import find_spec
 import gymnasium as gym
 import numpy as np
 import plain
-from problems import drawn, partition, posteriors, scans
+from problems import scans
 from timing import Plan, Row, Stopwatch, Timing, interleaved, timed
 
 from gmr_gym import montecarlo
-from gmr_gym.ise import integral_squared_error
-from gmr_gym.reduction import runnalls
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.simulate import draw
 from gmr_gym.tracker import make_tracker
@@ -23,44 +21,6 @@ else:
 
 MISSING = "stonesoup is not installed"
 STONE_SOUP_SCANS = "Stone Soup's simulator, scans alone"
-SIZES = ((50, 5, 300.0), (150, 30, 150.0), (400, 50, 300.0))  # components, target, clutter a scan
-
-
-def reduction_rows(plan: Plan) -> Iterator[Row]:
-    rounds, count = (1, 4) if plan.quick else (5, 8)
-    for n, components, clutter_rate in SIZES:
-        mixtures = {
-            "tracker posteriors": posteriors(n, components, clutter_rate, count),
-            "random mixtures": drawn(n, 4, count),
-        }
-        for source, given in mixtures.items():
-            what = f"Runnalls 4-D {n} to {components}, {source}"
-            yield from _runnalls_rows(what, given, components, rounds, plan.clock)
-    given = drawn(150, 6, 1 if plan.quick else 3, concentration=100.0)
-    integral_squared_error(drawn(20, 6, 1)[0], 15)  # compiles
-    ours = timed(lambda p: integral_squared_error(p, 15), *given, clock=plan.clock)
-    timings = interleaved({"ours": ours}, len(given), rounds)
-    yield Row("Williams ISE 6-D 150 to 15, weights nearly equal", timings["ours"], "none", None)
-
-
-def _runnalls_rows(what: str, given: list, components: int, rounds: int, clock) -> Iterator[Row]:
-    alternatives = {"plain, compiled": plain.runnalls_compiled, "plain, NumPy": plain.runnalls_in_numpy}
-    merges = [partition(runnalls(p, components)[1]) for p in given]
-    same = {
-        name: sum(partition(reduce(p, components)) == merged for p, merged in zip(given, merges, strict=True))
-        for name, reduce in alternatives.items()
-    }
-    timings = interleaved(
-        {
-            name: timed(lambda p, reduce=reduce: reduce(p, components), *given, clock=clock)
-            for name, reduce in {"ours": runnalls, **alternatives}.items()
-        },
-        len(given),
-        rounds,
-    )
-    for name in alternatives:
-        note = f"same merges in {same[name]} of {len(given)}"
-        yield Row(what, timings["ours"], name, timings[name], note)
 
 
 class Tracked:

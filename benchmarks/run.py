@@ -13,7 +13,8 @@ from time import perf_counter, process_time
 
 from crowd import crowd_rows
 from modes import mode_rows
-from rows import environment_rows, reduction_rows, scan_rows, worker_rows
+from reduction import reduction_rows
+from rows import environment_rows, scan_rows, worker_rows
 from start import memory_rows, start_rows
 from threadpoolctl import threadpool_limits
 from timing import Plan, Row, Timing
@@ -23,6 +24,7 @@ SECTIONS: tuple[Callable[[Plan], Iterator[Row]], ...] = (
     reduction_rows, scan_rows, mode_rows, crowd_rows, environment_rows, vector_rows, worker_rows, start_rows,
     memory_rows,
 )  # fmt: skip
+PACKAGES = "gmr-gym", "numpy", "numba", "stonesoup", "nrl-tracker", "filterpy"
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 
 
@@ -75,7 +77,7 @@ def machine(clock: str) -> dict[str, str]:
         "processor": f"{_processor()}, {os.cpu_count()} cores, load {load:.1f}",
         "clock": clock,
         "Python": platform.python_version(),
-        **{name: _version(name) for name in ("gmr-gym", "numpy", "numba", "stonesoup", "filterpy")},
+        **{name: _version(name) for name in PACKAGES},
     }
 
 

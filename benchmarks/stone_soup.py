@@ -134,6 +134,18 @@ class MultipleHypotheses:
         return np.array([c.weight for c in components]) @ means, len(components)
 
 
+def reduction(components: int):
+    """Stone Soup's own reducer, by a rule of its own, as a function of a mixture that returns a function of
+    nothing that returns the weights left."""
+    reducer = GaussianMixtureReducer(pruning=False, merge_threshold=MERGE, max_number_components=components)
+
+    def prepared(p: Mixture):
+        given = [WeightedGaussianState(m[:, None], P, weight=w) for w, m, P in zip(*p, strict=True)]
+        return lambda: [float(c.weight) for c in reducer.reduce(given)]
+
+    return prepared
+
+
 class Phd:
     """The Gaussian-mixture PHD filter as in its tutorial, where nobody is born. The intensity is a list of
     components."""
