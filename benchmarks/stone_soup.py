@@ -100,7 +100,7 @@ class MultipleHypotheses:
     """One target's Gaussian mixture: every component with every gated detection, then Stone Soup's
     own reducer. The belief is a list of components."""
 
-    def __init__(self, model: Model, components: int, prune_weight: float):
+    def __init__(self, model: Model, components: int, prune_weight: float, merging: float):
         self.prior = model.prior
         # not normalised by component: a component that explains a detection better must gain
         self.updater, hypothesiser = _parts(model, normalise=False)
@@ -108,7 +108,7 @@ class MultipleHypotheses:
         self.reducer = GaussianMixtureReducer(
             prune_threshold=prune_weight,
             pruning=prune_weight > 0,
-            merge_threshold=MERGE,
+            merge_threshold=merging,
             max_number_components=components,
         )
 
