@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.mixture import ZERO, cholesky_into
-from gmr_gym.philox import normals_into, pair, points_into, poisson, words_for
+from gmr_gym.philox import normals_into, pair, points_into, poisson, uncounted, words_for
 
 CELL = 500.0  # m, side of the squares in which clutter on the ground is drawn
 # streams of an episode's key
@@ -37,7 +37,7 @@ def hear_all(heard, key, R):
     return luck, slot
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def hear(heard, key, t, L, normal):
     """`hear_all` of scan t alone, heard (p,), for noise of covariance L L'; normal (p,) is written over."""
     at = (t, ZERO, ZERO)
@@ -67,7 +67,7 @@ def scan_into(z, view, key, t, centre, target, detected, slot):
     return scan_by(z, view, key, t, centre, target, detected, slot, words_for(len(z)))
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def scan_by(z, view, key, t, centre, target, detected, slot, words):
     """`scan_into` by way of `words_for` as many points as z has rows."""
     seen = detected
@@ -88,26 +88,36 @@ def scan_by(z, view, key, t, centre, target, detected, slot, words):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def scans_into(first, last, z, mask, origin, was, view, carried, R, chance, key, expected, of, t, estimates):
-    """One scan of each of the episodes from `first` to before `last` of n: scan t[i] of that with key[i]
-    (n, 2), or nothing where it has none of that number, into z (n, capacity, p). What the sensor would say of
-    the truth without noise is `expected` (m, T, p), in the row of[i]; the noise's covariance is R (p, p), the
-    target's probability of detection `chance`, and the estimate (n, d) of the scan before, as `carried`,
-    places the window. For `mask`, `origin` and `was` (n, 2) see `label_into`."""
-    centre, heard, normal, L = np.zeros(len(R)), np.empty(len(R)), np.empty(len(R)), factor(R)
-    words = words_for(z.shape[1])
+def scans_into(first, last, R, z, *given):
+    """One scan of each of the episodes from `first` to before `last` of n, by a sensor of noise R (p, p), into
+    z (n, capacity, p). What is given is the rest of what `_scans_into` takes."""
+    p = len(R)
+    _scans_into(
+        first, last, np.zeros(p), np.empty(p), np.empty(p), factor(R), words_for(z.shape[1]), z, *given
+    )
+
+
+@uncounted
+def _scans_into(
+    first, last, centre, heard, normal, L, words,
+    z, mask, origin, was, view, carried, chance, key, expected, of, t, estimates,
+):  # fmt: skip
+    """Scan t[i] of the episode with key[i] (n, 2), or nothing where it has none of that number. What the
+    sensor would say of the truth without noise is `expected` (m, T, p), in the row of[i]; the target's
+    probability of detection is `chance`, and the estimate (n, d) of the scan before, as `carried`, places the
+    window. For `mask`, `origin` and `was` (n, 2) see `label_into`."""
     for i in range(first, last):
         k, place, now = 0, -1, t[i]
         if now < expected.shape[1]:
             carry_into(centre, carried, estimates[i])
-            for c in range(len(R)):
+            for c in range(len(heard)):
                 heard[c] = expected[of[i], now, c]
             luck, slot = hear(heard, key[i], now, L, normal)
             k, place = scan_by(z[i], view, key[i], now, centre, heard, luck < chance, slot, words)
         label_into(z[i], mask[i], origin[i], was[i], k, place)
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def label_into(z, mask, origin, was, k, place):
     """Tells of a scan of k detections in the rows of z (capacity, p): mask (capacity,) 1 for a detection and
     0 for none, origin (capacity,) 0 in the target's row `place`, unless that is -1, then -1, and -2 for no
@@ -127,7 +137,7 @@ def label_into(z, mask, origin, was, k, place):
     was[0], was[1] = k, place
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def carry_into(centre, carried, estimate):
     """Where the next scan's window stands (p,) after the estimate (d,): nowhere else for no motion."""
     F, offset, H = carried
@@ -141,7 +151,7 @@ def carry_into(centre, carried, estimate):
             centre[c] += H[c, i] * moved
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def insert_into(z, k, place, target):
     """Puts the target (p,) in its place among the first k rows of z, whose order says nothing; the row that
     stood there becomes the last. Returns k + 1 and the place."""
@@ -151,7 +161,7 @@ def insert_into(z, k, place, target):
     return k + 1, place
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def clutter_into(z, view, key, t, centre, words):
     """Clutter of scan t, uniform in the window placed at centre (p,), one point a row of z (capacity, p), by
     way of `words_for` as many; returns how many, always less than the rows."""
@@ -161,7 +171,7 @@ def clutter_into(z, view, key, t, centre, words):
     return k
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", _nrt=True)  # or it would be as its callers are
 def ground_into(z, view, key, t, centre, slot):
     """What a window at centre (2,) shows of the clutter of scan t that stands fast on a region's ground, one
     point a row of z (capacity, 2); returns how many, always less than the rows, and how many of them rank

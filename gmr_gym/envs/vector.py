@@ -74,9 +74,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         self._view, self._carried = viewed(self.scenario), carried(self.scenario)
         self._position = np.array(self.scenario.position)
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
-        self._ahead: list[list[int]] = [
-            [] for _ in range(num_envs)
-        ]  # seeds of the streams, the next one last
+        self._ahead: list[list[int]] = [[] for _ in range(num_envs)]  # seeds of streams, the next one last
         x, mode = true(self.scenario, 0)
         # which truth is whose: a script's is one for all, for good
         self._of = np.zeros(num_envs, int) if is_scripted(self.scenario) else np.arange(num_envs)
@@ -232,7 +230,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         """The scans of a linear sensor, each thread making those of a share of the environments."""
         sensor, chance = self.scenario.sensor, float(self.scenario.detection_probability)
         everything = (
-            *self._handed_out, self._view, self._carried, sensor.R, chance, self._keys, self._expected,
+            sensor.R, *self._handed_out, self._view, self._carried, chance, self._keys, self._expected,
             self._of, self._t, self._estimates,
         )  # fmt: skip
         together(scans_into, [(*share, *everything) for share in self._shares])
