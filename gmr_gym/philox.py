@@ -21,7 +21,7 @@ FEW = 10.0  # a Poisson rate below which multiplying uniforms is faster, and abo
 
 # compiles what makes no array and hands none back, without counting references to those it is given: each is
 # an atomic operation, and half of the time of a scan went into them
-uncounted = njit(cache=True, error_model="numpy", nogil=True, _nrt=False)
+uncounted = njit(cache=True, error_model="numpy", nogil=True, _nrt=False)  # type: ignore[call-overload]
 
 
 # inlined as source: a loop with a call in it would not be turned into vectors

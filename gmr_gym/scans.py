@@ -89,7 +89,7 @@ def scan_by(z, view, key, t, centre, target, detected, slot, words):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def scans_into(first, last, R, z, *given):
-    """One scan of each of the episodes from `first` to before `last` of n, by a sensor of noise R (p, p), into
+    """One scan of each of the episodes from `first` to before `last` of n, by a sensor of noise R (p, p), to
     z (n, capacity, p). What is given is the rest of what `_scans_into` takes."""
     p = len(R)
     _scans_into(
@@ -171,7 +171,8 @@ def clutter_into(z, view, key, t, centre, words):
     return k
 
 
-@njit(cache=True, error_model="numpy", _nrt=True)  # or it would be as its callers are
+# said, or it would be compiled as its callers are
+@njit(cache=True, error_model="numpy", _nrt=True)  # type: ignore[call-overload]
 def ground_into(z, view, key, t, centre, slot):
     """What a window at centre (2,) shows of the clutter of scan t that stands fast on a region's ground, one
     point a row of z (capacity, 2); returns how many, always less than the rows, and how many of them rank

@@ -1,11 +1,10 @@
 """What the estimates of many episodes are worth, as `TrackingEnv` says it of one."""
 
-from numba import njit
-
 from gmr_gym.envs.tracking import STRAYED, distance
+from gmr_gym.philox import uncounted
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def score_into(error, reward, terminated, truncated, strayed, t, passed, estimates, x, of, position, cutoff):
     """What `TrackingEnv.step` says, all of them (n,), of the estimates (n, d) of scan t[i] of n episodes,
     whose truth x (m, T, d) has in the row of[i], and moves on to the next; zeros of those that are `passed`
@@ -27,7 +26,7 @@ def score_into(error, reward, terminated, truncated, strayed, t, passed, estimat
             t[i] = horizon
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def first_beyond(extent, passed, estimates):
     """The first of the estimates (n, d), those `passed` over apart, with a number that is not within
     +-extent; -1 for none."""
