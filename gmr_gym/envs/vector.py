@@ -36,7 +36,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
     same step does, with the last observation in info["final_obs"] and the last info in info["final_info"]
     ("SameStep"); or it waits for `reset(options={"reset_mask": ...})` ("Disabled").
     `copy`: whether every step hands out arrays of its own; if not, the next one writes over the observation
-    and info["origin"].
+    and info["origin"], or only what has changed of them: write nothing there.
     `threads`: that make scans; None for as many as numba takes, `NUMBA_NUM_THREADS` or one a core.
     """
 
