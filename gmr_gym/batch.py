@@ -11,7 +11,8 @@ from gmr_gym.hypotheses import expand_scan, odds, reduce_scan
 from gmr_gym.kalman import Sensor
 from gmr_gym.metrics import detection_outside_gates, truth_outside_gates
 from gmr_gym.mixture import ONE, match
-from gmr_gym.scans import carry_into, scan_into
+from gmr_gym.philox import words_for
+from gmr_gym.scans import carry_into, scan_by
 from gmr_gym.simulate import Episode, Scenario, capacity, carried, viewed
 
 
@@ -67,13 +68,13 @@ def _play(
     x, P_out, components, volume, gated, off_target = out
     runs, T, d = x.shape
     F, Q, offset, H, R, size, log_miss, log_detect = told
-    z, centre = np.empty((capacity, len(R))), np.empty(len(R))
+    z, centre, words = np.empty((capacity, len(R))), np.empty(len(R)), words_for(capacity)
     for i in range(runs):
         w, m, P = belief
         for c in range(len(R)):
             centre[c] = start[c]
         for t in range(T):
-            k, place = scan_into(z, view, key[i], t, centre, target[i, t], detected[i, t], slot[i, t])
+            k, place = scan_by(z, view, key[i], t, centre, target[i, t], detected[i, t], slot[i, t], words)
             centres, S, w, m, P, _, detection, _ = expand_scan(
                 w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z[:k]
             )

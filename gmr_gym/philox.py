@@ -16,7 +16,12 @@ MULTIPLIERS = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 WEYL = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
 WORD, HALF = np.uint64(0xFFFFFFFF), np.uint64(32)
 DRAWS = 28  # bits of the first word that count the draws of a stream
+LANES = 8  # that the loops are turned into; what they write of is rounded up to them
 FEW = 10.0  # a Poisson rate below which multiplying uniforms is faster, and above which the other holds
+
+# compiles what makes no array and hands none back, without counting references to those it is given: each is
+# an atomic operation, and half of the time of a scan went into them
+uncounted = njit(cache=True, error_model="numpy", nogil=True, _nrt=False)  # type: ignore[call-overload]
 
 
 # inlined as source: a loop with a call in it would not be turned into vectors
@@ -36,7 +41,7 @@ def uniform(a, b):
     return np.float64(np.int64(((a << HALF) | b) >> np.uint64(11))) * 2.0**-53
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def pair(key, stream, draw, at):
     """Two uniforms in [0, 1): of key (2,), a stream's draw and the place `at`, three words."""
     a, b, c, d = block(
@@ -46,23 +51,26 @@ def pair(key, stream, draw, at):
     return uniform(a, b), uniform(c, d)
 
 
-@njit(cache=True, error_model="numpy")
-def points_into(z, n, low, high, key, stream, at):
-    """The first n rows of z (capacity, p), contiguous, become points uniform between low and high (p,): row i
-    of the i-th pairs of the stream and of those after it, each of which gives two coordinates."""
-    p = z.shape[1]
-    flat, words = z.reshape(-1), np.empty((4, n), np.uint32)
+@uncounted
+def points_into(z, n, low, high, centre, key, stream, at, words):
+    """The first n rows of z (capacity, p), contiguous, become points uniform between low and high (p,) about
+    centre (p,): row i of the i-th pairs of the stream and of those after it, each of which gives two
+    coordinates. For `words` see `words_for`."""
+    p, flat = z.shape[1], z.reshape(-1)
     w0, w1, w2, w3 = words[0], words[1], words[2], words[3]
     c1, c2, c3 = np.uint64(at[0]), np.uint64(at[1]), np.uint64(at[2])
     k0, k1 = np.uint64(key[0]), np.uint64(key[1])
     for c in range(0, p, 2):
-        first = np.uint64((stream + c // 2) << DRAWS)
-        # words first and numbers after them: either loop is turned into vectors, one of both would not be
-        for i in range(n):
-            w0[i], w1[i], w2[i], w3[i] = block(first + np.uint64(np.uint32(i)), c1, c2, c3, k0, k1)
-        start, side = low[c], high[c] - low[c]
+        first = np.uint32((stream + c // 2) << DRAWS)
+        # words first and numbers after them: either loop is turned into vectors as wide as they come, one of
+        # both would not be; and no word is left for a loop that does one at a time
+        for i in range((n + LANES - 1) & -LANES):
+            w0[i], w1[i], w2[i], w3[i] = block(np.uint64(first + np.uint32(i)), c1, c2, c3, k0, k1)
+        start = low[c] + centre[c]
+        side = high[c] + centre[c] - start
         if p == 2:
-            other, length = low[1], high[1] - low[1]
+            other = low[1] + centre[1]
+            length = high[1] + centre[1] - other
             for i in range(n):
                 u = start + side * uniform(np.uint64(w0[i]), np.uint64(w1[i]))
                 v = other + length * uniform(np.uint64(w2[i]), np.uint64(w3[i]))
@@ -72,12 +80,19 @@ def points_into(z, n, low, high, key, stream, at):
         for i in range(n):
             flat[p * i + c] = start + side * uniform(np.uint64(w0[i]), np.uint64(w1[i]))
         if c + 1 < p:
-            start, side = low[c + 1], high[c + 1] - low[c + 1]
+            start = low[c + 1] + centre[c + 1]
+            side = high[c + 1] + centre[c + 1] - start
             for i in range(n):
                 flat[p * i + c + 1] = start + side * uniform(np.uint64(w2[i]), np.uint64(w3[i]))
 
 
 @njit(cache=True, error_model="numpy")
+def words_for(n):
+    """Room for the words of n points, for `points_into` to write to: many scans share it."""
+    return np.empty((4, n + LANES), np.uint32)
+
+
+@uncounted
 def normals_into(out, key, stream, at):
     """Fills out (n,) with standard normals, two of every pair of uniforms (Box and Muller 1958)."""
     for i in range(0, len(out), 2):
@@ -88,7 +103,7 @@ def normals_into(out, key, stream, at):
             out[i + 1] = length * math.sin(2.0 * math.pi * v)
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def poisson(rate, key, stream, at):
     """A Poisson count of that rate, at least 0: by transformed rejection with squeeze (Hörmann 1993, PTRS),
     a rate below `FEW` by multiplying uniforms until they are less than exp(-rate)."""
@@ -107,7 +122,6 @@ def poisson(rate, key, stream, at):
             draw += 1
     b = 0.931 + 2.53 * math.sqrt(rate)
     a = -0.059 + 0.02483 * b
-    log_inverse_alpha = math.log(1.1239 + 1.1328 / (b - 3.4))
     squeeze = 0.9277 - 3.6224 / (b - 2.0)
     while True:
         u, v = pair(key, stream, draw, at)
@@ -121,6 +135,7 @@ def poisson(rate, key, stream, at):
             return int(count)
         if count < 0:
             continue
+        log_inverse_alpha = math.log(1.1239 + 1.1328 / (b - 3.4))
         log_ratio = math.log(v) + log_inverse_alpha - math.log(a / (inside * inside) + b)
         if log_ratio <= count * math.log(rate) - rate - math.lgamma(count + 1.0):
             return int(count)

@@ -11,6 +11,7 @@ from scipy.special import pdtr, pdtrik
 from gmr_gym.association import Gates
 from gmr_gym.kalman import Sensing, Sensor
 from gmr_gym.models import Model
+from gmr_gym.philox import words_for
 from gmr_gym.scans import View, carry_into, clutter_into, hear_all, insert_into, scan_into
 
 Loss = Callable[[Gates, np.ndarray, np.ndarray], bool]
@@ -190,7 +191,7 @@ def make_scan(
 
 def _settled_into(scenario, z, view, key, t, centre, target, detected, slot) -> tuple[int, int]:
     """`scan_into` for a sensor that reports not every point of its space, and not all where they fell."""
-    k = clutter_into(z, view, key, t, centre)
+    k = clutter_into(z, view, key, t, centre, words_for(len(z)))
     settled, possible = scenario.sensor.settled(z[:k])
     settled = settled[possible]
     k = len(settled)

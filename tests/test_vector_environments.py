@@ -107,6 +107,18 @@ def test_every_id_of_one_target_has_a_vector_environment_of_its_own(env_id):
     envs.close()
 
 
+@pytest.mark.parametrize("env_id", [TURNING, AGILE])
+def test_seeds_drawn_ahead_are_those_of_the_stream_and_a_new_one_discards_them(env_id):
+    one, other = native(env_id, 3, horizon=1), in_turn(env_id, 3, horizon=1)
+    prior = one.reset(seed=[4, 2**70, 5])[0]["prior_mean"]
+    other.reset(seed=[4, 2**70, 5])
+    for step in range(80):
+        assert_same(one.step(prior)[0], other.step(prior)[0])
+        if step == 50:
+            for a, b in zip(one.reset(seed=[None, 8, 5]), other.reset(seed=[None, 8, 5]), strict=True):
+                assert_same(a, b)
+
+
 def test_threads_and_the_number_of_environments_change_nothing():
     one, two, three = (native(FLIGHT, n, threads=threads) for n, threads in ((150, 1), (150, 2), (70, 3)))
     *_, info = (envs.reset(seed=9)[1] for envs in (three, two, one))

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import gymnasium as gym
 import numpy as np
+from numba.extending import register_jitable
 
 from gmr_gym.envs.episodic import EXTENT, ORIGIN, EpisodicEnv
 from gmr_gym.mixture import moments
@@ -129,13 +130,9 @@ class TrackingEnv(EpisodicEnv):
             observation, info = self.nothing_more(), {}
         else:
             self._shown = t
-            z, mask, origin = (
-                np.empty(self.shape),
-                np.empty(self._capacity, np.int8),
-                np.empty(self._capacity, ORIGIN),
-            )
+            z, mask, origin, was = blank(self.shape)
             made = make_scan(z, self.scenario, self._view, self._episode, t, self._centre(t))
-            label_into(z, mask, origin, self._capacity, *made)
+            label_into(z, mask, origin, was, *made)
             x, mode = self._episode.x[t].copy(), int(self._episode.mode[t])
             observation, info = self._observed(z, mask, t), {"truth": x, "mode": mode, "origin": origin}
         if self.render_mode == "human":
@@ -154,9 +151,16 @@ class TrackingEnv(EpisodicEnv):
         return Canvas(self.scenario, on_screen)
 
 
+def blank(shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """z (..., capacity, p), mask, origin and `was` of no scans, as `label_into` has them."""
+    nothing = np.zeros((*shape[:-2], 2), int)
+    nothing[..., 1] = -1
+    return np.zeros(shape), np.zeros(shape[:-1], np.int8), np.full(shape[:-1], -2, ORIGIN), nothing
+
+
+@register_jitable
 def distance(estimate, truth, position: Sequence[int]):
-    """How far apart (...,) states (d, ...) are in the given coordinates, summed in order: one pair and many
-    come out alike."""
+    """How far apart two states (d,) are in the given coordinates, summed in order."""
     total = 0.0
     for i in position:
         off = estimate[i] - truth[i]

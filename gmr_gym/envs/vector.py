@@ -11,14 +11,17 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numba import config
 
-from gmr_gym.envs.episodic import EXTENT, ORIGIN
-from gmr_gym.envs.tracking import STRAYED, TrackingEnv, distance
+from gmr_gym.envs.episodic import EXTENT
+from gmr_gym.envs.scores import first_beyond, score_into
+from gmr_gym.envs.tracking import TrackingEnv, blank
 from gmr_gym.reduction import at_least_one
 from gmr_gym.scans import label_into, scans_into
+from gmr_gym.seeds import keys_of
 from gmr_gym.simulate import carried, draw, is_scripted, key_of, make_scan, true, viewed
 from gmr_gym.threads import together
 
 SHARE = 32  # environments that a thread is worth
+AHEAD = 16  # seeds drawn at a time
 
 
 class TrackingVectorEnv(gym.vector.VectorEnv):
@@ -33,7 +36,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
     same step does, with the last observation in info["final_obs"] and the last info in info["final_info"]
     ("SameStep"); or it waits for `reset(options={"reset_mask": ...})` ("Disabled").
     `copy`: whether every step hands out arrays of its own; if not, the next one writes over the observation
-    and info["origin"].
+    and info["origin"], or only what has changed of them: write nothing there.
     `threads`: that make scans; None for as many as numba takes, `NUMBA_NUM_THREADS` or one a core.
     """
 
@@ -69,13 +72,16 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         bounds = np.linspace(0, num_envs, min(-(-num_envs // SHARE), limit) + 1).astype(int)
         self._shares = list(pairwise(bounds.tolist()))  # of the threads, the caller's own first
         self._view, self._carried = viewed(self.scenario), carried(self.scenario)
-        self._rows = np.arange(num_envs)
+        self._position = np.array(self.scenario.position)
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
+        self._ahead: list[list[int]] = [[] for _ in range(num_envs)]  # seeds of streams, the next one last
         x, mode = true(self.scenario, 0)
-        # of every environment's episode; filled here for good where all are of one truth
-        self._x, self._mode = (np.tile(part, (num_envs, *[1] * part.ndim)) for part in (x, mode))
+        # which truth is whose: a script's is one for all, for good
+        self._of = np.zeros(num_envs, int) if is_scripted(self.scenario) else np.arange(num_envs)
+        truths = self._of[-1] + 1
+        self._x, self._mode = (np.tile(part, (truths, *[1] * part.ndim)) for part in (x, mode))
         expected = self.scenario.sensor.observed(x)
-        self._expected = np.tile(expected, (num_envs, 1, 1))  # what the sensor would say without noise
+        self._expected = np.tile(expected, (truths, 1, 1))  # what the sensor would say without noise
         self._keys = np.zeros((num_envs, 2), np.uint32)
         self._drawn: list[Any] = [None] * num_envs  # whole episodes, where the sensor is not linear
         self._t = np.full(num_envs, self.scenario.horizon)  # the scan shown; the horizon for none
@@ -97,92 +103,91 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         for i in np.flatnonzero(chosen):
             if seeds[i] is not None:
                 self._randoms[i] = seeding.np_random(seeds[i])[0]
-        self._begin(chosen, seeds)
+                self._ahead[i].clear()
+        self._begin(np.flatnonzero(chosen), seeds)
         return self._emit(chosen)
 
     def step(self, actions):
         """Scores the estimates (num_envs, d) of the scans just seen; the next scans, or where an episode has
         ended what `autoreset_mode` says."""
-        anew = np.zeros(self.num_envs, bool)
-        if self.autoreset_mode == AutoresetMode.NEXT_STEP:
-            anew = self._ended.copy()
-        horizon, cutoff = self.scenario.horizon, self.scenario.cutoff
-        if (self._t >= horizon)[~anew].any():
+        n, horizon = self.num_envs, self.scenario.horizon
+        anew = self._ended if self.autoreset_mode == AutoresetMode.NEXT_STEP else np.zeros(n, bool)
+        if ((self._t >= horizon) > anew).any():
             raise RuntimeError("call reset() before step(): no episode is running")
-        self._estimates = self._checked(actions, ~anew)
-        self._estimates[anew] = self._single.prior[0]  # whatever was given for an episode that is over
-        truth = self._x[self._rows, np.minimum(self._t, horizon - 1)]
-        error = distance(self._estimates.T, truth.T, self.scenario.position)
-        self._strayed = np.where(error > cutoff, self._strayed + 1, 0)
-        self._t = self._t + 1
-        left = horizon - self._t
-        terminated = (self._strayed >= STRAYED) & ~anew
-        truncated = (left == 0) & ~terminated & ~anew
-        rewards = -np.minimum(error, cutoff) - np.where(terminated, cutoff * left, 0.0)
-        self._t[terminated] = horizon
-        error[anew] = rewards[anew] = 0.0
-        self._begin(anew, [None] * self.num_envs)
+        self._estimates = self._checked(actions, anew)
+        error, rewards, terminated, truncated = np.empty(n), np.empty(n), np.empty(n, bool), np.empty(n, bool)
+        score_into(
+            error, rewards, terminated, truncated, self._strayed, self._t, anew, self._estimates,
+            self._x, self._of, self._position, float(self.scenario.cutoff),
+        )  # fmt: skip
+        scored = ~anew
+        self._begin(np.flatnonzero(anew), [None] * n)
         self._ended = terminated | truncated
         final = {}
-        scored = ~anew
         if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():
             scored = ~self._ended
             final = self._final(np.where(scored, 0.0, error))
-            self._begin(self._ended.copy(), [None] * self.num_envs)
-        observation, infos = self._emit(np.ones(self.num_envs, bool))
+            error[~scored] = 0.0
+            self._begin(np.flatnonzero(self._ended), [None] * n)
+        observation, infos = self._emit(np.ones(n, bool))
         if scored.any():
-            infos |= {"error": np.where(scored, error, 0.0), "_error": scored}
+            infos |= {"error": error, "_error": scored}
         return observation, rewards, terminated, truncated, infos | final
 
-    def _checked(self, actions, live: np.ndarray) -> np.ndarray:
-        """The actions as floats (num_envs, d); ValueError for a wrong shape and, where one is `live`, for a
-        number out of bounds."""
+    def _checked(self, actions, passed: np.ndarray) -> np.ndarray:
+        """The actions as floats (num_envs, d); ValueError for a wrong shape and, but for those `passed` over,
+        for a number out of bounds."""
         shape = self.action_space.shape
         try:
-            actions = np.array(actions).astype(float, casting="same_kind")
+            actions = np.array(actions, order="C")
+            if actions.dtype != float:
+                actions = actions.astype(float, casting="same_kind")
         except (TypeError, ValueError):
             raise ValueError(f"actions must be numbers of shape {shape}") from None
         if actions.shape != shape:
             raise ValueError(f"actions must have shape {shape}, got {actions.shape}")
-        wrong = live & ~(np.abs(actions) <= EXTENT).all(axis=1)
-        if wrong.any():
-            i = int(wrong.argmax())
+        i = first_beyond(EXTENT, passed, actions)
+        if i >= 0:
             raise ValueError(
                 f"actions must be finite and within +-{EXTENT:g}, got {actions[i].tolist()} in row {i}"
             )
         return actions
 
-    def _begin(self, chosen: np.ndarray, seeds: Sequence[int | None]) -> None:
-        """A new episode in the chosen environments, of its seed, or for None of the stream's next."""
-        for i in np.flatnonzero(chosen).tolist():
-            given = seeds[i]
-            seed = self._next_seed(i) if given is None else given
+    def _begin(self, rows: np.ndarray, given: Sequence[int | None]) -> None:
+        """A new episode in the environments of these rows, of its seed, or for None of the stream's next."""
+        if not len(rows):
+            return
+        self._t[rows], self._strayed[rows], self._ended[rows] = 0, 0, False
+        self._estimates[rows] = self._single.prior[0]
+        seeds = [self._next_seed(i) if given[i] is None else given[i] for i in rows.tolist()]
+        if self._carried is not None:
+            small = max(seeds) < 2**63
+            self._keys[rows] = keys_of(np.array(seeds)) if small else [key_of(seed) for seed in seeds]
+            if is_scripted(self.scenario):
+                return
+        for i, seed in zip(rows.tolist(), seeds, strict=True):
             if self._carried is None:
                 self._drawn[i] = draw(self.scenario, seed)
                 self._x[i], self._mode[i] = self._drawn[i].x, self._drawn[i].mode
-                continue
-            self._keys[i] = key_of(seed)
-            if not is_scripted(self.scenario):
+            else:
                 self._x[i], self._mode[i] = true(self.scenario, seed)
                 self._expected[i] = self.scenario.sensor.observed(self._x[i])
-        self._t[chosen], self._strayed[chosen], self._ended[chosen] = 0, 0, False
-        self._estimates[chosen] = self._single.prior[0]
 
     def _next_seed(self, i: int) -> int:
-        random = self._randoms[i]
-        if random is None:
-            random = self._randoms[i] = seeding.np_random()[0]
-        return int(random.integers(2**63))
+        ahead = self._ahead[i]
+        if not ahead:
+            random = self._randoms[i]
+            if random is None:
+                random = self._randoms[i] = seeding.np_random()[0]
+            # in one draw, which takes as long as two of one number
+            ahead.extend(random.integers(2**63, size=AHEAD)[::-1].tolist())
+        return ahead.pop()
 
     def _emit(self, told: np.ndarray):
         """Observations of all environments, and infos of those that are told."""
         n, shape = self.num_envs, self._single.shape
         if self.copy or self._handed_out is None:
-            # the rows that hold something are all of them: nothing is known of any
-            self._handed_out = (
-                np.empty((n, *shape)), np.empty((n, shape[0]), np.int8), np.empty((n, shape[0]), ORIGIN),
-                np.full(n, shape[0]),
-            )  # fmt: skip
+            self._handed_out = blank((n, *shape))
             self._priors = [np.tile(part, (n, 1)) for part in self._single.prior]
         z, mask, origin, _ = self._handed_out
         shown = self._t < self.scenario.horizon
@@ -201,8 +206,9 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         told = told & shown
         if not told.any():
             return observation, {}
-        at = self._rows, np.where(told, self._t, 0)
-        truth, mode = self._x[at], self._mode[at]
+        # rows taken by one index: by two it is slower than many scans
+        at = self._of * self.scenario.horizon + np.where(told, self._t, 0)
+        truth, mode = self._x.reshape(-1, self._x.shape[2]).take(at, axis=0), self._mode.take(at)
         if not told.all():
             origin = origin.copy()
             truth[~told], mode[~told], origin[~told] = 0, 0, 0
@@ -213,21 +219,20 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
 
     def _scans_in_turn(self, shown: np.ndarray) -> None:
         """The scans of a sensor that is not linear."""
-        z, mask, origin, filled = self._handed_out
+        z, mask, origin, was = self._handed_out
         for i in range(self.num_envs):
             k, place = 0, -1
             if shown[i]:
                 centre = self.scenario.centre(self._estimates[i])
                 k, place = make_scan(z[i], self.scenario, self._view, self._drawn[i], int(self._t[i]), centre)
-            label_into(z[i], mask[i], origin[i], filled[i], k, place)
-            filled[i] = k
+            label_into(z[i], mask[i], origin[i], was[i], k, place)
 
     def _scans_at_once(self) -> None:
         """The scans of a linear sensor, each thread making those of a share of the environments."""
         sensor, chance = self.scenario.sensor, float(self.scenario.detection_probability)
         everything = (
-            *self._handed_out, self._view, self._carried, sensor.R, chance, self._keys, self._expected,
-            self._t, self._estimates,
+            sensor.R, *self._handed_out, self._view, self._carried, chance, self._keys, self._expected,
+            self._of, self._t, self._estimates,
         )  # fmt: skip
         together(scans_into, [(*share, *everything) for share in self._shares])
 
