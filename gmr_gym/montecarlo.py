@@ -150,7 +150,7 @@ class _Sweep(NamedTuple):
             raise ValueError(f"runs must be at least 1, got {self.runs}")
         if not self.trackers:
             raise ValueError("trackers must hold at least one tracker")
-        workers.check_backend(self.backend, self.scheduler)
+        workers.check_workers(self.jobs, self.backend, self.scheduler)
         return [(name, first) for name in self.trackers for first in range(0, self.runs, BLOCK)]
 
     def size(self, task: tuple[str, int]) -> int:
