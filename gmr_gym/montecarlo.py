@@ -64,6 +64,8 @@ def run(
     sweep = _Sweep(scenario, trackers, runs, seed, folder, progress, jobs, backend, scheduler)
     tasks, files = sweep.tasks(), sweep.files()
     results = {task: blocks.load(file, _kind(scenario)) for task, file in files.items() if file.exists()}
+    if folder is not None:
+        Path(folder).mkdir(parents=True, exist_ok=True)  # one that cannot be made is told before the work
     results.update(_computed(sweep, tasks, results, files))
     # blocks are let go as they are joined: the covariances of many runs are gigabytes
     return {
