@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 
 # digest of scenario, tracker, source and seed; the block's first run and the one after its last
 NAME = re.compile(r"[0-9a-f]{32}-(\d+)-(\d+)\.npz")
@@ -32,18 +33,23 @@ def named(folder: Path | str, digest: str, first: int, stop: int) -> Path:
 
 
 def save(file: Path, result) -> None:
-    """A block, a named tuple of arrays; the file is there whole or not at all."""
-    file.parent.mkdir(parents=True, exist_ok=True)
+    """A block, a named tuple of arrays, in a folder that is there; the file is there whole or not at all."""
     partial = file.with_suffix(f".{os.getpid()}.part")
-    with partial.open("wb") as stream:
-        np.savez(stream, **result._asdict())
-    partial.replace(file)
+    try:
+        with partial.open("wb") as stream:
+            np.savez(stream, **result._asdict())
+        partial.replace(file)
+    except OSError as error:  # of a disk that is full it does not say which
+        raise OSError(error.errno, error.strerror, str(file)) from error
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def load(file: Path, *kinds: type) -> Any:
     """The block in a file, one of `kinds`. Nothing is unpickled; ValueError names what is none."""
     try:
-        with np.load(file, allow_pickle=False) as stored:
+        # not np.load: of what is no archive it says that one could unpickle it
+        with file.open("rb") as stream, NpzFile(stream, allow_pickle=False) as stored:
             arrays = dict(stored)
         for kind in kinds:
             if arrays.keys() == set(kind._fields):  # type: ignore[attr-defined]

@@ -58,7 +58,7 @@ TrackerNames = Annotated[
 Settings = Annotated[list[str], typer.Option("--set", help="key=value for the environment")]
 RunCount = Annotated[int, typer.Option("--runs", min=1, help="Monte Carlo runs")]
 Seed = Annotated[int, typer.Option("--seed", min=0)]
-Jobs = Annotated[int, typer.Option("--jobs", help="worker processes; -1 for one per core")]
+Jobs = Annotated[int, typer.Option("--jobs", help="worker processes; -1 for one per core, -2 for one less")]
 Backend = Annotated[str, typer.Option("--backend", help="loky (this machine), dask or ray")]
 Scheduler = Annotated[
     str | None, typer.Option("--scheduler", help="address of the Dask or Ray cluster, all of which is used")

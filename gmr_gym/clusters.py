@@ -25,10 +25,11 @@ class _Reporting:
 
 @contextmanager
 def dask(scheduler: str) -> Iterator[Any]:
-    """The backend of a Dask cluster, connected to its scheduler's address."""
+    """The backend of a Dask cluster, connected to its scheduler's address; ValueError for what is none."""
     from concurrent.futures import CancelledError
 
     from distributed import Client
+    from distributed.comm import get_address_host
     from distributed.scheduler import KilledWorker
     from joblib._dask import DaskDistributedBackend
 
@@ -44,6 +45,8 @@ def dask(scheduler: str) -> Iterator[Any]:
             future.add_done_callback(partial(_failed, callback))
             return future
 
+    # a client that refuses an address waits for a minute when it is let go
+    get_address_host(scheduler)
     with Client(scheduler, set_as_default=False) as client:
         for address, worker in client.scheduler_info(n_workers=-1)["workers"].items():
             if (threads := worker["nthreads"]) > 1:

@@ -64,6 +64,8 @@ def run(
     sweep = _Sweep(scenario, trackers, runs, seed, folder, progress, jobs, backend, scheduler)
     tasks, files = sweep.tasks(), sweep.files()
     results = {task: blocks.load(file, _kind(scenario)) for task, file in files.items() if file.exists()}
+    if folder is not None:
+        Path(folder).mkdir(parents=True, exist_ok=True)  # one that cannot be made is told before the work
     results.update(_computed(sweep, tasks, results, files))
     # blocks are let go as they are joined: the covariances of many runs are gigabytes
     return {
@@ -150,7 +152,7 @@ class _Sweep(NamedTuple):
             raise ValueError(f"runs must be at least 1, got {self.runs}")
         if not self.trackers:
             raise ValueError("trackers must hold at least one tracker")
-        workers.check_backend(self.backend, self.scheduler)
+        workers.check_workers(self.jobs, self.backend, self.scheduler)
         return [(name, first) for name in self.trackers for first in range(0, self.runs, BLOCK)]
 
     def size(self, task: tuple[str, int]) -> int:

@@ -19,9 +19,11 @@ class WorkersLost(RuntimeError):
     """Workers died again and again before anything was finished."""
 
 
-def check_backend(backend: str, scheduler: str | None) -> None:
-    """ValueError for a backend that is none, or whose address is missing or of no use; ImportError, with the
-    extra that brings it, for one that is not installed."""
+def check_workers(jobs: int, backend: str, scheduler: str | None) -> None:
+    """ValueError for no jobs, for a backend that is none, or whose address is missing or of no use;
+    ImportError, with the extra that brings it, for one that is not installed."""
+    if jobs == 0:
+        raise ValueError("jobs must be a number of processes, or -1 for one a core, got 0")
     if backend not in BACKENDS:
         raise ValueError(f"unknown backend {backend!r}; choose one of {', '.join(BACKENDS)}")
     if not find_spec(BACKENDS[backend]):
@@ -37,7 +39,8 @@ def results(
 ) -> Iterator[tuple[Task, Any]]:
     """(task, result) of every call (function, *arguments) as it is finished, each once.
 
-    On this machine `jobs` processes make them, of a cluster all that it has. A call whose worker dies is made
+    On this machine `jobs` processes make them, negative numbers counted from -1 for one a core; of a cluster
+    all that it has. A call whose worker dies is made
     again; raises WorkersLost when that has happened ATTEMPTS times in a row without a result.
     """
     left, attempts = dict(calls), 0
@@ -56,7 +59,9 @@ def results(
 
 def _attempt(calls: Mapping[Task, tuple], jobs: int, backend: str, scheduler: str | None) -> Iterator:
     if not scheduler:
-        yield from _parallel(calls, n_jobs=jobs)
+        # joblib starts all it is given, however few the calls; but one it would be itself, and with the call
+        # that kills it this process would die
+        yield from _parallel(calls, n_jobs=min(joblib.effective_n_jobs(jobs), max(2, len(calls))))
         return
     with getattr(clusters, backend)(scheduler) as connected:
         # all at once: workers that join a cluster on the way find something to do

@@ -1,5 +1,6 @@
 """Shards and merges: blocks of runs from machines that share nothing make up the whole, each once."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -11,7 +12,7 @@ import pytest
 from baselines.gm_phd import gm_phd
 from baselines.mht import runnalls
 from baselines.nearest_neighbour import NearestNeighbour
-from gmr_gym.blocks import load, merge
+from gmr_gym.blocks import load, merge, save
 from gmr_gym.crowd_runs import CrowdRuns
 from gmr_gym.montecarlo import BLOCK, Runs, run, run_shard
 from gmr_gym.scenarios.dortenzio import turning_target
@@ -173,6 +174,7 @@ def test_what_is_no_block_is_refused_by_name_and_the_rest_is_merged(shards, tmp_
     for foreign in ("notes.txt", "0123.npz", f"{victim.name}.part"):
         (source / foreign).write_text("")
     (refused,) = (merged := merge([source], into, *KINDS)).refused
+    assert "load it unsafely" not in refused  # numpy's advice for what is no archive
     assert refused.startswith(f"{victim} is not a block of runs (")
     assert names(into) == all_names - {victim.name}
     assert {file.name for file in merged.foreign} == {"notes.txt", "0123.npz", f"{victim.name}.part"}
@@ -189,6 +191,19 @@ def test_nothing_in_a_block_is_unpickled(shards, tmp_path):
     np.savez(tmp_path / "source" / name, **block._asdict() | {"x": np.array([[[Trap()]]], dtype=object)})
     assert len(merge([tmp_path / "source"], tmp_path / "into", *KINDS).refused) == 1
     assert not (tmp_path / "sprung").exists()
+
+
+def test_a_disk_that_is_full_is_named_by_the_file_and_keeps_no_part_of_it(shards, tmp_path, monkeypatch):
+    def filling(stream, **arrays):
+        stream.write(b"a part")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    block = load(next(shards[0].iterdir()), Runs)
+    monkeypatch.setattr(np, "savez", filling)
+    file = tmp_path / "block.npz"
+    with pytest.raises(OSError, match=r"No space left on device: '.*block\.npz'") as caught:
+        save(file, block)
+    assert caught.value.errno == errno.ENOSPC and not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("text", ["0/3", "4/3", "2", "2/", "/3", "a/3", "1/3/3", "-1/3", "1.5/3", ""])

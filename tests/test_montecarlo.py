@@ -248,6 +248,18 @@ def test_a_file_that_is_no_block_is_named_in_the_error(tmp_path, content):
         run(WORLD, NEAREST, 2, folder=tmp_path)
 
 
+class Unplayed(NearestNeighbour):
+    def step(self, belief, z):
+        raise AssertionError("played")
+
+
+def test_a_folder_that_cannot_be_is_told_before_anything_is_played(tmp_path):
+    (tmp_path / "file").touch()
+    for wrong in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(OSError, match="file"):
+            run(WORLD, {"unplayed": Unplayed(WORLD.model)}, 1, folder=wrong)
+
+
 def test_bad_calls_are_refused():
     with pytest.raises(ValueError, match="runs must be at least 1, got 0"):
         run(WORLD, NEAREST, 0)

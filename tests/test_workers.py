@@ -22,7 +22,7 @@ from gmr_gym.crowd_runs import CrowdRuns
 from gmr_gym.montecarlo import BLOCK, Runs, run
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.lv import unknown_clutter
-from gmr_gym.workers import ATTEMPTS, WorkersLost, check_backend
+from gmr_gym.workers import ATTEMPTS, WorkersLost, check_workers
 
 WORLD = turning_target(horizon=8, clutter_rate=20)
 NEAREST = {"nearest": NearestNeighbour(WORLD.model)}
@@ -210,18 +210,50 @@ def test_what_is_on_disk_asks_for_no_cluster(tmp_path):
     run(WORLD, NEAREST, 2, folder=tmp_path, backend="dask", scheduler="tcp://nowhere:1")
 
 
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [("nowhere", "missing port number in address 'nowhere'"), ("http://here:1", "address scheme 'http'")],
+)
+def test_an_address_that_is_none_is_refused_before_anything_connects(monkeypatch, address, message):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(distributed, "Client", None)
+    with pytest.raises(ValueError, match=message):
+        run(WORLD, NEAREST, 1, backend="dask", scheduler=address)
+
+
+@pytest.mark.parametrize(("jobs", "calls", "processes"), [(1, 5, 1), (2, 1, 2), (9, 5, 5), (9, 1, 2)])
+def test_no_more_processes_are_started_than_there_are_calls_nor_one_that_is_this(
+    monkeypatch, jobs, calls, processes
+):
+    started = []
+
+    class Noting(workers.joblib.Parallel):
+        def __init__(self, n_jobs, **options):
+            started.append(n_jobs)
+            super().__init__(n_jobs=1, **options)
+
+    monkeypatch.setattr(workers.joblib, "Parallel", Noting)
+    assert dict(workers.results({i: (abs, -i) for i in range(calls)}, jobs)) == {i: i for i in range(calls)}
+    assert started == [processes]
+
+
+def test_no_jobs_are_refused():
+    with pytest.raises(ValueError, match="jobs must be a number of processes, or -1 for one a core, got 0"):
+        run(WORLD, NEAREST, 1, jobs=0)
+
+
 def test_a_backend_that_is_none_or_not_installed_or_not_there_is_named(monkeypatch):
-    check_backend("loky", None)
+    check_workers(1, "loky", None)
     with pytest.raises(ValueError, match="unknown backend 'threads'; choose one of loky, dask, ray"):
         run(WORLD, NEAREST, 1, backend="threads")
     with pytest.raises(ValueError, match="loky stays on this machine"):
-        check_backend("loky", "tcp://here:1")
+        check_workers(1, "loky", "tcp://here:1")
     monkeypatch.setitem(workers.BACKENDS, "ray", "no_such_package")
     with pytest.raises(ImportError, match=r"'ray' is not installed; pip install 'gmr-gym\[ray\]'"):
         run(WORLD, NEAREST, 1, backend="ray", scheduler="auto")
     monkeypatch.setitem(workers.BACKENDS, "dask", "joblib")
     with pytest.raises(ValueError, match="backend 'dask' needs scheduler, the address"):
-        check_backend("dask", None)
+        check_workers(1, "dask", None)
 
 
 def test_the_command_line_on_a_dask_cluster_leaves_what_it_leaves_on_one_process(
