@@ -1,6 +1,7 @@
 """Finished blocks of runs on disk: named by what they hold, checked when they are read, merged from machines
 that share nothing."""
 
+import errno
 import os
 import re
 import zlib
@@ -32,8 +33,17 @@ def named(folder: Path | str, digest: str, first: int, stop: int) -> Path:
     return Path(folder) / f"{digest}-{first}-{stop}.npz"
 
 
+def check_folder(folder: Path) -> None:
+    """OSError for a folder in which no file could be made: before the work, and without leaving one."""
+    there = next(path for path in (folder, *folder.parents) if path.exists())
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        number = errno.EACCES if there.is_dir() else errno.ENOTDIR
+        raise OSError(number, os.strerror(number), str(there))
+
+
 def save(file: Path, result) -> None:
-    """A block, a named tuple of arrays, in a folder that is there; the file is there whole or not at all."""
+    """A block, a named tuple of arrays; the file is there whole or not at all."""
+    file.parent.mkdir(parents=True, exist_ok=True)
     partial = file.with_suffix(f".{os.getpid()}.part")
     try:
         with partial.open("wb") as stream:

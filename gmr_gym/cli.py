@@ -1,5 +1,6 @@
 """The command line, `gmr-gym`."""
 
+import signal
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -297,6 +298,8 @@ def track_(
 
 def main() -> None:
     """Entry point: what a user got wrong is one line, not a traceback."""
+    # what a batch queue sends before it kills: finished blocks are kept and named, as after Ctrl-C
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         app()
     except (

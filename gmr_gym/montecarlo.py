@@ -65,7 +65,7 @@ def run(
     tasks, files = sweep.tasks(), sweep.files()
     results = {task: blocks.load(file, _kind(scenario)) for task, file in files.items() if file.exists()}
     if folder is not None:
-        Path(folder).mkdir(parents=True, exist_ok=True)  # one that cannot be made is told before the work
+        blocks.check_folder(Path(folder))
     results.update(_computed(sweep, tasks, results, files))
     # blocks are let go as they are joined: the covariances of many runs are gigabytes
     return {

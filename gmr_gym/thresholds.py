@@ -47,10 +47,14 @@ def decoded(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = PA
 def check_actions(actions: np.ndarray, n: int, parameters: Sequence[str], used: np.ndarray) -> np.ndarray:
     """Actions (n, k) as floats; ValueError for another shape, and for what `decoded` refuses in one that is
     `used` (n,)."""
-    actions = np.array(actions, float, order="C")
-    if actions.shape != (n, len(parameters)):
+    shape = n, len(parameters)
+    try:
+        actions = np.array(actions, order="C").astype(float, casting="same_kind")
+    except (TypeError, ValueError):
+        raise ValueError(f"actions must be numbers of shape {shape}") from None
+    if actions.shape != shape:
         raise ValueError(
-            f"actions must have shape {(n, len(parameters))}, one number each for {', '.join(parameters)}, "
+            f"actions must have shape {shape}, one number each for {', '.join(parameters)}, "
             f"got {actions.shape}"
         )
     bad = used & ~(np.abs(actions) <= 1).all(axis=1)

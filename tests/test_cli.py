@@ -2,6 +2,7 @@
 
 import csv
 import json
+import signal
 import sys
 from pathlib import Path
 
@@ -419,9 +420,10 @@ def test_what_a_user_got_wrong_is_one_line_and_exit_code_2(call, words, message)
     assert not Path("results").exists()
 
 
-def test_an_interrupted_command_says_where_it_goes_on(call, monkeypatch):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_command_says_where_it_goes_on(call, monkeypatch, number):
     def interrupted(*_, **__):
-        raise KeyboardInterrupt
+        signal.raise_signal(number)
 
     monkeypatch.setattr("gmr_gym.commands.run", interrupted)
     code, printed, errors = call(*EVALUATE, "mmg-5", "--out", "e")

@@ -115,7 +115,10 @@ def test_an_instance_may_be_asked_for(table):
 
 def test_what_cannot_be_is_refused(table):
     for kwargs, message in (
-        ({"autoreset_mode": "Never"}, "'Never' is not a valid AutoresetMode"),
+        (
+            {"autoreset_mode": "Never"},
+            "autoreset_mode must be one of NextStep, SameStep, Disabled, got 'Never'",
+        ),
         ({"price": -1.0}, "price must be a number, non-negative and finite, got -1.0"),
         ({"components": 1}, r"components must lie in \[2, 200\]"),
         ({"parameters": ("beta",)}, "unknown threshold 'beta'"),
@@ -134,6 +137,8 @@ def test_what_cannot_be_is_refused(table):
     for actions, message in (
         (np.zeros(2), r"actions must have shape \(2, 2\), one number each for alpha, prune, got \(2,\)"),
         (np.array([[0.0, 0.0], [0.0, np.nan]]), r"finite and within \[-1, 1\], got \[0.0, nan\] for .* 1"),
+        (np.zeros((2, 2), complex), r"actions must be numbers of shape \(2, 2\)"),
+        ([["a", "b"]] * 2, "actions must be numbers"),
         (np.array([[1.5, 0.0], [0.0, 0.0]]), r"got \[1.5, 0.0\] for environment 0"),
     ):
         with pytest.raises(ValueError, match=message):

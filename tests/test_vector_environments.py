@@ -260,12 +260,13 @@ def test_wrong_arguments_are_refused_by_name():
     envs = native(TURNING, 2)
     with pytest.raises(RuntimeError, match=r"call reset\(\) before step"):
         envs.step(np.zeros((2, 4)))
-    with pytest.raises(ValueError, match="seed must be a whole number or 2 of them"):
-        envs.reset(seed=[1, 2, 3])
+    for seed in ([1, 2, 3], "ab", True, [0.5, 1]):
+        with pytest.raises(ValueError, match="seed must be a whole number or 2 of them"):
+            envs.reset(seed=seed)
     for mask in (np.zeros(2, bool), np.ones(3, bool), np.ones(2)):
         with pytest.raises(ValueError, match="must be 2 booleans, at least one of them true"):
             envs.reset(options={"reset_mask": mask})
-    envs.reset(seed=0)
+    envs.reset(seed=np.array([1, 2]))
     for action, message in (
         (np.zeros(4), r"actions must have shape \(2, 4\), got \(4,\)"),
         ([["a"] * 4] * 2, "actions must be numbers"),

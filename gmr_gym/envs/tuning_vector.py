@@ -10,7 +10,7 @@ from gymnasium.vector.utils import batch_space
 
 from gmr_gym.envs.tracking import STRAYED
 from gmr_gym.envs.tuning import PRICE, Draws, checked_price, rest_of, spaces_of
-from gmr_gym.envs.vector import seeds_of
+from gmr_gym.envs.vector import autoreset_of, seeds_of
 from gmr_gym.instances import instances as table_of
 from gmr_gym.reduction import at_least_one
 from gmr_gym.threshold_scans import EPISODE, STEP, begin, stepped
@@ -43,7 +43,7 @@ class ReductionTuningVectorEnv(VectorEnv):
         copy: bool = True,
     ):
         num_envs = at_least_one(num_envs, "num_envs")
-        mode = AutoresetMode(autoreset_mode)
+        mode = autoreset_of(autoreset_mode)
         self.num_envs, self.copy = num_envs, copy
         self.metadata = {"autoreset_mode": mode}
         self.parameters, self.price = check_parameters(parameters), checked_price(price)

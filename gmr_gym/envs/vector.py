@@ -57,11 +57,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         num_envs = at_least_one(num_envs, "num_envs")
         most: int = config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
         limit = most if threads is None else at_least_one(threads, "threads")
-        modes = [mode.value for mode in AutoresetMode]
-        if autoreset_mode not in [*modes, *AutoresetMode]:
-            raise ValueError(f"autoreset_mode must be one of {', '.join(modes)}, got {autoreset_mode!r}")
-        self.num_envs, self.copy = num_envs, copy
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.num_envs, self.copy, self.autoreset_mode = num_envs, copy, autoreset_of(autoreset_mode)
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         self._single = TrackingEnv(scenario, **world)
         self.scenario = self._single.scenario
@@ -252,11 +248,20 @@ def seeds_of(seed: int | Sequence[int | None] | None, n: int) -> list[int | None
     """The seeds of n environments: s, s + 1, ... for a number s, or one each; ValueError for another."""
     if seed is None:
         return [None] * n
-    if isinstance(seed, int | np.integer):
+    if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
         return [int(seed) + i for i in range(n)]
-    if not isinstance(seed, Sequence | np.ndarray) or len(seed) != n:
+    each = list(seed) if isinstance(seed, Sequence | np.ndarray) else []
+    if len(each) != n or not all(s is None or isinstance(s, int | np.integer) for s in each):
         raise ValueError(f"seed must be a whole number or {n} of them, got {seed!r}")
-    return list(seed)
+    return [None if s is None else int(s) for s in each]
+
+
+def autoreset_of(mode: AutoresetMode | str) -> AutoresetMode:
+    """The mode of that name; ValueError for another."""
+    names = [mode.value for mode in AutoresetMode]
+    if mode not in [*names, *AutoresetMode]:
+        raise ValueError(f"autoreset_mode must be one of {', '.join(names)}, got {mode!r}")
+    return AutoresetMode(mode)
 
 
 def _chosen(options: dict[str, Any] | None, n: int) -> np.ndarray:
