@@ -12,16 +12,16 @@ COMMAND = (sys.executable, "-c", "from gmr_gym.cli import main; main()")
 IMPORT = (sys.executable, "-c", "import gmr_gym")
 NEEDED = (sys.executable, "-c", "import gymnasium, numba, scipy.stats")
 FIRST_SCANS = """
-from time import perf_counter
+from time import process_time
 from gmr_gym.montecarlo import run_once
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.tracker import make_tracker
 
 scenario = turning_target()
-tracker = make_tracker("runnalls-5", scenario.model, prune_weight=0.0)
-started = perf_counter()
+started = process_time()
+tracker = make_tracker("runnalls-30", scenario.model)
 run_once(scenario, tracker, 0, scans=10)
-print(perf_counter() - started)
+print(process_time() - started)
 """
 # a process of its own in between: a child's peak starts from its parent's
 PEAK = """
@@ -52,7 +52,7 @@ def start_rows(plan: Plan) -> Iterator[Row]:
         with TemporaryDirectory() as cache:
             compiling.append(_first_scans(cache))
             compiled.append(_first_scans(cache))
-    what = "first 10 scans of a process, nothing compiled yet"
+    what = "first ten scans of an MHT, nothing compiled, processor time"
     yield Row(what, summary([compiling]), "compiled before, read from disk", summary([compiled]))
 
 

@@ -171,7 +171,7 @@ def _crowding(centres, S, size, ball, z):
     return mean_volume(S, size, ball), first[len(centres)] / len(centres)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def mean_volume(S, size, ball):
     """Of the gates of innovation covariances S (n, p, p), with the volume of the ball of radius 1."""
     whole = 0.0
@@ -238,14 +238,15 @@ def pairs_gated(expected, S, z, R, size):
     return first, detection, d2
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_detect, log_stretch):
     n, d = m.shape
     seen, p = len(z), z.shape[2]
     first, near, d2 = pairs_gated(expected, S, z, R, size)
     hits = first[n]
     misses = n if log_miss > -np.inf or hits == 0 else 0
-    log_w = np.empty(hits + misses)
+    # logarithms of the weights at first
+    w_out, top, whole = np.empty(hits + misses), -np.inf, 0.0
     m_out, P_out = np.empty((hits + misses, d)), np.empty((hits + misses, d, d))
     parent, detection = np.empty(hits + misses, np.int64), np.empty(hits + misses, np.int64)
     log_density = np.full(hits + misses, np.inf)
@@ -254,7 +255,8 @@ def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_de
     at = 0
     for i in range(n):
         if misses:
-            log_w[at] = np.log(w[i]) + (log_miss if log_miss > -np.inf else 0.0)
+            w_out[at] = np.log(w[i]) + (log_miss if log_miss > -np.inf else 0.0)
+            top = max(top, w_out[at])
             parent[at], detection[at] = i, -1
             for r in range(d):
                 m_out[at, r] = m[i, r]
@@ -275,7 +277,8 @@ def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_de
                 log_peak = log_gaussian_scale(L)
                 conditioned = len(R) == 0  # else the next detection has a noise of its own
             log_density[at] = log_peak - 0.5 * d2[h] + log_stretch[j]
-            log_w[at] = np.log(w[i]) + log_detect + log_density[at]
+            w_out[at] = np.log(w[i]) + log_detect + log_density[at]
+            top = max(top, w_out[at])
             for r in range(d):
                 m_out[at, r] = m[i, r]
                 for c in range(p):
@@ -284,5 +287,9 @@ def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_de
                     P_out[at, r, c] = P_hit[r, c]
             parent[at], detection[at] = i, j
             at += 1
-    w_out = np.exp(log_w - log_w.max())
-    return w_out / w_out.sum(), m_out, P_out, parent, detection, log_density
+    for h in range(len(w_out)):
+        w_out[h] = np.exp(w_out[h] - top)
+        whole += w_out[h]
+    for h in range(len(w_out)):
+        w_out[h] /= whole
+    return w_out, m_out, P_out, parent, detection, log_density

@@ -116,14 +116,14 @@ def reduce_scan(w, m, P, prune_weight, most, components, loss_bound, density):
     return w, m, P, entered, left
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def let_in(w, m, P, prune_weight, most):
     kept = among_heaviest(w, most) & heavier(w, w, prune_weight)
     w, m, P, _ = selected_by(w, m, P, kept)
     return rescaled(w), m, P
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def let_out(w, m, P, density):
     w = rescaled(w)
     w, m, P, _ = selected_by(w, m, P, heavier(w, w / root_determinants(P), density))

@@ -36,7 +36,7 @@ def form_costs(i, start, stop, w, means, entries, log_det, room, row):
         row[j] = cost if row[j] > 0.0 else np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def merge_pair(i, j, w, means, entries, room):
     """Writes the moment match of i and j to place i; returns its log determinant."""
     A, share = room

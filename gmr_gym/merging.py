@@ -37,7 +37,10 @@ def merge_greedily(w, m, P, components, budget):
     room = np.empty((len(entries), BLOCK)), np.empty(BLOCK)
     near = np.empty(n), np.empty((d, n)), np.empty((len(entries), n)), np.empty(n), np.empty(n)
     log_det = log_determinants(entries, room)
-    rounding = ROUNDING * (10.0 + np.abs(log_det).max())
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, abs(log_det[i]))
+    rounding = ROUNDING * (10.0 + largest)
     # table[i, j], j < i, is at most the cost of merging the two, and infinite once one of them is gone
     table = np.empty((n, n))
     # the least of row i and where it stands; or a bound on it and UNKNOWN; or infinite and GONE
@@ -46,8 +49,10 @@ def merge_greedily(w, m, P, components, budget):
         form_costs(i, ZERO, i, w, means, entries, log_det, room, table[i])
         nearest[i] = first_least(table[i], i)
         least[i] = table[i, nearest[i]]
-    name, into, left = np.arange(n), np.arange(n), n
     row, listed = np.empty(n), np.empty(n, np.int64)
+    name, into, left = np.empty(n, np.int64), np.empty(n, np.int64), n
+    for i in range(n):
+        name[i] = into[i] = i
     while left > 1:
         i = first_least(least, n)
         if least[i] == np.inf:
@@ -89,7 +94,7 @@ def merge_greedily(w, m, P, components, budget):
     return _by_component(n, w, means, entries, name, into)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _bound_costs(i, j, n, w, cost, rounding, table, row):
     """Bounds on the costs of the merge of i and j with each of the first n, written to row; those of i
     become infinite in the table."""
@@ -122,7 +127,7 @@ def _below(limit, row, n, listed):
     return k
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _price(i, listed, k, w, means, entries, log_det, near, room, row):
     """Costs of merging component i with each of the first k of those listed, written to their places
     in row."""
@@ -186,7 +191,7 @@ def first_least(row, n):
     return 0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _by_component(n, w, means, entries, name, into):
     """Undoes `by_entry` for the first n components; origin from the chain of merges `into`."""
     d = len(means)

@@ -143,7 +143,7 @@ def _merged(p: Mixture, group: np.ndarray) -> Reduced:
     return matched(p, origin, len(used)), origin
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def merge_by_cost(w, m, P, components, loss_bound):
     """`adaptive`, or `runnalls` for a negative bound: w, m, P and origin (n,) of what is left."""
     # at a bound of 1 the rounding of the sum must not spare the last merge
@@ -177,11 +177,16 @@ def heavier(w, measure, threshold):
 def among_heaviest(w, most):
     """Which components (n,) are the `most` heaviest, the earlier first among equals."""
     n = len(w)
+    kept = np.zeros(n, np.bool_)
     if n <= most:
-        return np.ones(n, np.bool_)
+        for i in range(n):
+            kept[i] = True
+        return kept
     # numbers that are not negative are in the order of their bits: the largest that `most` of them reach
-    bits = w.view(np.int64)
-    low, high = np.int64(0), bits.max()
+    bits, low, high = np.empty(n, np.int64), np.int64(0), np.int64(0)
+    for i in range(n):
+        bits[i] = np.float64(w[i]).view(np.int64)
+        high = max(high, bits[i])
     while low < high:
         middle = high - (high - low) // 2
         reached = 0
@@ -191,8 +196,9 @@ def among_heaviest(w, most):
             low = middle
         else:
             high = middle - 1
-    kept, left = bits > low, most
+    left = most
     for i in range(n):
+        kept[i] = bits[i] > low
         left -= kept[i]
     for i in range(n):
         if left > 0 and bits[i] == low:
@@ -204,8 +210,10 @@ def among_heaviest(w, most):
 @njit(cache=True, error_model="numpy")
 def selected_by(w, m, P, kept):
     """Components that are kept, and the place (n,) of each, -1 where it is not."""
-    count = kept.sum()
     n, d = m.shape
+    count = 0
+    for i in range(n):
+        count += kept[i]
     w_out, m_out, P_out = np.empty(count), np.empty((count, d)), np.empty((count, d, d))
     origin = np.full(n, -1)
     at = 0
