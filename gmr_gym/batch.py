@@ -9,8 +9,9 @@ from numba import njit
 from gmr_gym.association import mean_volume, outside_all, unit_ball
 from gmr_gym.hypotheses import expand_scan, odds, reduce_scan
 from gmr_gym.kalman import Sensor
+from gmr_gym.kernels import ONE
 from gmr_gym.metrics import detection_outside_gates, truth_outside_gates
-from gmr_gym.mixture import ONE, match
+from gmr_gym.mixture import match
 from gmr_gym.philox import words_for
 from gmr_gym.scans import carry_into, scan_by
 from gmr_gym.simulate import Episode, Scenario, capacity, carried, viewed

@@ -12,8 +12,9 @@ import numpy as np
 from numba import njit
 
 from gmr_gym.distances import dimension, pack, products_of_columns, products_with
+from gmr_gym.kernels import ZERO
 from gmr_gym.merge_cost import BLOCK, by_entry, form_costs, log_determinants, pair_covariances
-from gmr_gym.mixture import ZERO, Mixture
+from gmr_gym.mixture import Mixture
 
 MEASURES = ("isd", "correlation", "runnalls")
 

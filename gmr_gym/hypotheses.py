@@ -17,7 +17,8 @@ from gmr_gym.association import (
     log_odds,
 )
 from gmr_gym.kalman import Sensor, innovation, predict, predict_all
-from gmr_gym.mixture import ONE, Mixture, collapsed, match, pairwise_sum, rescaled, root_determinants
+from gmr_gym.kernels import ONE
+from gmr_gym.mixture import Mixture, collapsed, match, pairwise_sum, rescaled, root_determinants
 from gmr_gym.models import Model
 from gmr_gym.reduction import Greedy, Reduced, among_heaviest, heavier, merge_by_cost, selected_by
 

@@ -6,7 +6,8 @@ from numba import njit
 
 from gmr_gym.association import expand_into_hypotheses, gated
 from gmr_gym.kalman import predict_all
-from gmr_gym.mixture import ONE, match, root_determinants
+from gmr_gym.kernels import ONE
+from gmr_gym.mixture import match, root_determinants
 
 
 @njit(cache=True, error_model="numpy")

@@ -11,12 +11,12 @@ which is the least of wi KL(i || N) + wj KL(j || N) over all Gaussians N.
 import numpy as np
 from numba import njit
 
-from gmr_gym.mixture import ONE
+from gmr_gym.kernels import ONE, uncounted
 
 BLOCK = 128  # components: a block of covariances stays in the nearest cache
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def form_costs(i, start, stop, w, means, entries, log_det, room, row):
     """Costs of merging component i with each of start..stop-1, written to the same places in row."""
     if len(means) == 4:
@@ -128,7 +128,7 @@ def by_entry(w, m, P):
     return w.copy(), means, entries
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def pair_covariances(i, start, stop, w, means, entries, share, A):
     """Covariances by entry of component i merged with each of start..stop-1, written to the first
     columns of A; share is left holding w_i / (w_i + w_j)."""
@@ -147,7 +147,7 @@ def pair_covariances(i, start, stop, w, means, entries, share, A):
             q += 1
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def _planar_determinants(i, start, stop, w, means, entries, out):
     """`_determinants` of `pair_covariances` for four states, the case of a planar position and
     velocity, written out: |A + c dd'| = |A| (1 + c d'A^-1 d) with A = a Pi + b Pj and c = a b, by
@@ -186,7 +186,7 @@ def _planar_determinants(i, start, stop, w, means, entries, out):
         out[j] = upper * (lower + spread) if spread < 1e16 * lower else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def _determinants(A, n, out):
     """Determinants of the first n symmetric matrices given by entry, A (d (d + 1) / 2, n), by LDL'
     without square roots; A is overwritten."""
@@ -206,7 +206,7 @@ def _determinants(A, n, out):
                     A[target, j] -= A[below, j] * A[pivot, j] * A[beside, j]
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def _logarithm(x):
     """Natural logarithm of a positive normal number, to the last bit or the one before. A call of the
     library's logarithm would keep a loop from being vectorised."""

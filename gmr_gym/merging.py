@@ -18,8 +18,8 @@ is no less than half of the 8 ns of the costs themselves, and many of these are 
 import numpy as np
 from numba import njit
 
+from gmr_gym.kernels import ZERO, uncounted
 from gmr_gym.merge_cost import BLOCK, by_entry, form_costs, log_determinants, merge_pair
-from gmr_gym.mixture import ZERO
 
 ROUNDING = 1e-15  # of weight times log determinant: bounds stay on the safe side of it
 SOON = 2.0  # times the cost just paid: pairs that may cost less are priced at once, many together
@@ -116,7 +116,7 @@ def _bound_costs(i, j, n, w, cost, rounding, table, row):
         other[r] = np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def _below(limit, row, n, listed):
     """Lists where the first n of row lie below the limit; how many do."""
     k = 0
@@ -165,7 +165,7 @@ def _close_gaps(n, w, means, entries, log_det, table, least, nearest, name):
     return left
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def first_least(row, n):
     """Index of the least of the first n, the first among equals. Eight at a time are compared two by two:
     a minimum carried from one to the next, which the compiler does not vectorise, takes five times as

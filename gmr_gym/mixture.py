@@ -6,11 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from gmr_gym.kernels import uncounted
+
 LOG_2PI = float(np.log(2 * np.pi))
-# For kernels to be called with: for an integer written down there, numba compiles the kernel once more. A
-# kernel compiled by itself goes through LLVM again, with all that it calls, in every kernel that calls it, so
-# those that stand between others are inlined, where it has been measured to pay.
-ZERO, ONE = np.int64(0), np.int64(1)
 
 
 class Mixture(NamedTuple):
@@ -150,7 +148,7 @@ def rescaled(w):
     return w / whole
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def pairwise_sum(w):
     """Sum of w (n,), in pairs of pairs and so on, which keeps its rounding small; to the last bit that of
     NumPy."""
@@ -174,7 +172,7 @@ def pairwise_sum(w):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def cholesky_into(L, S):
     """Lower factor of the symmetric S (p, p) written into L; False when S is not definite."""
     p = len(S)
@@ -206,7 +204,7 @@ def root_determinants(P):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def mahalanobis_squared(L, z, z_hat, y):
     """(z - z_hat)' S^-1 (z - z_hat) with S = L L'; y (p,) is room to work in."""
     d2 = 0.0
@@ -219,7 +217,7 @@ def mahalanobis_squared(L, z, z_hat, y):
     return d2
 
 
-@njit(cache=True, error_model="numpy")
+@uncounted
 def log_gaussian_scale(L):
     """log of N(z; z, L L'), the density at its mean."""
     p = len(L)

@@ -11,6 +11,8 @@ import math
 import numpy as np
 from numba import njit
 
+from gmr_gym.kernels import uncounted
+
 ROUNDS = 10
 MULTIPLIERS = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 WEYL = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
@@ -18,10 +20,6 @@ WORD, HALF = np.uint64(0xFFFFFFFF), np.uint64(32)
 DRAWS = 28  # bits of the first word that count the draws of a stream
 LANES = 8  # that the loops are turned into; what they write of is rounded up to them
 FEW = 10.0  # a Poisson rate below which multiplying uniforms is faster, and above which the other holds
-
-# compiles what makes no array and hands none back, without counting references to those it is given: each is
-# an atomic operation, and half of the time of a scan went into them
-uncounted = njit(cache=True, error_model="numpy", nogil=True, _nrt=False)  # type: ignore[call-overload]
 
 
 # inlined as source: a loop with a call in it would not be turned into vectors

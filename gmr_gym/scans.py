@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from gmr_gym.mixture import ZERO, cholesky_into
-from gmr_gym.philox import normals_into, pair, points_into, poisson, uncounted, words_for
+from gmr_gym.kernels import ZERO, uncounted
+from gmr_gym.mixture import cholesky_into
+from gmr_gym.philox import normals_into, pair, points_into, poisson, words_for
 
 CELL = 500.0  # m, side of the squares in which clutter on the ground is drawn
 # streams of an episode's key

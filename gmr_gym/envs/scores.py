@@ -1,7 +1,7 @@
 """What the estimates of many episodes are worth, as `TrackingEnv` says it of one."""
 
 from gmr_gym.envs.tracking import STRAYED, distance
-from gmr_gym.philox import uncounted
+from gmr_gym.kernels import uncounted
 
 
 @uncounted
