@@ -3,13 +3,14 @@
 
 import argparse
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
 
 import plain
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from problems import drawn, scans
 from rows import Tracked
 from start import COMMAND, peak
@@ -21,6 +22,7 @@ from gmr_gym.reduction import runnalls
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.tracker import make_tracker
 
+FEW = 4  # points that need no logarithmic scale
 Curves = Mapping[str, tuple[list[float], list[float]]]  # name to x and y
 
 
@@ -28,21 +30,33 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Draw how times and memory grow.")
     parser.add_argument("file", type=Path)
     file = parser.parse_args().file
-    panels: tuple[tuple[str, str, Callable[[], Curves]], ...] = (
-        ("false detections a scan", "ms a scan", by_clutter),
-        ("components before merging, a fifth of them after", "ms", by_components),
-        ("dimension of the state; 100 to 20 components", "ms", by_dimension),
-        ("environments side by side", "scans a second, by the clock", by_environments),
-        ("workers", "runs a second, by the clock", by_workers),
-        ("runs of Table 1 of D'Ortenzio", "peak memory, MB", by_runs),
-    )
-    figure = Figure(figsize=(12, 7), layout="constrained")
-    for ax, (x, y, curves) in zip(figure.subplots(2, 3).flat, panels, strict=True):
-        for name, points in curves().items():
-            ax.plot(*points, "o-", label=name)
+    measured = []
+    for _, _, curves in PANELS:
+        measured.append(curves())
+        for name, points in measured[-1].items():
             print(name, *(f"{a:g}: {b:.4g}" for a, b in zip(*points, strict=True)), sep="\t", flush=True)
-        ax.set(xlabel=x, ylabel=y, xscale="log", yscale="log")
-        ax.grid(alpha=0.3, which="both")
+    draw(measured, file)
+
+
+def draw(measured: Sequence[Curves], file: Path) -> None:
+    """One panel for the curves of each of the PANELS; the number of a thing is its own tick."""
+    figure = Figure(figsize=(12, 7), layout="constrained")
+    axes = figure.subplots(2, 3).flat
+    for ax, (x, y, _), curves in zip(axes, PANELS, measured, strict=True):
+        for name, points in curves.items():
+            ax.plot(*points, "o-", label=name)
+        numbers = next(iter(curves.values()))[0]
+        ax.set(xlabel=x, ylabel=y, xscale="log")
+        ax.set_xticks(numbers, [f"{number:g}" for number in numbers])
+        ax.set_xticks([], minor=True)
+        if len(numbers) > FEW:
+            ax.set_yscale("log")
+            ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            ax.yaxis.set_major_formatter("{x:,.10g}")
+            ax.yaxis.set_minor_formatter(NullFormatter())
+        else:
+            ax.set_ylim(bottom=0)
+        ax.grid(alpha=0.3)
         ax.legend()
     figure.savefig(file, dpi=120)
 
@@ -130,6 +144,15 @@ def _curves(xs: Iterable[float], at: Callable[[float], Mapping[str, float]]) -> 
             ys.append(y)
     return curves
 
+
+PANELS: tuple[tuple[str, str, Callable[[], Curves]], ...] = (
+    ("false detections a scan", "ms a scan", by_clutter),
+    ("components before merging, a fifth of them after", "ms", by_components),
+    ("dimension of the state; 100 to 20 components", "ms", by_dimension),
+    ("environments side by side", "scans a second, by the clock", by_environments),
+    ("workers", "runs a second, by the clock", by_workers),
+    ("runs of Table 1 of D'Ortenzio", "peak memory, MB", by_runs),
+)
 
 if __name__ == "__main__":
     main()
