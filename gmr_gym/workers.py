@@ -40,8 +40,8 @@ def results(
     """(task, result) of every call (function, *arguments) as it is finished, each once.
 
     On this machine `jobs` processes make them, negative numbers counted from -1 for one a core; of a cluster
-    all that it has. A call whose worker dies is made
-    again; raises WorkersLost when that has happened ATTEMPTS times in a row without a result.
+    all that it has. A call whose worker dies is made again; raises WorkersLost when that has happened
+    ATTEMPTS times in a row without a result.
     """
     left, attempts = dict(calls), 0
     while left:
