@@ -10,24 +10,24 @@ from time import monotonic
 
 import numpy as np
 from fuzzing.cases import FINE, OUTCOMES, Target, drawn, judged
-from fuzzing.registry import every_target
 from fuzzing.reductions import own_target
+from fuzzing.registry import every_target
 from fuzzing.runner import CHUNK, Chunk, Found, run
 from threadpoolctl import threadpool_limits
 
 
 def main() -> int:
     options = _options()
-    targets = [own_target(options.reduction)] if options.reduction else every_target()
+    targets = [own_target(name) for name in options.reduction] or every_target()
     if options.list:
         print(*(f"{target.name}  {target.share:g}" for target in targets), sep="\n")
         return 0
     if options.target:
-        targets = [target for target in targets if target.name.startswith(options.target)]
+        targets = [target for target in targets if target.name.startswith(tuple(options.target))]
     if not targets:
-        raise SystemExit(f"no target is called {options.target!r}; --list names them")
+        raise SystemExit(f"no target is called so: {', '.join(options.target)}; --list names them")
     if options.case is not None:
-        return _one(targets[0], options)
+        return _one(min(targets, key=lambda target: len(target.name)), options)
     started = monotonic()
     chunks = shared_out(targets, options.calls, np.random.default_rng(options.seed))
     with threadpool_limits(1):
@@ -49,11 +49,11 @@ def main() -> int:
 
 
 def shared_out(targets: list[Target], calls: int, rng: np.random.Generator) -> list[Chunk]:
-    """Cases of every target by its share, one at least, in chunks that are mixed."""
+    """Cases of every target by its share, none where that is too small, in chunks that are mixed."""
     whole = sum(target.share for target in targets)
     chunks = []
     for i, target in enumerate(targets):
-        cases = max(1, round(calls * target.share / whole))
+        cases = round(calls * target.share / whole)
         chunks += [Chunk(i, at, min(at + CHUNK, cases)) for at in range(0, cases, CHUNK)]
     return [chunks[i] for i in rng.permutation(len(chunks))]
 
@@ -76,14 +76,19 @@ def table(targets: list[Target], counts: np.ndarray) -> str:
         rows.append([target.name, str(legal.sum()), str(illegal.sum()), *each])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join(
-        "  ".join(cell.ljust(w) if not i else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True)))
+        "  ".join(
+            cell.ljust(w) if not i else cell.rjust(w)
+            for i, (cell, w) in enumerate(zip(row, widths, strict=True))
+        )
         for row in rows
     )
 
 
 def line(found: Found, seed: int) -> str:
     """The command that runs the case alone."""
-    return f"python benchmarks/fuzz.py --seed {seed} --target {found.target} --case {found.case}"
+    own = found.target.removeprefix("reduction/")
+    what = f"--reduction {own}" if ":" in own else f"--target {found.target}"
+    return f"python benchmarks/fuzz.py --seed {seed} {what} --case {found.case}"
 
 
 def record(targets, counts, findings, options, taken) -> dict:
@@ -117,7 +122,9 @@ class Progress:
         self.last = now
         end = "\r" if sys.stderr.isatty() else "\n"
         rate = done / max(now - self.started, 1e-9)
-        print(f"{done}/{self.whole} calls, {rate:.0f}/s, {found} findings", end=end, file=sys.stderr, flush=True)
+        print(
+            f"{done}/{self.whole} calls, {rate:.0f}/s, {found} findings", end=end, file=sys.stderr, flush=True
+        )
 
 
 def _one(target: Target, options: argparse.Namespace) -> int:
@@ -142,10 +149,15 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Hostile input to every public door, each call watched.")
     parser.add_argument("--calls", type=int, default=1_000_000, help="in all, shared among the targets")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--target", metavar="NAME", help="only targets whose names begin so")
+    parser.add_argument(
+        "--target", metavar="NAME", action="append", help="only targets whose names begin so, or with others"
+    )
     parser.add_argument("--case", type=int, metavar="K", help="only case K of the target, and show its input")
     parser.add_argument("--here", action="store_true", help="run that case in this process, for a debugger")
-    parser.add_argument("--reduction", metavar="MODULE:FUNCTION", help="only this reduction of your own")
+    parser.add_argument(
+        "--reduction", metavar="MODULE:FUNCTION", action="append", default=[],
+        help="only this reduction of your own, and others",
+    )  # fmt: skip
     parser.add_argument("--seconds", type=float, default=10.0, help="that a call may take")
     parser.add_argument("--jobs", type=int, default=1, help="processes that work")
     parser.add_argument("--memory", type=float, default=8.0, help="GB of address space of each, 0 for any")

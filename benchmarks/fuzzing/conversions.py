@@ -17,7 +17,13 @@ PREDICTED = ("decorrelated", "debiased_at")
 def conversion_targets() -> list[Target]:
     """Every conversion, and the coordinates there and back."""
     converted = [
-        Target(f"radar/{name}", partial(_draw, name), getattr(radar, name), partial(_check, name), partial(_spoil, name))
+        Target(
+            f"radar/{name}",
+            partial(_draw, name),
+            getattr(radar, name),
+            partial(_check, name),
+            partial(_spoil, name),
+        )
         for name in (*ALONE, *PREDICTED)
     ]
     return [
@@ -55,7 +61,9 @@ def _spoil(name: str, rng: Rng, arguments: tuple) -> Spoilt:
         return Spoilt((z, bad, *about), ("deviations",), f"deviations {bad.tolist()}")
     if kind == 1 and about:
         spoilt = spoilt_points(rng, about[1], ("spread",))
-        return Spoilt((z, deviations, about[0], *spoilt.arguments), spoilt.names, f"spread with {spoilt.what}")
+        return Spoilt(
+            (z, deviations, about[0], *spoilt.arguments), spoilt.names, f"spread with {spoilt.what}"
+        )
     if kind == 2 and len(z):
         bad = z.copy()
         column, value = ((0, 0.0), (0, -1.0), (2, 2.0))[rng.integers(3)]
@@ -76,7 +84,7 @@ def _check(name: str, arguments: tuple, result) -> None:
     for R in result.R:
         if not (R == R.T).all() or np.linalg.eigvalsh(R)[0] < -1e-9 * np.abs(R).max():
             raise Finding("indefinite", f"R has eigenvalues {np.linalg.eigvalsh(R)}")
-    # angles' noise of at most half a radian moves a mean by no more than its square times the range, twice over
+    # noise of at most half a radian moves a mean by no more than twice its square times the range
     far = np.linalg.norm(result.z - radar.cartesian(z), axis=-1)
     allowed = z[:, 0] * 2 * (deviations[1:] ** 2).sum() + 1e-12 * z[:, 0]
     if name != "debiased_at" and (far > allowed).any():
@@ -102,7 +110,9 @@ def _check_back(arguments: tuple, result) -> None:
     _, x = arguments
     z, back = result
     checks.finite("z", z)
-    checks.close("value", "there and back", back, x, 1e-14 * 8 * np.abs(x).max(initial=1e-300, axis=-1)[:, None])
+    checks.close(
+        "value", "there and back", back, x, 1e-14 * 8 * np.abs(x).max(initial=1e-300, axis=-1)[:, None]
+    )
     if (z[:, 0] < 0).any() or (np.abs(z[:, 2]) > np.pi / 2).any() or (np.abs(z[:, 1]) > np.pi).any():
         raise Finding("value", f"coordinates {z.tolist()}")
 

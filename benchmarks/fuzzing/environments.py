@@ -1,7 +1,7 @@
 """Every environment that is registered, alone and many at once, under hostile actions."""
 
 from collections.abc import Iterator
-from functools import lru_cache, partial
+from functools import cache, partial
 from typing import Any
 
 import gymnasium as gym
@@ -32,7 +32,7 @@ def environment_targets() -> Iterator[Target]:
             )
 
 
-@lru_cache(maxsize=None)
+@cache
 def _made(name: str, many: int) -> Any:
     if many:
         return gym.make_vec(name, num_envs=many, vectorization_mode="vector_entry_point")
@@ -46,7 +46,9 @@ def _draw(name: str, many: int, rng: Rng) -> tuple:
         action = _action(rng, space)
         layout = LAYOUTS[rng.integers(len(LAYOUTS))] if rng.random() < 0.2 else None
         given.append(action if layout is None else in_layout(action, layout))
-        plain.append(action if layout is None else np.clip(np.array(given[-1], space.dtype), space.low, space.high))
+        plain.append(
+            action if layout is None else np.clip(np.array(given[-1], space.dtype), space.low, space.high)
+        )
         if layout == "float32":  # rounding may have stepped over the edge
             given[-1] = np.array(plain[-1], np.float32)
             plain[-1] = given[-1].astype(space.dtype)
@@ -66,7 +68,7 @@ def _action(rng: Rng, space) -> np.ndarray:
 
 
 def _spoil(rng: Rng, arguments: tuple) -> Spoilt:
-    name, many, seed, given, plain = arguments
+    name, many, seed, _given, plain = arguments
     space = _made(name, many).action_space
     kind = rng.integers(3)
     if kind == 0:
@@ -78,7 +80,9 @@ def _spoil(rng: Rng, arguments: tuple) -> Spoilt:
     else:
         bad, what = spoilt_array(rng, plain[-1])
     actions = [*plain[:-1], bad]
-    return Spoilt((name, many, seed, actions, actions), ("action", "actions", "existence"), f"an action {what}")
+    return Spoilt(
+        (name, many, seed, actions, actions), ("action", "actions", "existence"), f"an action {what}"
+    )
 
 
 def _play(name: str, many: int, seed: int, given: list, plain: list) -> list:
@@ -106,7 +110,7 @@ def _check(arguments: tuple, seen: list) -> None:
         if not env.observation_space.contains(observation):
             raise Finding("shape", f"an observation is not of its space: {observation}"[:300])
         if len(rest) > 1:
-            reward, terminated, truncated, info = rest
+            reward, _terminated, _truncated, info = rest
             checks.finite("reward", reward)
             checks.finite("error", info.get("error", 0.0))
             if np.any(np.asarray(reward) > 0):

@@ -135,7 +135,9 @@ def spoilt_array(rng: Rng, a: np.ndarray) -> tuple[np.ndarray, str]:
         out[at] = value
         return out, f"{value} in it"
     if kind == 3 and at is not None:
-        return np.ma.array(out, mask=np.arange(a.size).reshape(a.shape) == rng.integers(a.size)), "masked in part"
+        return np.ma.array(
+            out, mask=np.arange(a.size).reshape(a.shape) == rng.integers(a.size)
+        ), "masked in part"
     if kind == 4:
         return out + 1j, "complex"
     if kind == 5 and at is not None:

@@ -8,9 +8,8 @@ import numpy as np
 
 from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
-from fuzzing.inputs import LAYOUTS, Rng, decades, hostile_mixture, in_layout, spoilt_array, spoilt_points
-from gmr_gym import distances, metrics
-from gmr_gym.mixture import Mixture
+from fuzzing.inputs import LAYOUTS, Rng, decades, hostile_mixture, in_layout, spoilt_points
+from gmr_gym import metrics
 
 SETS = ("ospa", "gospa", "wasserstein")
 ORDERS = (1.0, 1.5, 2.0, 2.0, 2.0, 7.0, 155.0, 400.0, 1e6)
@@ -68,7 +67,7 @@ def _measured(metric: Callable, x, y, numbers: dict, plain):
 
 
 def _spoil_sets(name: str, rng: Rng, arguments: tuple) -> Spoilt:
-    x, y, numbers, plain = arguments
+    _x, _y, numbers, plain = arguments
     if rng.random() < 0.3:
         key = list(numbers)[rng.integers(len(numbers))]
         value = (np.nan, np.inf, -1.0, 0.0, "two", None, 1j)[rng.integers(7)]
@@ -106,7 +105,9 @@ def set_distance(name: str, x, y, order: float, cutoff: float = np.inf) -> float
     if k == 0 or (name == "wasserstein" and (j == 0 or j != k)):
         return 0.0 if k == 0 or j == 0 else None
     away = np.minimum(np.sqrt(((x[:, None] - y[None]) ** 2).sum(axis=2)), cutoff)
-    surplus = [] if name == "wasserstein" else [cutoff * (0.5 if name == "gospa" else 1.0) ** (1 / order)] * (k - j)
+    surplus = (
+        [] if name == "wasserstein" else [cutoff * (0.5 if name == "gospa" else 1.0) ** (1 / order)] * (k - j)
+    )
     best = np.inf
     for chosen in permutations(range(k), j):
         terms = np.array([*(away[i, c] for i, c in enumerate(chosen)), *surplus], np.longdouble)
@@ -160,7 +161,7 @@ def _credibility(error, claimed, weight):
 
 
 def _check_credibility(arguments: tuple, result) -> None:
-    error, claimed, weight = arguments
+    error, _claimed, weight = arguments
     index, inclination = result
     runs, scans, d = error.shape
     if index.shape != (scans,) or inclination.shape != (scans,):
@@ -195,81 +196,3 @@ def _check_lost(arguments: tuple, result) -> None:
         first = text.find("x" * patience)
         if at != (first + patience - 1 if first >= 0 else -1):
             raise Finding("value", f"{text} with patience {patience} is lost at {at}")
-
-
-# ---- distances between Gaussians, and between mixtures ----
-
-PAIRS = ("kullback_leibler", "bhattacharyya", "hellinger", "correlation", "wasserstein")
-MIXTURES = (
-    "inner_product", "integral_squared_difference", "normalised_integral_squared_difference",
-)  # fmt: skip
-
-
-def distance_targets() -> list[Target]:
-    """Every distance in closed form."""
-    pairs = [
-        Target(f"distance/{name}", _draw_pair, getattr(distances, name), partial(_check_pair, name), _spoil_pair)
-        for name in PAIRS
-    ]
-    mixtures = [
-        Target(
-            f"distance/{name}", _draw_two, getattr(distances, name), partial(_check_two, name), _spoil_two,
-            refuses="finite",
-        )
-        for name in MIXTURES
-    ]  # fmt: skip
-    return [*pairs, *mixtures]
-
-
-def _draw_pair(rng: Rng) -> tuple:
-    p = hostile_mixture(rng, 2)
-    return p.m[0], p.P[0], p.m[-1], p.P[-1]
-
-
-def _spoil_pair(rng: Rng, arguments: tuple) -> Spoilt:
-    i = int(rng.integers(4))
-    spoilt, what = spoilt_array(rng, arguments[i])
-    if i % 2 and rng.random() < 0.3:
-        spoilt, what = -arguments[i], "minus signs"
-    name = ("m1", "P1", "m2", "P2")[i]
-    return Spoilt((*arguments[:i], spoilt, *arguments[i + 1 :]), (name,), f"{name} with {what}")
-
-
-def _check_pair(name: str, arguments: tuple, result) -> None:
-    m1, P1, m2, P2 = arguments
-    checks.finite(name, result)
-    if not isinstance(result, float) or result < 0:
-        raise Finding("value", f"{name} is {result!r}")
-    if name in ("hellinger", "correlation") and result > 1:
-        raise Finding("value", f"{name} is {result!r}, above 1")
-    function = getattr(distances, name)
-    condition = max(np.linalg.cond(P1), np.linalg.cond(P2))
-    if name != "kullback_leibler":
-        back = function(m2, P2, m1, P1)
-        if condition < 1e8 and not abs(back - result) <= 1e-6 * max(abs(result), 1e-3):
-            if name != "wasserstein" or abs(back - result) > 1e-6 * np.sqrt(np.abs(P1).max() + np.abs(P2).max()):
-                raise Finding("value", f"{name} is {result} one way and {back} the other")
-
-
-def _draw_two(rng: Rng) -> tuple:
-    p = hostile_mixture(rng, 4)
-    return p, hostile_mixture(rng, 4, p.m.shape[1]) if rng.random() < 0.7 else p
-
-
-def _spoil_two(rng: Rng, arguments: tuple) -> Spoilt:
-    from fuzzing.inputs import spoilt_mixture
-
-    side = int(rng.integers(2))
-    spoilt, names, what = spoilt_mixture(rng, arguments[side])
-    both = [*arguments]
-    both[side] = spoilt
-    return Spoilt(tuple(both), (*names, "p", "q"), what)
-
-
-def _check_two(name: str, arguments: tuple[Mixture, Mixture], result) -> None:
-    p, q = arguments
-    checks.finite(name, result)
-    if result < 0 or (name.startswith("normalised") and result > 1 + 1e-9):
-        raise Finding("value", f"{name} is {result}")
-    if name != "inner_product" and p is q and name.startswith("normalised") and result > 1e-9:
-        raise Finding("value", f"{name} of a mixture and itself is {result}")

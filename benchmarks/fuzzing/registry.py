@@ -1,10 +1,12 @@
 """All targets there are."""
 
+from fuzzing.archives import archive_targets
+from fuzzing.between import distance_targets
 from fuzzing.cases import Target
 from fuzzing.conversions import conversion_targets
 from fuzzing.environments import environment_targets
 from fuzzing.files import file_targets
-from fuzzing.measures import distance_targets, metric_targets
+from fuzzing.measures import metric_targets
 from fuzzing.reductions import reduction_targets
 from fuzzing.tracking import tracker_targets
 
@@ -18,5 +20,6 @@ def every_target() -> list[Target]:
         *conversion_targets(),
         *tracker_targets(),
         *file_targets(),
+        *archive_targets(),
         *environment_targets(),
     ]

@@ -148,7 +148,9 @@ def _ended(worker: Worker, targets, outcome: str) -> tuple[Found, Chunk]:
     worker.start()
     size, legal = _input(targets[chunk.target], worker.seed, case)
     _count(worker.counts, chunk.target, legal, outcome)
-    return Found(targets[chunk.target].name, case, legal, outcome, message, size), chunk._replace(first=case + 1)
+    return Found(targets[chunk.target].name, case, legal, outcome, message, size), chunk._replace(
+        first=case + 1
+    )
 
 
 def _input(target: Target, seed: int, case: int) -> tuple[int, bool]:
@@ -161,7 +163,9 @@ def _input(target: Target, seed: int, case: int) -> tuple[int, bool]:
 
 
 def _died(code: int) -> str:
-    return f"the process died by {signal.Signals(-code).name}" if code < 0 else f"the process left with {code}"
+    return (
+        f"the process died by {signal.Signals(-code).name}" if code < 0 else f"the process left with {code}"
+    )
 
 
 def _count(counts, target: int, legal: bool, outcome: str) -> None:

@@ -1,7 +1,10 @@
-"""Trackers as targets: every one that is installed, of one target and of many, over hostile models and scans."""
+"""Trackers as targets: every one that is installed, over hostile models and scans."""
 
 from collections.abc import Iterator
-from functools import lru_cache, partial
+from functools import cache, partial
+from importlib.metadata import entry_points
+from inspect import signature
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -19,7 +22,10 @@ LONG = 100_000  # scans of one belief, or as many as there is time for
 
 def tracker_targets() -> Iterator[Target]:
     """Every tracker, over a few scans and over very many."""
-    for group, world, pool in ((GROUP, hostile_model, MODELS), (CROWD_GROUP, hostile_population, POPULATIONS)):
+    for group, world, pool in (
+        (GROUP, hostile_model, MODELS),
+        (CROWD_GROUP, hostile_population, POPULATIONS),
+    ):
         for name in trackers(group):
             share = 0.5 if name in SLOW else 2.0
             few = Target(
@@ -32,6 +38,16 @@ def tracker_targets() -> Iterator[Target]:
                 patience=3.0,
             )
             yield few
+            yield Target(
+                f"tracker/{name}/made",
+                partial(_draw_parameters, group, name),
+                partial(_parameters, world),
+                lambda arguments, tracker: None,
+                _spoil_parameters,
+                share / 5,
+                refuses=UNFIT,
+                patience=3.0,
+            )
             yield few._replace(
                 name=f"tracker/{name}/5000",
                 draw=partial(_draw_huge, name, world, pool),
@@ -63,7 +79,10 @@ def _draw(name: str, world, pool: int, rng: Rng) -> tuple:
         given = [in_layout(z, layout) for z in plain]
         if layout == "masked":
             hidden = [rng.random(len(z)) < 0.3 for z in plain]
-            given = [np.ma.array(z, mask=np.repeat(h[:, None], z.shape[1], 1)) for z, h in zip(plain, hidden)]
+            given = [
+                np.ma.array(z, mask=np.repeat(h[:, None], z.shape[1], 1))
+                for z, h in zip(plain, hidden, strict=True)
+            ]
             plain = [z[~h] for z, h in zip(plain, hidden, strict=True)]
     return name, index, given, plain
 
@@ -90,7 +109,41 @@ def _spoil(rng: Rng, arguments: tuple) -> Spoilt:
     return Spoilt((name, index, scans, scans), spoilt.names, f"a scan with {spoilt.what}")
 
 
-@lru_cache(maxsize=None)
+@cache
+def _defaults(group: str, name: str) -> dict[str, Any]:
+    """The numbers and names that a tracker takes, as they are by default."""
+    (factory,) = entry_points(group=group, name=name)
+    takes = list(signature(factory.load()).parameters.values())[1:]
+    return {each.name: each.default for each in takes if type(each.default) in (int, float, str)}
+
+
+def _draw_parameters(group: str, name: str, rng: Rng) -> tuple:
+    given = {key: value for key, value in _defaults(group, name).items() if rng.random() < 0.5}
+    for key, _value in given.items():
+        if key == "components":
+            given[key] = int(rng.integers(1, 200))
+    return name, int(rng.integers(5 if group == GROUP else 3)), given
+
+
+def _spoil_parameters(rng: Rng, arguments: tuple) -> Spoilt:
+    name, index, given = arguments
+    known = _defaults(GROUP if name in trackers_of(GROUP) else CROWD_GROUP, name)
+    key = [*known, "no_such"][rng.integers(len(known) + 1)]
+    bad = ("no-such", 3, None, b"x") if isinstance(known.get(key), str) else (np.nan, -1, "x", 1j, -np.inf)
+    value = bad[rng.integers(len(bad))]
+    return Spoilt((name, index, given | {key: value}), (key,), f"{key}={value!r}")
+
+
+@cache
+def trackers_of(group: str) -> frozenset[str]:
+    return frozenset(trackers(group))
+
+
+def _parameters(world, name: str, index: int, given: dict) -> Any:
+    return make_tracker(name, world(index), **given)
+
+
+@cache
 def _made(world, name: str, index: int) -> Any:
     """The tracker told world(index); None where it does not track such."""
     try:
@@ -165,8 +218,6 @@ def check_account(told, account) -> None:
 
 def _track_long(world, many: bool, name: str, index: int, seed: int) -> None:
     """One belief through very many scans: some hostile ones, then what such a target might show, and over."""
-    from time import monotonic
-
     tracker, told, rng = _made(world, name, index), world(index), np.random.default_rng(seed)
     if tracker is None:
         return
@@ -180,4 +231,3 @@ def _track_long(world, many: bool, name: str, index: int, seed: int) -> None:
             (check_account if many else check_report)(told, report)
             if monotonic() > until:
                 break
-

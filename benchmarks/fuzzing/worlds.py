@@ -1,6 +1,6 @@
 """What trackers are told and shown: the scenarios of the package, and hostile models by number."""
 
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -23,7 +23,7 @@ MODELS, POPULATIONS = 40, 24  # worlds there are
 CHANCES = (0.01, 0.5, 0.9, 0.999, 1.0)
 
 
-@lru_cache(maxsize=None)
+@cache
 def hostile_model(index: int) -> Model:
     """One of MODELS: those of the scenarios, then drawn ones of one motion and of several."""
     if index < len(SCENARIOS):
@@ -53,7 +53,7 @@ def hostile_model(index: int) -> Model:
     )
 
 
-@lru_cache(maxsize=None)
+@cache
 def hostile_population(index: int) -> Population:
     """One of POPULATIONS: those of UnknownClutter, then drawn ones."""
     if index < 3:
