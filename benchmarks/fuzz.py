@@ -109,22 +109,26 @@ def record(targets, counts, findings, options, taken) -> dict:
 
 
 class Progress:
-    """How far it is, now and then, on the error stream."""
+    """How far it is, now and then, and what is found of every kind first, on the error stream."""
 
     def __init__(self, whole: int):
         self.whole, self.started, self.last = whole, monotonic(), 0.0
-        self.every = 1.0 if sys.stderr.isatty() else 30.0
+        self.every, self.end = (1.0, "\r") if sys.stderr.isatty() else (30.0, "\n")
+        self.kinds: set[tuple] = set()
+        self.read = 0  # findings looked at
 
-    def __call__(self, done: int, found: int) -> None:
-        now = monotonic()
-        if now - self.last < self.every:
-            return
-        self.last = now
-        end = "\r" if sys.stderr.isatty() else "\n"
-        rate = done / max(now - self.started, 1e-9)
-        print(
-            f"{done}/{self.whole} calls, {rate:.0f}/s, {found} findings", end=end, file=sys.stderr, flush=True
-        )
+    def __call__(self, done: int, findings: list[Found]) -> None:
+        for found in findings[self.read :]:
+            kind = found.target, found.legal, found.outcome
+            if kind not in self.kinds:
+                print(f"{found.outcome}: {found.target} {found.case}: {found.message[:100]}", file=sys.stderr)
+            self.kinds.add(kind)
+        self.read, now = len(findings), monotonic()
+        if now - self.last >= self.every:
+            self.last = now
+            rate = done / max(now - self.started, 1e-9)
+            said = f"{done}/{self.whole} calls, {rate:.0f}/s, {len(self.kinds)} kinds of findings"
+            print(said, end=self.end, file=sys.stderr, flush=True)
 
 
 def _one(target: Target, options: argparse.Namespace) -> int:

@@ -92,7 +92,7 @@ def hostile_mixture(rng: Rng, most: int = 12, d: int | None = None) -> Mixture:
 def in_layout(a: np.ndarray, layout: str) -> np.ndarray:
     """The numbers of an array otherwise laid out, as exactly as the kind of number can hold them."""
     if layout == "float32":
-        return a.astype(np.float32)
+        return np.clip(a, -1e30, 1e30).astype(np.float32)
     if layout == "whole":
         return np.rint(a).astype(np.int64)
     if layout == "fortran":

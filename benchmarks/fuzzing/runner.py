@@ -2,6 +2,7 @@
 replaced, and what it was doing is known."""
 
 import multiprocessing
+import os
 import resource
 import signal
 import sys
@@ -87,7 +88,7 @@ def run(
     seconds: float,
     jobs: int,
     memory: float,
-    progress: Callable[[int, int], None] = lambda done, found: None,
+    progress: Callable[[int, list[Found]], None] = lambda done, findings: None,
 ) -> tuple[np.ndarray, list[Found], list[str]]:
     """Counts (targets, illegal and legal, outcomes), findings, and the targets that were given up."""
     method = "fork" if "fork" in multiprocessing.get_all_start_methods() else "spawn"
@@ -106,7 +107,7 @@ def run(
                     to_do += [rest] if rest.first < rest.stop else []
                     if lost[rest.target] >= TRIES:
                         to_do = [chunk for chunk in to_do if chunk.target != rest.target]
-            progress(sum(sum(worker.counts) for worker in workers), len(findings))
+            progress(sum(sum(worker.counts) for worker in workers), findings)
     finally:
         for worker in workers:
             worker.stop()
@@ -179,11 +180,12 @@ def work(connection: Connection, beat, counts, targets: Sequence[Target], seed: 
         resource.setrlimit(resource.RLIMIT_AS, (int(memory * 2**30),) * 2)
     _watch_compiling(beat)
     smallest: dict[tuple, int] = {}
+    parent = os.getppid()
     while True:
-        try:
-            chunk = connection.recv()
-        except EOFError:
-            return
+        while not connection.poll(5):
+            if os.getppid() != parent:
+                return
+        chunk = connection.recv()
         for case in range(chunk.first, chunk.stop):
             beat[CASE], beat[SINCE] = case, monotonic()
             found = _case(targets[chunk.target], seed, case)

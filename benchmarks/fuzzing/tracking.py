@@ -16,6 +16,7 @@ from fuzzing.worlds import MODELS, POPULATIONS, hostile_model, hostile_populatio
 from gmr_gym.tracker import CROWD_GROUP, GROUP, make_tracker, trackers
 
 UNFIT = "knows one motion|needs a radar|linear sensor|of one motion|has an update of its own"
+BEYOND = "1e15|1e\\+15"  # coordinates that a tracker refuses
 SLOW = ("fmm-em", "fmm-gibbs", "fitted-phd", "learning-phd", "gm-cphd", "ise", "mmae-of-mhts", "imm-of-mhts")
 LONG = 100_000  # scans of one belief, or as many as there is time for
 
@@ -35,6 +36,7 @@ def tracker_targets() -> Iterator[Target]:
                 partial(_check, world, group == CROWD_GROUP),
                 _spoil,
                 share,
+                refuses=BEYOND,
                 patience=3.0,
             )
             yield few
@@ -57,7 +59,7 @@ def tracker_targets() -> Iterator[Target]:
             )
             yield few._replace(
                 name=f"tracker/{name}/long",
-                draw=partial(_draw_long, name, pool),
+                draw=partial(_draw_long, name, world, pool),
                 call=partial(_track_long, world, group == CROWD_GROUP),
                 check=lambda arguments, result: None,
                 spoil=None,
@@ -67,7 +69,7 @@ def tracker_targets() -> Iterator[Target]:
 
 
 def _draw(name: str, world, pool: int, rng: Rng) -> tuple:
-    index = int(rng.integers(pool))
+    index = _fitting(world, pool, name, rng)
     told = world(index)
     plain = [hostile_scan(rng, told, alone=name == "clairvoyant") for _ in range(rng.integers(1, 5))]
     given = plain
@@ -93,13 +95,13 @@ def _settled(told, z: np.ndarray) -> np.ndarray:
 
 
 def _draw_huge(name: str, world, pool: int, rng: Rng) -> tuple:
-    index = int(rng.integers(pool))
+    index = _fitting(world, pool, name, rng)
     z = hostile_scan(rng, world(index), alone=name == "clairvoyant", k=5000)
     return name, index, [z], [z]
 
 
-def _draw_long(name: str, pool: int, rng: Rng) -> tuple:
-    return name, int(rng.integers(pool)), int(rng.integers(2**31))
+def _draw_long(name: str, world, pool: int, rng: Rng) -> tuple:
+    return name, _fitting(world, pool, name, rng), int(rng.integers(2**31))
 
 
 def _spoil(rng: Rng, arguments: tuple) -> Spoilt:
@@ -112,8 +114,11 @@ def _spoil(rng: Rng, arguments: tuple) -> Spoilt:
 @cache
 def _defaults(group: str, name: str) -> dict[str, Any]:
     """The numbers and names that a tracker takes, as they are by default."""
-    (factory,) = entry_points(group=group, name=name)
-    takes = list(signature(factory.load()).parameters.values())[1:]
+    takes = [
+        each
+        for factory in entry_points(group=group, name=name)
+        for each in list(signature(factory.load()).parameters.values())[1:]
+    ]
     return {each.name: each.default for each in takes if type(each.default) in (int, float, str)}
 
 
@@ -127,16 +132,15 @@ def _draw_parameters(group: str, name: str, rng: Rng) -> tuple:
 
 def _spoil_parameters(rng: Rng, arguments: tuple) -> Spoilt:
     name, index, given = arguments
-    known = _defaults(GROUP if name in trackers_of(GROUP) else CROWD_GROUP, name)
+    known = _defaults_of(name)
     key = [*known, "no_such"][rng.integers(len(known) + 1)]
     bad = ("no-such", 3, None, b"x") if isinstance(known.get(key), str) else (np.nan, -1, "x", 1j, -np.inf)
     value = bad[rng.integers(len(bad))]
     return Spoilt((name, index, given | {key: value}), (key,), f"{key}={value!r}")
 
 
-@cache
-def trackers_of(group: str) -> frozenset[str]:
-    return frozenset(trackers(group))
+def _defaults_of(name: str) -> dict[str, Any]:
+    return _defaults(GROUP, name) or _defaults(CROWD_GROUP, name)
 
 
 def _parameters(world, name: str, index: int, given: dict) -> Any:
@@ -146,21 +150,29 @@ def _parameters(world, name: str, index: int, given: dict) -> Any:
 @cache
 def _made(world, name: str, index: int) -> Any:
     """The tracker told world(index); None where it does not track such."""
+    own = {} if index % 2 == 0 or "components" not in _defaults_of(name) else {"components": 1 + index % 7}
     try:
-        return make_tracker(name, world(index), **({"components": 1 + index % 7} if index % 2 else {}))
+        return make_tracker(name, world(index), **own)
     except ValueError as error:
-        if "components" in str(error):
-            return make_tracker(name, world(index))
         if any(part in str(error) for part in UNFIT.split("|")):
             return None
         raise
 
 
-def _track(world, name: str, index: int, given: list, plain: list) -> list | None:
-    """What a tracker reports of each scan; None where it does not track such."""
+def _fitting(world, pool: int, name: str, rng: Rng) -> int:
+    """A world that the tracker tracks, or fails to be made for."""
+    while True:
+        index = int(rng.integers(pool))
+        try:
+            if _made(world, name, index) is not None:
+                return index
+        except Exception:
+            return index
+
+
+def _track(world, name: str, index: int, given: list, plain: list) -> list:
+    """What a tracker reports of each scan."""
     tracker = _made(world, name, index)
-    if tracker is None:
-        return None
     belief, reports = tracker.init(), []
     for z in given:
         belief, report = tracker.step(belief, z)
@@ -168,10 +180,8 @@ def _track(world, name: str, index: int, given: list, plain: list) -> list | Non
     return reports
 
 
-def _check(world, many: bool, arguments: tuple, reports: list | None) -> None:
+def _check(world, many: bool, arguments: tuple, reports: list) -> None:
     name, index, given, plain = arguments
-    if reports is None:
-        return
     for report in reports:
         (check_account if many else check_report)(world(index), report)
     if given is not plain:
@@ -219,8 +229,6 @@ def check_account(told, account) -> None:
 def _track_long(world, many: bool, name: str, index: int, seed: int) -> None:
     """One belief through very many scans: some hostile ones, then what such a target might show, and over."""
     tracker, told, rng = _made(world, name, index), world(index), np.random.default_rng(seed)
-    if tracker is None:
-        return
     alone = name == "clairvoyant"
     scans = [hostile_scan(rng, told, alone=alone, k=None if rng.random() < 0.5 else 1) for _ in range(256)]
     scans = [z[:20] for z in scans]
