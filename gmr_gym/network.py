@@ -8,7 +8,8 @@ from zipfile import BadZipFile, ZipFile
 from zlib import error as BadStream
 
 import numpy as np
-from numba import njit
+
+from gmr_gym.kernels import kernel
 
 FORMAT = "gmr_gym thresholds 1"
 ACTIVATIONS = ("tanh", "relu")
@@ -79,7 +80,7 @@ def load(file: Path | str, features: Sequence[str], parameters: Sequence[str]) -
         raise ValueError(f"{file}: {error}") from None
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def forward(features, layout, numbers):
     """Actions (n, j) for features (n, k) of a `Network.packed`."""
     curved, squashed, sizes = layout[0] > 0, layout[1] > 0, layout[2:]

@@ -71,3 +71,7 @@ def test_importing_the_package_registers_environments_and_imports_no_numba():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_how_kernels_are_compiled_stands_in_one_place():
+    assert arrows([*LIBRARY, *BASELINES], "numba.njit", "numba.jit") == ["gmr_gym/kernels.py -> numba.njit"]
