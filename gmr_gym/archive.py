@@ -21,10 +21,11 @@ def save(file: Path, arrays: Mapping[str, Any]) -> None:
     """Writes the arrays and their digest."""
     file.parent.mkdir(parents=True, exist_ok=True)
     partial = file.with_suffix(f".{os.getpid()}.part")
-    arrays = {name: np.asarray(array) for name, array in arrays.items()}
+    members: dict[str, Any] = {name: np.asarray(array) for name, array in arrays.items()}
+    members[DIGEST] = digest(members)
     try:
         with partial.open("wb") as stream:
-            np.savez(stream, **arrays, **{DIGEST: digest(arrays)})
+            np.savez(stream, **members)
         partial.replace(file)
     except OSError as error:  # of a disk that is full it does not say which
         raise OSError(error.errno, error.strerror, str(file)) from error

@@ -202,9 +202,8 @@ def _computed(sweep: _Sweep, tasks: list, there: Container, files: Mapping) -> I
         kept = (
             f"kept in {sweep.folder}: the same again goes on from there" if files else "lost without a folder"
         )
-        raise workers.WorkersLost(
-            f"{error}; {finished} of {len(tasks)} blocks of runs are done and {kept}. Fewer jobs, or more "
-            "memory for each worker, may help"
+        raise type(error)(
+            f"{error}; {finished} of {len(tasks)} blocks of runs are done and {kept}{error.advice}"
         ) from error
 
 
