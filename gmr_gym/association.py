@@ -4,10 +4,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.special import gamma, gammaincinv
 
 from gmr_gym.kalman import Sensing, posterior_into, predict
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import (
     Mixture,
     cholesky_into,
@@ -164,14 +164,14 @@ def log_odds(
     return log_miss, float(np.log(detection_probability) - np.log(clutter_density))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _crowding(centres, S, size, ball, z):
     p = S.shape[1]
     first, _, _ = pairs_gated(centres, S, z.reshape(1, len(z), p), np.empty((0, p, p)), size)
     return mean_volume(S, size, ball), first[len(centres)] / len(centres)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def mean_volume(S, size, ball):
     """Of the gates of innovation covariances S (n, p, p), with the volume of the ball of radius 1."""
     whole = 0.0
@@ -180,7 +180,7 @@ def mean_volume(S, size, ball):
     return ball * size ** (S.shape[1] / 2) * (whole / len(S))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def outside_all(centres, S, size, point):
     """See `outside`."""
     p = len(point)
@@ -188,7 +188,7 @@ def outside_all(centres, S, size, point):
     return first[len(centres)] == 0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def gated(expected, S, z, R, size):
     """Squared Mahalanobis distances (n, k), infinite outside the gate."""
     first, detection, distance = pairs_gated(expected, S, z, R, size)
@@ -199,7 +199,7 @@ def gated(expected, S, z, R, size):
     return d2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pairs_gated(expected, S, z, R, size):
     """The detections in each gate: those of component i stand at first[i] : first[i + 1], in order, and so do
     their squared Mahalanobis distances."""
@@ -238,7 +238,7 @@ def pairs_gated(expected, S, z, R, size):
     return first, detection, d2
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_detect, log_stretch):
     n, d = m.shape
     seen, p = len(z), z.shape[2]

@@ -51,10 +51,18 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Target tracking in clutter: evaluate trackers, reproduce papers, track recorded data.",
 )
-EnvId = Annotated[str, typer.Argument(help="an environment's id, as `list` shows it")]
+EnvId = Annotated[
+    str,
+    typer.Argument(
+        help="an environment's id, as `list` shows it; of your own MODULE:ID, which imports MODULE"
+    ),
+]
 TrackerNames = Annotated[
     list[str],
-    typer.Option("--tracker", help="NAME or NAME:key=value,key=value; repeat for several"),
+    typer.Option(
+        "--tracker",
+        help="NAME or NAME:key=value,key=value; repeat for several. reduction=MODULE:FUNCTION imports MODULE",
+    ),
 ]
 Settings = Annotated[list[str], typer.Option("--set", help="key=value for the environment")]
 RunCount = Annotated[int, typer.Option("--runs", min=1, help="Monte Carlo runs")]

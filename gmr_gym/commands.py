@@ -13,6 +13,7 @@ from rich.console import Console
 
 from gmr_gym.crowd import ManyScenario
 from gmr_gym.envs import CROWDS, ENVIRONMENTS, TRACKING
+from gmr_gym.envs.episodic import make_scenario
 from gmr_gym.montecarlo import run, run_shard
 from gmr_gym.output import progress
 from gmr_gym.simulate import Scenario
@@ -30,7 +31,7 @@ def key_value(text: str) -> tuple[str, Any]:
     for read in (ast.literal_eval, float):  # float reads nan and inf, which are then refused by name
         try:
             return key, read(value)
-        except (ValueError, SyntaxError, TypeError):
+        except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):  # two of deep nesting
             pass
     if value.startswith(("[", "(", "{")):
         raise ValueError(f"{key} cannot be read as a list: {value}")
@@ -59,7 +60,9 @@ def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
         near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
     ):
         raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
-    scenario = getattr(gym.make(env_id, **world).unwrapped, "scenario", None)
+    # of the settings only what the scenario of the id takes: no value names code to be imported
+    kept = gym.spec(env_id).kwargs.get("scenario")
+    scenario = make_scenario(kept, world) if kept else None
     if not isinstance(scenario, Scenario | ManyScenario):
         raise ValueError(
             f"{env_id} is not a tracking environment: no tracker runs in it; choose from "

@@ -9,10 +9,9 @@ of integral squared difference to the whole mixture (Zhang, eq. 3), whatever the
 """
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.distances import dimension, pack, products_of_columns, products_with
-from gmr_gym.kernels import ZERO
+from gmr_gym.kernels import ZERO, kernel
 from gmr_gym.merge_cost import BLOCK, by_entry, form_costs, log_determinants, pair_covariances
 from gmr_gym.mixture import Mixture
 
@@ -43,7 +42,7 @@ def check_choice(name: str, choice: str, choices: tuple[str, ...]) -> None:
         raise ValueError(f"{name} must be one of {', '.join(choices)}, got {choice!r}")
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def isd_table(w, M):
     """D (n, n) of merging any two of the Gaussians packed in M (T, n)."""
     n = len(w)
@@ -55,7 +54,7 @@ def isd_table(w, M):
     return table
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def isd_row(i, others, w, M, own):
     """D (k,) of merging i with each of `others` (k,), all packed in M (T, n), with <N, N> in own."""
     T, k = len(M), len(others)
@@ -89,7 +88,7 @@ def isd_row(i, others, w, M, own):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def own_products(M):
     """Integrals (n,) of the squares of the Gaussians packed in M (T, n)."""
     own = products_of_columns(M, M, M.shape[1])
@@ -102,14 +101,14 @@ def own_products(M):
     return own
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _known(product):
     """The product, or 0 where a covariance of the pair has drowned in rounding: merged over more
     than 1e8 standard deviations, it lies too low to overlap with anything."""
     return product if product < np.inf else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _uncorrelatedness(M):
     n = M.shape[1]
     table, own = np.zeros((n, n)), own_products(M)
@@ -121,7 +120,7 @@ def _uncorrelatedness(M):
     return table
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _merge_costs(w, m, P):
     n = len(w)
     w, means, entries = by_entry(w, m, P)

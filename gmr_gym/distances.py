@@ -1,8 +1,8 @@
 """Closed-form distances between two Gaussians and between two mixtures."""
 
 import numpy as np
-from numba import njit
 
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
 
 BLOCK = 128  # matrices factored together: few enough to stay in the first-level cache
@@ -107,7 +107,7 @@ def products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.array([products_with(x, b, b.shape[1]) for x in a.T])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def products_with(x, b, n):
     """Products (n,) of the one Gaussian packed in x (T,) with the first n columns of b."""
     T = len(b)
@@ -126,7 +126,7 @@ def products_with(x, b, n):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def products_of_columns(a, b, n):
     """Products (n,) of column i of a with column i of b, for the first n."""
     T = len(b)
@@ -141,13 +141,13 @@ def products_of_columns(a, b, n):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def dimension(T):
     """The d of packed columns of length T = d (d + 3) / 2."""
     return int(np.sqrt(2.0 * T + 2.25) - 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _density_at_border(out, bordered):
     """N(e; 0, S) of each column [[S, e], [e', .]] of bordered (T + 1, n), which it uses up.
 
@@ -164,7 +164,7 @@ def _density_at_border(out, bordered):
     _times_exponentials(out, bordered[0], bordered[1])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _eliminate(out, bordered, d):
     """Set out to |S|^(-1/2) and the first row to -e' S^-1 e / 2.
 
@@ -194,7 +194,7 @@ def _eliminate(out, bordered, d):
         out[i] = 1.0 / np.sqrt(out[i])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _eliminate_six(out, bordered):
     """`_eliminate` for six states, the case of a planar position, velocity and acceleration, written
     out: nothing leaves the registers, which takes half the time."""
@@ -246,7 +246,7 @@ def _eliminate_six(out, bordered):
         out[i] = 1.0 / np.sqrt(determinant) if least > 0.0 else np.nan
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _times_exponentials(out, x, room):
     """out[i] *= exp(x[i]) for x <= 0, to the last bits; room (n,) is overwritten.
 

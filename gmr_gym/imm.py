@@ -2,15 +2,14 @@
 say of banks of many hypotheses, put together in loops for one."""
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.association import expand_into_hypotheses, gated
 from gmr_gym.kalman import predict_all
-from gmr_gym.kernels import ONE
+from gmr_gym.kernels import ONE, kernel
 from gmr_gym.mixture import match, root_determinants
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def mixed_ahead(w, m, P, switching, F, Q, offset):
     """Probabilities (r,), means (r, d) and covariances (r, d, d) of r modes, mixed by the switching
     matrix and carried forward by F, Q (r, d, d) and offset (r, d)."""
@@ -24,7 +23,7 @@ def mixed_ahead(w, m, P, switching, F, Q, offset):
     return w_out, m_out, P_out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def associated(
     w, m, P, gate_S, density, ball, expected, S, C, z, R, log_stretch, size, log_miss, log_detect, given_up
 ):

@@ -1,7 +1,6 @@
 """Williams' greedy reduction: each step leaves the least integral squared error it can."""
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.distances import pack, products, unpack
 from gmr_gym.ise_pairs import (
@@ -15,6 +14,7 @@ from gmr_gym.ise_pairs import (
     score_pairs,
     weighted,
 )
+from gmr_gym.kernels import kernel
 from gmr_gym.merging import first_least
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction import at_least_one
@@ -79,7 +79,7 @@ def _numbered(work):
     return number[work.origin]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _reduce(work, components, renormalise):
     """Act on `work` until `components` are left; the scale s."""
     n = len(work.q)
@@ -108,7 +108,7 @@ def _reduce(work, components, renormalise):
     return s
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _overlap(work):
     """Set <g, q[a] M[a]> from scratch: rounding does not pile up."""
     g, q, n = work.g, work.q, len(work.q)
@@ -122,7 +122,7 @@ def _overlap(work):
         g[a] *= q[a]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _cheapest_deletion(work, s, W, renormalise):
     """Cost and component of the cheapest deletion, and the scale after it."""
     H, G = 0.0, 0.0
@@ -144,7 +144,7 @@ def _cheapest_deletion(work, s, W, renormalise):
     return least, slot, scale
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _cheapest_merge(work, s, error, size, limit):
     """Cost and components a < b of the cheapest merge, or `limit` where none costs less.
 
@@ -176,7 +176,7 @@ def _cheapest_merge(work, s, error, size, limit):
         alone = False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _bound_row(work, a, s, error, size, r_with):
     """Sets the bounds of a with every b > a. The least bound and its b, the least cost that is known and its
     b."""
@@ -205,7 +205,7 @@ def _bound_row(work, a, s, error, size, r_with):
     return bound[i], b + i, cost[j], b + j
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _unknown(table, bound, rows, most):
     """Components a < b (k,) of the pairs in these rows that are unknown and whose bound is at most this."""
     n = len(rows)
@@ -218,7 +218,7 @@ def _unknown(table, bound, rows, most):
     return a[:count], b[:count]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _delete(work, k):
     change, weights = work.M[:, work.place[k] : work.place[k] + 1].copy(), np.full(1, -work.q[k])
     work.origin[work.origin == k] = -1
@@ -226,7 +226,7 @@ def _delete(work, k):
     carry(work, change, weights)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _merge(work, a, b):
     """Put the merge of a and b into a."""
     n = len(work.q)
@@ -248,7 +248,7 @@ def _merge(work, a, b):
     score_pairs(work, a, alive[alive != a])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _vacate(work, a):
     """Take component a out of g; the last merge moves into the column of one that goes."""
     n, hole = len(work.q), work.place[a]

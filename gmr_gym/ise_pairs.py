@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.distances import BLOCK, dimension, products_of_columns, products_with
+from gmr_gym.kernels import kernel
 
 # the letters are those of ise.py
 
@@ -35,7 +35,7 @@ class Work(NamedTuple):
     origin: np.ndarray  # (N,) component of g that each input went into, -1 once deleted
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def score_pairs(work, a, others):
     """Set D, x, y and reach of a with each of `others`; their other products become unknown."""
     q, E = work.q, work.E
@@ -57,7 +57,7 @@ def score_pairs(work, a, others):
         work.ec[i, j] = work.fc[i, j] = np.nan
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _projection(AA, AB, BB, AC, BC):
     """The x and y with which x A + y B comes about nearest to C."""
     if not (AA > 0.0 and BB > 0.0):
@@ -67,7 +67,7 @@ def _projection(AA, AB, BB, AC, BC):
     return (AC / a - (AB / a) * (BC / b)) / det, (BC / b - (AB / b) * (AC / a)) / det
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _moment_match(work, a, b):
     """Packed merges (T, k) of the components a (k,) with b (k,), and their weights (eq. 9)."""
     # indices without a sign need no look at whether they count from the end, which takes half the time
@@ -93,14 +93,14 @@ def _moment_match(work, a, b):
     return c, qc
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pair(work, a, b):
     """The merge of a and b, packed (T,), and its weight."""
     c, qc = _moment_match(work, np.full(1, a), np.full(1, b))
     return c.reshape(-1), qc[0]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def add_products(work, table, a, b, columns, weights):
     """Add the products of C with the Gaussians packed in columns (T, L), weighted, to the table, which holds
     nan where none are counted yet, for the pairs of a (k,) with b (k,)."""
@@ -121,14 +121,14 @@ def add_products(work, table, a, b, columns, weights):
             table[left[i], right[i]] = qc[i] * total[i] + (0.0 if np.isnan(so_far) else so_far)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def carry(work, change, weights):
     """Take the Gaussians packed in change (T, k), weighted, out of e in every <e, C> known."""
     a, b = _known_pairs(work)
     add_products(work, work.ec, a, b, change, -weights)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _known_pairs(work):
     """Components a < b (k,) of the pairs whose <e, C> is known."""
     alive = np.flatnonzero(work.place >= 0)
@@ -142,18 +142,18 @@ def _known_pairs(work):
     return a[:count], b[:count]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def products_with_all(work, c):
     """Products of the Gaussian packed in c (T,) with every column in use."""
     return products_with(c, work.M, len(work.q) + count_merges(work))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def count_merges(work):
     return (work.place >= len(work.q)).sum()
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def weighted(weights, products):
     total = 0.0
     for i in range(len(products)):

@@ -3,8 +3,8 @@
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
 
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import (
     Mixture,
     check_covariance,
@@ -149,7 +149,7 @@ def predict(p: Mixture, motion: Motion) -> Mixture:
     return Mixture(p.w, m, P)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def predict_all(m, P, F, Q, offset):
     n, d = m.shape
     m_out = np.empty((n, d))
@@ -176,7 +176,7 @@ def predict_all(m, P, F, Q, offset):
     return m_out, P_out
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def _cross(P, H):
     """H P[i] (n, p, d)."""
     n, (p, d) = len(P), H.shape
@@ -191,7 +191,7 @@ def _cross(P, H):
     return C
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def innovation(m, P, H, R):
     n = len(m)
     p, d = H.shape
@@ -213,7 +213,7 @@ def innovation(m, P, H, R):
     return z, S, C
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def posterior_into(P_out, K, W, L, P, C):
     """The one covariance update: with S = L L' and W = L^-1 C, C = H P, P_out = P - W'W = P - K S K'
     and the gain K = W' L^-1 (d, p). All arguments but P, C and L are written to."""

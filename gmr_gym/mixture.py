@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from gmr_gym.kernels import uncounted
+from gmr_gym.kernels import kernel, uncounted
 
 LOG_2PI = float(np.log(2 * np.pi))
 
@@ -109,7 +108,7 @@ def log_density(p: Mixture, x: np.ndarray) -> np.ndarray:
     return _log_density(p.w, p.m, p.P, x)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def match(w, m, P, group, count):
     n, d = m.shape
     w_out, m_out, P_out = np.zeros(count), np.zeros((count, d)), np.zeros((count, d, d))
@@ -139,7 +138,7 @@ def match(w, m, P, group, count):
     return w_out, m_out, P_out
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def rescaled(w):
     """The weights w (n,) divided by their sum."""
     whole = pairwise_sum(w)
@@ -190,7 +189,7 @@ def cholesky_into(L, S):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def root_determinants(P):
     """sqrt|P[i]| (n,) of positive definite matrices (n, d, d)."""
     n, d = P.shape[:2]
@@ -227,7 +226,7 @@ def log_gaussian_scale(L):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _log_density(w, m, P, x):
     n, d = m.shape
     terms = np.empty((len(x), n))

@@ -7,9 +7,9 @@ A track is there or is not; if it is, it is one Gaussian. Existences are no shar
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.kalman import Sensor, posterior_into, predict
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, cholesky_into, joined, matched, take
 from gmr_gym.multitarget import Account, Clutter, Population, nothing
 from gmr_gym.phd import log_ratios, posteriors
@@ -127,7 +127,7 @@ def account(belief: MultiBernoulli, clutter: Clutter, naming: float = 0.5) -> Ac
     return Account(tracks.m[surest], existence, label[surest], float(everyone.w.sum()), everyone, clutter)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def absorbed(absent, found, m, P, expected, S, C, z):
     """Each track i one Gaussian again, by its moments, after it was absent with probability absent (n,) and
     had each detection with found (n, k). With the innovations nu_j, K of S and C = H P, beta their shares:
@@ -175,7 +175,7 @@ def absorbed(absent, found, m, P, expected, S, C, z):
     return w_out, m_out, P_out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def marginals(track, detection, psi, n, k):
     """Marginal probabilities that a track has a detection (e,), a track none (n,) and a detection no track
     (k,), by loopy belief propagation (Williams and Lau 2014): exact where the e pairs
@@ -211,7 +211,7 @@ def marginals(track, detection, psi, n, k):
     return claimed, 1.0 / missed, 1.0 / unclaimed
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _grouped(group, count):
     """Members (e,) in order of their group, and where each group begins (count + 1,)."""
     first = np.zeros(count + 1, np.int64)
@@ -226,7 +226,7 @@ def _grouped(group, count):
     return member, first
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _others(out, value, member, first):
     """Sum over all others of the same group, into out (e,)."""
     for g in range(len(first) - 1):

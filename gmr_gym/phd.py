@@ -9,9 +9,9 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.kalman import Sensor, posterior_into, predict
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, cholesky_into, joined, log_gaussian_scale, mahalanobis_squared, matched
 from gmr_gym.multitarget import Account, Clutter, Population, nothing
 from gmr_gym.reducers import reducer
@@ -140,7 +140,7 @@ def check_filter(
     check_reduced(reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _updated(w, m, P, expected, S, C, z, log_kappa, detection_probability, least):
     table = log_ratios(w, expected, S, z, log_kappa, detection_probability)
     n, k = table.shape
@@ -164,7 +164,7 @@ def _updated(w, m, P, expected, S, C, z, log_kappa, detection_probability, least
     return *found, false / total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def log_ratios(w, expected, S, z, log_kappa, detection_probability):
     """log of w P_D N(z; H m, S) / kappa(z) (n, k), minus infinity where that is negligible."""
     n, (k, p) = len(w), z.shape
@@ -188,7 +188,7 @@ def log_ratios(w, expected, S, z, log_kappa, detection_probability):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def posteriors(missed, found, m, P, expected, S, C, z, least):
     """The components that weigh anything, and at least `least`, of those of weights missed (n,), as they
     are, and found (n, k), each conditioned on its detection; then the parent of each."""
@@ -225,7 +225,7 @@ def posteriors(missed, found, m, P, expected, S, C, z, least):
     return w_out, m_out, P_out, parent
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _near(w, m, P, distance):
     """Groups (n,) of `vo_ma`, numbered from that of the heaviest, -1 for a weight of zero; their number."""
     n, d = m.shape

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from numbers import Real
 
 import numpy as np
-from numba import njit
 
+from gmr_gym.kernels import kernel
 from gmr_gym.merge_cost import cost_of_all
 from gmr_gym.merging import merge_greedily
 from gmr_gym.mixture import Mixture, matched, moments, root_determinants
@@ -143,7 +143,7 @@ def _merged(p: Mixture, group: np.ndarray) -> Reduced:
     return matched(p, origin, len(used)), origin
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def merge_by_cost(w, m, P, components, loss_bound):
     """`adaptive`, or `runnalls` for a negative bound: w, m, P and origin (n,) of what is left."""
     # at a bound of 1 the rounding of the sum must not spare the last merge
@@ -160,7 +160,7 @@ def merge_by_cost(w, m, P, components, loss_bound):
     return w, m, P, alive
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def heavier(w, measure, threshold):
     """Which components (n,) have a weight and a measure of at least the threshold: the heaviest if none."""
     n, found, first = len(w), False, 0
@@ -173,7 +173,7 @@ def heavier(w, measure, threshold):
     return kept
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def among_heaviest(w, most):
     """Which components (n,) are the `most` heaviest, the earlier first among equals."""
     n = len(w)
@@ -207,7 +207,7 @@ def among_heaviest(w, most):
     return kept
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def selected_by(w, m, P, kept):
     """Components that are kept, and the place (n,) of each, -1 where it is not."""
     n, d = m.shape
@@ -228,7 +228,7 @@ def selected_by(w, m, P, kept):
     return w_out, m_out, P_out, origin
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _joining(w, y, components, distance):
     """Groups (n,) of Salmond's joining from the weights and whitened means y (n, d)."""
     n, d = y.shape
@@ -252,7 +252,7 @@ def _joining(w, y, components, distance):
     return group
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _lightest_first(w, y, components):
     """Groups (n,) of West's merging from the weights and whitened means y (n, d)."""
     w, y, group = w.copy(), y.copy(), np.where(w > 0, np.arange(len(w)), -1)
@@ -269,7 +269,7 @@ def _lightest_first(w, y, components):
     return group
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _join(i, j, w, y, group):
     y[i] = (w[i] * y[i] + w[j] * y[j]) / (w[i] + w[j])
     w[i] += w[j]

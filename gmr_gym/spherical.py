@@ -4,15 +4,15 @@ Arrays are of float64; nothing is checked here. `radar` says what is what, and c
 """
 
 import numpy as np
-from numba import njit
 
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import cholesky_into
 
 RAW, DEBIASED, UNBIASED, MODIFIED_UNBIASED, DECORRELATED, DEBIASED_AT = range(6)
 EXTENDED, UNSCENTED, CUBATURE = range(6, 9)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def first_wrong(z):
     """The first row (k, 3) that no radar would say, -1 for none: range, elevation or what is not finite."""
     for i in range(len(z)):
@@ -21,7 +21,7 @@ def first_wrong(z):
     return -1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def spherical_of(x):
     """(n, 3) of positions (n, >= 3)."""
     out = np.empty((len(x), 3))
@@ -33,7 +33,7 @@ def spherical_of(x):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def cartesian_of(z):
     """Positions (k, 3) (Li, eq. 2)."""
     out = np.empty((len(z), 3))
@@ -46,12 +46,12 @@ def cartesian_of(z):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wrapped_angle(angle):
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def settled_of(z):
     """Points (k, 3) with azimuths wrapped, and which of them have a range and an elevation (k,)."""
     out, possible = z.copy(), np.empty(len(z), np.bool_)
@@ -61,7 +61,7 @@ def settled_of(z):
     return out, possible
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def log_stretch_of(z):
     """log(r^2 cos t) (k,): the volume in space that a unit of range, azimuth and elevation fills."""
     least = 1e-300
@@ -71,13 +71,13 @@ def log_stretch_of(z):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def density_of(density, at):
     """Density per m^3 at positions (n, 3) of what has a density per m rad^2."""
     return density * np.exp(-log_stretch_of(spherical_of(at)))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def jacobian_of(z):
     """Derivatives (k, 3, 3) of position by range, azimuth and elevation (Li, eqs. 3-5)."""
     J = np.empty((len(z), 3, 3))
@@ -90,7 +90,7 @@ def jacobian_of(z):
     return J
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def inverse_jacobian_of(z):
     """Derivatives (k, 3, 3) of range, azimuth and elevation by position."""
     J = np.empty((len(z), 3, 3))
@@ -104,14 +104,14 @@ def inverse_jacobian_of(z):
     return J
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def shrinking_of(deviations):
     """What averaging over both angles leaves of each coordinate (3,)."""
     lb, lt = np.exp(-(deviations[1] ** 2) / 2), np.exp(-(deviations[2] ** 2) / 2)
     return np.array([lb * lt, lb * lt, lt])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def scatter_of(z, noise, spread):
     """Covariance (k, 3, 3) of positions whose range, azimuth and elevation scatter with deviations `noise`
     about a middle, averaged over middles of mean z (k, 3) and deviations `spread`, (k, 3), or (1, 3) for all.
@@ -138,19 +138,19 @@ def scatter_of(z, noise, spread):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _product(V, N, Vt, Nt, Vb, Nb):
     """(V + N) (Vt + Nt) (Vb + Nb) - N Nt Nb."""
     return V * (Vt + Nt) * (Vb + Nb) + N * Vt * (Vb + Nb) + N * Nt * Vb
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _averages(noise, spread):
     """What averaging leaves of a squared mean, of twice the angle, and what is lost of either."""
     return np.exp(-(noise**2)), -np.expm1(-(noise**2)), np.exp(-2 * spread**2), -np.expm1(-2 * spread**2)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _angle(c, s, averages):
     """Covariance and product of means of cosine and cosine, sine and sine, cosine and sine of an angle whose
     own are c and s."""
@@ -166,7 +166,7 @@ def _angle(c, s, averages):
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def raw_of(z, noise):
     A = jacobian_of(z) * noise
     R = np.zeros((len(z), 3, 3))
@@ -178,13 +178,13 @@ def raw_of(z, noise):
     return cartesian_of(z), R
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def debiased_of(z, noise):
     D, x = shrinking_of(noise), cartesian_of(z)
     return x - D * (D - 1) * x, scatter_of(z, noise, noise.reshape(1, 3))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def unbiased_of(z, noise):
     D, x = shrinking_of(noise), cartesian_of(z)
     R = scatter_of(z, noise, np.zeros((1, 3)))
@@ -194,18 +194,18 @@ def unbiased_of(z, noise):
     return x / D, R
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def modified_unbiased_of(z, noise):
     return shrinking_of(noise) * cartesian_of(z), scatter_of(z, noise, np.zeros((1, 3)))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def decorrelated_of(z, noise, at, spread):
     D = shrinking_of(noise)
     return cartesian_of(z) / D, scatter_of(at, noise, spread) / (D.reshape(3, 1) * D)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def debiased_at_of(z, noise, at, spread):
     x, middle, D = cartesian_of(z), cartesian_of(at), shrinking_of(noise)
     out = np.empty((len(at), len(z), 3))
@@ -214,14 +214,14 @@ def debiased_at_of(z, noise, at, spread):
     return out, scatter_of(at, noise, spread)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def gates_of(m, P, noise):
     """Predicted positions (n, 3) and the covariances (n, 3, 3) of converted detections about them."""
     at = np.ascontiguousarray(m[:, :3])
     return at, P[:, :3, :3] + scatter_of(spherical_of(at), noise, np.zeros((1, 3)))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def look_of(update, m, P, z, noise):
     """What a `Look` holds, of the scan z (k, 3) by Gaussians of means m (n, d) and covariances P (n, d, d),
     by the update of that place in `radar.UPDATES`."""
@@ -267,7 +267,7 @@ def look_of(update, m, P, z, noise):
     return at, S, C, points, R, log_stretch_of(z) + np.log(scale).sum()
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _spread_of(place, P):
     """Deviations (n, 3) of range, azimuth and elevation, to first order, of positions of covariances P."""
     J = inverse_jacobian_of(place)
@@ -280,7 +280,7 @@ def _spread_of(place, P):
     return np.sqrt(out)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _linearised(expected, PH):
     """Covariances of what is expected with the state (n, 3, d) and with itself (n, 3, 3), to first order
     about the prediction; PH (n, 3, d) the position's covariance with the state."""
@@ -299,7 +299,7 @@ def _linearised(expected, PH):
     return C, S
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _by_points(expected, m, P, PH, update):
     """The same by points of the position, the radar sees nothing else: cubature (Arasaratnam and Haykin
     2009), or unscented with kappa = 3 - n = 0 raised to 1, so that the middle counts (Julier and Uhlmann

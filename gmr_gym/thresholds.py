@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.hypotheses import MOST, merge_costs, reduce_scan
+from gmr_gym.kernels import kernel
 from gmr_gym.merge_cost import cost_of_all
 
 
@@ -71,7 +71,7 @@ def places(parameters: Sequence[str]) -> np.ndarray:
     return np.array([Thresholds._fields.index(name) for name in parameters])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def decode(actions, places, rest):
     """`decoded` for actions (n, k) that set the thresholds at `places` (k,): rows (n, 4)."""
     out = np.empty((len(actions), len(rest)))
@@ -109,7 +109,7 @@ def check_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
     return tuple(parameters)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def adapt(w, m, P, thresholds, cost, gated):
     """The posterior pruned, merged adaptively and pruned again (D'Ortenzio, Adaptive) by thresholds (4,),
     where merging all of it costs `cost` and `gated` of its Gaussians were updated. Returns w, m and P of what

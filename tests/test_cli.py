@@ -1,20 +1,26 @@
 """The command line as a user meets it: what it prints, the files it leaves, and how it refuses."""
 
+import contextlib
 import csv
 import json
 import signal
 import sys
+from importlib.metadata import entry_points
+from inspect import signature
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from PIL import Image
 
 from gmr_gym import detections
 from gmr_gym.cli import PAPERS, main
+from gmr_gym.commands import key_value, scenario_of, tracker_of
 from gmr_gym.curves import CURVES
 from gmr_gym.data import flight_names
-from gmr_gym.envs import ENVIRONMENTS
+from gmr_gym.envs import CROWDS, ENVIRONMENTS, TRACKING
+from gmr_gym.envs.episodic import settings
 from gmr_gym.montecarlo import run
 from gmr_gym.output import RUN_COLUMNS, write_runs
 from gmr_gym.play import play
@@ -24,7 +30,7 @@ from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
 from gmr_gym.simulate import draw, scan
 from gmr_gym.summary import summary
-from gmr_gym.tracker import CROWD_GROUP, make_tracker, trackers
+from gmr_gym.tracker import CROWD_GROUP, GROUP, make_tracker, trackers
 
 JUMP, TURNING, RADAR = (f"gmr_gym/{name}-v0" for name in ("JumpMarkov", "TurningTarget", "AirborneRadar"))
 
@@ -361,7 +367,12 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         ((*EVALUATE, "mmg-5:components=9,prune=0"), "takes no parameter 'prune'; it takes components"),
         ((*EVALUATE, "mmg-5", "--set", "case"), "expected key=value, got 'case'"),
         ((*EVALUATE, "mmg-5", "--set", "case=3"), "case must be one of 1, 2, stress, clear, got 3"),
-        ((*EVALUATE, "mmg-5", "--set", "cas=2"), "unknown argument 'cas'; this environment takes case,"),
+        (
+            (*EVALUATE, "mmg-5", "--set", "cas=2"),
+            "argument 'cas'; did you mean 'case'? this environment takes case,",
+        ),
+        ((*EVALUATE, "mmg-5", "--set", "scenario=os:system"), "unknown argument 'scenario'; "),
+        ((*EVALUATE, "mmg-5", "--set", "render_mode=human"), "unknown argument 'render_mode'; "),
         (("evaluate", "gmr_gym/JumpMarkow-v0", "--tracker", "mmg"), f"did you mean '{JUMP}'?"),
         (("evaluate", "JumpMarkov", "--tracker", "mmg"), f"did you mean '{JUMP}'?"),
         (("evaluate", "CartPole-v1", "--tracker", "pda"), "CartPole-v1 is not a tracking environment"),
@@ -418,6 +429,50 @@ def test_what_a_user_got_wrong_is_one_line_and_exit_code_2(call, words, message)
     assert line.startswith("error: ") and message in line
     assert all(" of " in line for line in progress)  # how far the runs had come
     assert not Path("results").exists()
+
+
+@pytest.fixture
+def trap(tmp_path, monkeypatch):
+    """A module that can be imported, by its name, and whether it was."""
+    (tmp_path / "trap.py").write_text("def sprung(p, components):\n    return p, [0]\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield lambda: sys.modules.pop("trap", None) is not None
+    sys.modules.pop("trap", None)
+
+
+OF_GYMNASIUM = (
+    "scenario", "entry_point", "vector_entry_point", "id", "kwargs", "additional_wrappers", "wrappers",
+    "max_episode_steps", "disable_env_checker", "render_mode",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("env_id", [*TRACKING, *CROWDS])
+def test_no_setting_of_an_environment_imports_what_it_names(trap, env_id):
+    taken = settings(gym.spec(env_id).kwargs["scenario"])
+    for name in (*taken, *OF_GYMNASIUM):
+        with contextlib.suppress(ValueError):
+            scenario_of(env_id, {name: "trap:sprung"})
+        assert not trap(), name
+    for name in OF_GYMNASIUM:
+        with pytest.raises(ValueError, match=f"unknown argument '{name}'; .*this environment takes "):
+            scenario_of(env_id, {name: "trap:sprung"})
+
+
+def test_of_a_trackers_parameters_a_reduction_alone_imports_what_it_names(trap):
+    for group, env_id in ((GROUP, JUMP), (CROWD_GROUP, "gmr_gym/UnknownClutter-v0")):
+        scenario, importing = scenario_of(env_id, {}), set()
+        for point in entry_points(group=group):
+            for name in list(signature(point.load()).parameters)[1:]:
+                with contextlib.suppress(ValueError):
+                    tracker_of(f"{point.name}:{name}=trap:sprung", scenario)
+                importing |= {name} if trap() else set()
+        assert importing == {"reduction"}
+
+
+def test_what_is_nested_deeply_is_no_value():
+    for text in ("(" * 5000, "-" * 100_000 + "1"):
+        with contextlib.suppress(ValueError):
+            assert key_value(f"case={text}") == ("case", text)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -520,7 +520,12 @@ def test_without_clutter_the_scan_is_the_targets_detection_or_nothing():
 @pytest.mark.parametrize(
     ("env_id", "world", "error", "message"),
     [
-        (TURNING, {"cluter_rate": 3}, ValueError, "unknown argument 'cluter_rate'; .*takes clutter_rate, cl"),
+        (
+            TURNING,
+            {"cluter_rate": 3},
+            ValueError,
+            "unknown argument 'cluter_rate'; did you mean 'clutter_r",
+        ),
         (FLIGHT, {"trajectory": [[0, 0]] * 3}, ValueError, "unknown argument 'trajectory'"),
         (TURNING, {"horizon": 101}, ValueError, "horizon must be between 1 and the 100 scans"),
         (TURNING, {"horizon": 0}, ValueError, "horizon must be between 1"),
@@ -539,7 +544,7 @@ def test_without_clutter_the_scan_is_the_targets_detection_or_nothing():
         (TURNING, {"window": (100, -1)}, ValueError, "two positive lengths"),
         (TURNING, {"window": (9, 9), "box": ((0, 0), (1, 1))}, ValueError, "either box .* or window"),
         (FLIGHT, {"segment": "nowhere"}, ValueError, "nowhere"),
-        (JUMP, {"horizon": 5}, ValueError, "unknown argument 'horizon'; .*takes case, clutter_density, "),
+        (JUMP, {"horizon": 5}, ValueError, "unknown argument 'horizon'; .*takes case, .*, render_mode$"),
         (JUMP, {"case": "3"}, ValueError, "case must be one of 1, 2, stress, clear, got '3'"),
         (JUMP, {"process_variance": "one"}, ValueError, "cannot make a scenario of .*process_variance"),
         (RADAR, {"regime": "close"}, ValueError, "regime must be one of near, far, extreme, got 'close'"),

@@ -15,7 +15,7 @@ NUMERICS = [
     "scenarios", "crowd", "crowd_runs", "crowd_summary", "multitarget", "phd", "cardinality",
     "clutter_learning", "multi_bernoulli", "finite_mixture", "gibbs", "hypotheses", "instances",
     "thresholds", "threshold_features", "threshold_hindsight", "threshold_policies", "threshold_scans",
-    "threads", "network", "batch", "blocks", "clusters", "source", "workers",
+    "threads", "network", "archive", "batch", "blocks", "clusters", "kernels", "source", "workers",
 ]  # fmt: skip
 LIBRARY, BASELINES = sorted((ROOT / "gmr_gym").rglob("*.py")), sorted((ROOT / "baselines").glob("*.py"))
 
@@ -71,3 +71,7 @@ def test_importing_the_package_registers_environments_and_imports_no_numba():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_how_kernels_are_compiled_stands_in_one_place():
+    assert arrows([*LIBRARY, *BASELINES], "numba.njit", "numba.jit") == ["gmr_gym/kernels.py -> numba.njit"]

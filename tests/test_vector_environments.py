@@ -12,7 +12,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import gmr_gym  # noqa: F401  registers the environments
-from gmr_gym.envs import TRACKING
+from gmr_gym.envs import TRACKING, TUNING
 from gmr_gym.envs.vector import TrackingVectorEnv
 
 TURNING, FLIGHT, AGILE, JUMP, RADAR = (
@@ -242,6 +242,16 @@ def test_a_pickled_copy_goes_on_as_the_original():
 def test_unseeded_environments_differ_from_one_another():
     scans = native(TURNING, 3).reset()[0]["scan"]
     assert not np.isin(scans[0][:50], scans[1:]).any()
+
+
+@pytest.mark.parametrize("env_id", [TURNING, TUNING])
+def test_environments_side_by_side_say_that_they_are_not_drawn(env_id):
+    with pytest.raises(ValueError, match="side by side are not drawn, make a single one to look at: ren"):
+        gym.make_vec(env_id, 2, vectorization_mode="vector_entry_point", render_mode="rgb_array")
+    envs = gym.make_vec(env_id, 2, vectorization_mode="vector_entry_point")
+    assert envs.metadata["render_modes"] == []
+    with pytest.raises(NotImplementedError, match="side by side are not drawn, make a single one to look at"):
+        envs.render()
 
 
 def test_wrong_arguments_are_refused_by_name():

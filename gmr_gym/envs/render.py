@@ -49,8 +49,8 @@ class Canvas:
 
     def __init__(self, scenario: Scenario, on_screen: bool = False, title: str = ""):
         self.scenario = scenario
-        self._title = title
-        self._counts: list[int] = []
+        self.title = title
+        self._counts: list[float] = []
         self._sheet = Sheet(on_screen)
         self.figure = self._sheet.figure
 
@@ -114,7 +114,7 @@ class Canvas:
             axes.locator_params(axis="x", nbins=4)  # labels of six figures under a narrow box would overlap
         axes.set_xlabel("x, m")
         axes.set_ylabel("y, m")
-        axes.set_title(f"{self._title}  t = {(t + 1) * self.scenario.period:g} s", loc="left")
+        axes.set_title(f"{self.title}  t = {(t + 1) * self.scenario.period:g} s", loc="left")
         axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
 
     def _view(self, estimate):
@@ -137,11 +137,12 @@ class Canvas:
 
     def _strip(self, t, count):
         del self._counts[t:]
+        self._counts += [np.nan] * (t - len(self._counts))  # scans that nobody had drawn
         self._counts.append(count)
         strip = self.figure.add_axes((0.11, 0.07, 0.86, 0.12))
         strip.step(np.arange(1, len(self._counts) + 1), self._counts, where="mid", color=HYPOTHESIS)
         strip.set_xlim(0, self.scenario.horizon + 1)
-        strip.set_ylim(0, max(10, 1.1 * max(self._counts)))
+        strip.set_ylim(0, max(10, 1.1 * np.nanmax(self._counts)))
         strip.set_xlabel("scan")
         strip.set_ylabel("hypotheses")
 
