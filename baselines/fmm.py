@@ -223,4 +223,5 @@ def _updated(p: Mixture, z: np.ndarray, sensor) -> tuple[Mixture, np.ndarray]:
     C = sensor.look(p, expected, S, z).C
     n, off = len(p.w), z - expected
     d2 = np.einsum("ni,ni->n", off, np.linalg.solve(S, off[:, :, None])[:, :, 0])
-    return Mixture(*phd.posteriors(np.zeros(n), np.eye(n), p.m, p.P, expected, S, C, z, 0.0)[:3]), d2
+    found = phd.posteriors(np.zeros(n), np.eye(n), p.m, p.P, expected, S, C, *sensor, z, 0.0)
+    return Mixture(*found[:3]), d2

@@ -60,13 +60,13 @@ def update(
     with np.errstate(divide="ignore"):
         log_p = np.log(cardinality)
     w, m, P, parent, after = _updated(
-        *p, log_p, expected, S, C, z, np.log(kappa), detection_probability, prune_weight
+        *p, log_p, expected, S, C, *sensor, z, np.log(kappa), detection_probability, prune_weight
     )
     return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent]), after
 
 
 @kernel
-def _updated(w, m, P, log_p, expected, S, C, z, log_kappa, detection_probability, least):
+def _updated(w, m, P, log_p, expected, S, C, H, R, z, log_kappa, detection_probability, least):
     table = log_ratios(w, expected, S, z, log_kappa, detection_probability)
     n, k = table.shape
     log_V = np.log(w.sum())
@@ -79,7 +79,7 @@ def _updated(w, m, P, log_p, expected, S, C, z, log_kappa, detection_probability
     near, log_slope = log_l > -np.inf, np.full(k, -np.inf)  # the rest changes no e_j
     log_e, log_D, log_M, log_slope[near] = symmetric(log_l[near], log_tails(log_p, log_q))
     if log_D == -np.inf:
-        return *posteriors(w, np.zeros((n, k)), m, P, expected, S, C, z, least), np.exp(log_p)
+        return *posteriors(w, np.zeros((n, k)), m, P, expected, S, C, H, R, z, least), np.exp(log_p)
     for i in range(n):
         for j in range(k):
             table[i, j] = np.exp(table[i, j] - log_V + log_slope[j] - log_D)
@@ -87,7 +87,7 @@ def _updated(w, m, P, log_p, expected, S, C, z, log_kappa, detection_probability
     after = log_p.copy()
     for count in range(len(log_p)):
         after[count] += _log_chance(count, log_e, log_q)
-    found = posteriors(missed, table, m, P, expected, S, C, z, least)
+    found = posteriors(missed, table, m, P, expected, S, C, H, R, z, least)
     after = np.exp(after - after.max())
     return *found, after / after.sum()
 

@@ -8,12 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.kalman import Sensor, posterior_into, predict
+from gmr_gym.kalman import Sensor, predict
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, cholesky_into, joined, matched, take
 from gmr_gym.multitarget import Account, Clutter, Population, nothing
 from gmr_gym.phd import log_ratios, posteriors
 from gmr_gym.reduction import capping
+from gmr_gym.update import posterior_into
 
 TOLERANCE = 1e-6  # relative, of the messages of one round to those of the next
 ROUNDS = 1000  # of messages, at most
@@ -85,7 +86,7 @@ def update(
     found[track, detection] = claimed
     absent = missed * tracks.w * (1.0 - detection_probability) / miss
     C = sensor.look(tracks, expected, S, z).C
-    old = Mixture(*absorbed(absent, found, tracks.m, tracks.P, expected, S, C, z))
+    old = Mixture(*absorbed(absent, found, tracks.m, tracks.P, expected, S, C, *sensor, z))
 
     exists = unclaimed * -np.expm1(-log_unowned)
     new = np.flatnonzero((exists >= least) & (exists > 0))
@@ -93,7 +94,7 @@ def update(
     born = unclaimed[new] * np.exp(appeared[:, new] - log_unowned[new])
     C = sensor.look(undetected, at, spread, z).C
     parts = posteriors(
-        np.zeros(len(at)), born, undetected.m, undetected.P, at, spread, C, z[new], 0.0
+        np.zeros(len(at)), born, undetected.m, undetected.P, at, spread, C, *sensor, z[new], 0.0
     )  # without a miss, these are the positive entries of `born`, row by row
     fresh = matched(Mixture(*parts[:3]), np.nonzero(born > 0)[1], len(new)) if len(new) else nothing(d)
     posterior = MultiBernoulli(
@@ -128,7 +129,7 @@ def account(belief: MultiBernoulli, clutter: Clutter, naming: float = 0.5) -> Ac
 
 
 @kernel
-def absorbed(absent, found, m, P, expected, S, C, z):
+def absorbed(absent, found, m, P, expected, S, C, H, R, z):
     """Each track i one Gaussian again, by its moments, after it was absent with probability absent (n,) and
     had each detection with found (n, k). With the innovations nu_j, K of S and C = H P, beta their shares:
 
@@ -139,7 +140,7 @@ def absorbed(absent, found, m, P, expected, S, C, z):
     (n, d), (k, p) = m.shape, z.shape
     w_out, m_out, P_out = np.empty(n), m.copy(), P.copy()
     L, K, W, P_hit = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty((d, d))
-    nu, spread = np.empty(p), np.empty((p, p))
+    nu, spread, L_noise = np.empty(p), np.empty((p, p)), np.zeros((p, p))
     for i in range(n):
         hit = 0.0
         nu[:], spread[:] = 0.0, 0.0
@@ -158,7 +159,7 @@ def absorbed(absent, found, m, P, expected, S, C, z):
                         off = (z[j, r] - expected[i, r] - nu[r]) * (z[j, s] - expected[i, s] - nu[s])
                         spread[r, s] += found[i, j] / w_out[i] * off
         cholesky_into(L, S[i])
-        posterior_into(P_hit, K, W, L, P[i], C[i])
+        posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H, R)
         missed = absent[i] / w_out[i]
         for r in range(p):
             for s in range(r + 1):

@@ -234,16 +234,21 @@ def look_of(update, m, P, z, noise):
         raise ValueError("a predicted position is that of the radar itself, where there is no direction")
     if update >= EXTENDED:
         expected = place
-        C, S = _linearised(expected, C) if update == EXTENDED else _by_points(expected, m, P, C, update)
+        if update == EXTENDED:
+            C, S, H = _linearised(expected, C)
+            own = np.zeros((n, 3, 3))
+        else:
+            C, S, H, own = _by_points(expected, m, P, C, update)
         points = np.empty((n, k, 3))
         for i in range(n):
             for r in range(3):
                 S[i, r, r] += noise[r] ** 2
+                own[i, r, r] += noise[r] ** 2
             points[i] = z
             for j in range(k):
                 points[i, j, 1] = expected[i, 1] + wrapped_angle(z[j, 1] - expected[i, 1])
-        return expected, S, C, points, R, np.zeros(k)
-    S, D, scale = P_at, shrinking_of(noise), np.ones(3)
+        return expected, S, C, points, R, np.zeros(k), H, own
+    S, D, scale, own = P_at, shrinking_of(noise), np.ones(3), np.zeros((1, 3, 3))
     if update == RAW:
         points[0], R = raw_of(z, noise)
     elif update == DEBIASED:
@@ -258,13 +263,14 @@ def look_of(update, m, P, z, noise):
     else:
         spread = _spread_of(place, P_at)
         if update == DECORRELATED:
-            points[0], scatter = decorrelated_of(z, noise, place, spread)
+            points[0], own = decorrelated_of(z, noise, place, spread)
             scale = 1 / D
         else:
-            points, scatter = debiased_at_of(z, noise, place, spread)
-        S = P_at + scatter
+            points, own = debiased_at_of(z, noise, place, spread)
+        S = P_at + own
     # what a conversion stretches, its clutter fills
-    return at, S, C, points, R, log_stretch_of(z) + np.log(scale).sum()
+    log_stretch = log_stretch_of(z) + np.log(scale).sum()
+    return at, S, C, points, R, log_stretch, np.expand_dims(np.eye(3, m.shape[1]), 0), own
 
 
 @kernel
@@ -283,9 +289,11 @@ def _spread_of(place, P):
 @kernel
 def _linearised(expected, PH):
     """Covariances of what is expected with the state (n, 3, d) and with itself (n, 3, 3), to first order
-    about the prediction; PH (n, 3, d) the position's covariance with the state."""
+    about the prediction, and its derivatives by the state (n, 3, d); PH (n, 3, d) the position's covariance
+    with the state."""
     J = inverse_jacobian_of(expected)
-    C, S = np.zeros(PH.shape), np.zeros((len(PH), 3, 3))
+    C, S, H = np.zeros(PH.shape), np.zeros((len(PH), 3, 3)), np.zeros(PH.shape)
+    H[:, :, :3] = J
     for i in range(len(PH)):
         for r in range(3):
             for c in range(PH.shape[2]):
@@ -296,19 +304,20 @@ def _linearised(expected, PH):
                 for k in range(3):
                     S[i, r, c] += C[i, r, k] * J[i, c, k]
                 S[i, c, r] = S[i, r, c]
-    return C, S
+    return C, S, H
 
 
 @kernel
 def _by_points(expected, m, P, PH, update):
     """The same by points of the position, the radar sees nothing else: cubature (Arasaratnam and Haykin
     2009), or unscented with kappa = 3 - n = 0 raised to 1, so that the middle counts (Julier and Uhlmann
-    1997). `expected` is the middle's, and becomes the points' mean."""
+    1997). `expected` is the middle's, and becomes the points' mean. In place of derivatives there is the
+    regression on the state, and then the covariance (n, 3, 3) of what it leaves."""
     n, d = m.shape
     reach, weight, middle_weight = np.sqrt(3.0), 1 / 6, 0.0
     if update == UNSCENTED:
         reach, weight, middle_weight = 2.0, 1 / 8, 1 / 4
-    C, S = np.zeros((n, 3, d)), np.zeros((n, 3, 3))
+    C, S, H, left = np.zeros((n, 3, d)), np.zeros((n, 3, 3)), np.zeros((n, 3, d)), np.zeros((n, 3, 3))
     L, x, steps, W = np.zeros((3, 3)), np.empty((6, 3)), np.empty((6, 3)), np.empty(3)
     cross = np.empty((3, 3))
     for i in range(n):
@@ -346,5 +355,27 @@ def _by_points(expected, m, P, PH, update):
             for a in range(3):
                 for b in range(3):
                     C[i, a, c] += cross[a, b] * W[b]
+        _regressed(H[i], left[i], off, shift, reach * L, weight, middle_weight)
         expected[i] += shift
-    return C, S
+    return C, S, H, left
+
+
+@kernel
+def _regressed(H, left, off, shift, steps, weight, middle_weight):
+    """The linear regression H (3, >= 3) of points off (6, 3) from the middle's on their positions, which are
+    plus and then minus the columns of the lower `steps` (3, 3), and the covariance (3, 3) of what is `left`
+    about their mean `shift`: what is odd in the step is explained, what is even is not."""
+    even = np.empty(3)
+    for j in range(2, -1, -1):
+        for a in range(3):
+            total = (off[j, a] - off[3 + j, a]) / 2
+            for b in range(j + 1, 3):
+                total -= H[a, b] * steps[b, j]
+            H[a, j] = total / steps[j, j]
+            even[a] = (off[j, a] + off[3 + j, a]) / 2 - shift[a]
+        for a in range(3):
+            for b in range(3):
+                left[a, b] += 2 * weight * even[a] * even[b]
+    for a in range(3):
+        for b in range(3):
+            left[a, b] += middle_weight * shift[a] * shift[b]

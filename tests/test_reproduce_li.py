@@ -222,7 +222,7 @@ def test_as_printed_the_likelihood_has_powers_of_the_gates_volume(count):
     likelihood = []
     for motion in told.motions:
         p = predict(Mixture(*told.prior), motion)
-        (expected,), (S,), _, seen, _, _ = told.sensor.look(p, *told.sensor.gates(p), z)
+        (expected,), (S,), _, seen, *_ = told.sensor.look(p, *told.sensor.gates(p), z)
         away = seen.reshape(-1, 3) - expected
         e = np.exp(-0.5 * np.einsum("ki,ij,kj->k", away, np.linalg.inv(S), away))
         V = 4 / 3 * np.pi * gate_size(told.gate_probability, 3) ** 1.5 * np.sqrt(np.linalg.det(S))
