@@ -7,8 +7,8 @@ from numba import njit
 
 from gmr_gym.mixture import (
     Mixture,
-    check_covariance,
 )
+from gmr_gym.validation import check_covariance
 
 
 class Motion(NamedTuple):

@@ -218,5 +218,5 @@ def test_components_below_one_are_refused():
 def test_a_mixture_without_a_density_is_refused():
     p = scattered(np.random.default_rng(0), 3, 2)
     p.P[1] = -np.eye(2)
-    with pytest.raises(ValueError, match="finite integral"):
+    with pytest.raises(ValueError, match=r"p.P\[1\] must be positive definite"):
         integral_squared_error(p, 2)
