@@ -101,7 +101,8 @@ def normalised_integral_squared_difference(p: Mixture, q: Mixture) -> float:
     difference, total = _difference_and_sum(p._replace(w=p.w / scale), q._replace(w=q.w / scale))
     if not 0.0 < total < np.inf:
         raise ValueError(
-            "the squares of p and q have integrals outside the range of floats: choose units nearer to their spread"
+            "the squares of p and q have integrals outside the range of floats: choose units nearer to the "
+            "spread of the states"
         )
     return difference / total
 

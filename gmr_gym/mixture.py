@@ -78,17 +78,21 @@ def joined(parts: Sequence[Mixture]) -> Mixture:
 
 def moments(p: Mixture) -> tuple[np.ndarray, np.ndarray]:
     """Mean (d,) and covariance (d, d) of the normalised mixture (D'Ortenzio, eqs. 12, 21, 22)."""
-    p = checked(p)
-    if len(p.w) == 0:
-        raise ValueError("p has no component, and a mixture of none has no moments")
-    _, m, P = match(*p, np.zeros(len(p.w), np.int64), 1)
-    return m[0], P[0]
+    return _moments(checked(p))
 
 
 def collapsed(p: Mixture) -> Mixture:
     """The one Gaussian with the total weight, mean and covariance of the mixture."""
-    mean, covariance = moments(p)
-    return Mixture(np.array([np.sum(p.w)]), mean[None], covariance[None])
+    p = checked(p)
+    mean, covariance = _moments(p)
+    return Mixture(np.array([p.w.sum()]), mean[None], covariance[None])
+
+
+def _moments(p):
+    if len(p.w) == 0:
+        raise ValueError("p has no component, and a mixture of none has no moments")
+    _, m, P = match(*p, np.zeros(len(p.w), np.int64), 1)
+    return m[0], P[0]
 
 
 def matched(p: Mixture, group: np.ndarray, count: int) -> Mixture:

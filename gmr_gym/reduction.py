@@ -21,8 +21,8 @@ from gmr_gym.validation import sound
 Reduced = tuple[Mixture, np.ndarray]
 ANY = 2**62  # components: more than there ever are
 TOO_FAR = (
-    "components lie too far apart: over more than some 1e8 standard deviations, the covariance of their merge is "
-    "lost in rounding"
+    "components lie too far apart: over more than some 1e8 standard deviations, the covariance of their "
+    "merge is lost in rounding"
 )
 
 
@@ -164,8 +164,8 @@ def weighing(p: Mixture) -> Reduced:
 
 
 def at_unit(w: np.ndarray) -> np.ndarray:
-    """The weights w (n,) times the power of two, which rounds nothing, that brings the largest below 1: products
-    of tiny ones do not underflow."""
+    """The weights w (n,) times the power of two, which rounds nothing, that brings the largest just below 1:
+    products of tiny ones do not underflow."""
     return np.ldexp(w, -np.frexp(w.max())[1])
 
 

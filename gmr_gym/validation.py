@@ -1,14 +1,14 @@
 """Arrays from outside: taken as they are where they fit a kernel, converted where they can be, else refused.
 
-A kernel trusts the shapes it is given and is compiled anew for every kind of array, so that whatever is public
-passes here first.
+A kernel trusts the shapes it is given and is compiled anew for every kind of array, so that what is public
+comes here first.
 """
 
 import numpy as np
 from numba import njit
 
 DOUBLE = np.dtype(float)
-LARGEST = 1e150  # of a coordinate: its square, and sums of such, are numbers
+HEAVIEST = 1e300  # of a weight: sums of such do not overflow
 BLOCK = 64  # covariances factored together
 
 
@@ -29,17 +29,17 @@ def doubles(name: str, a) -> np.ndarray:
 
 
 def refuse_unsound(at: str, w: np.ndarray, m: np.ndarray, P: np.ndarray) -> None:
-    """Raise ValueError naming what is wrong with a mixture that is not `sound`; `at` stands before its names."""
+    """Raise ValueError naming what is wrong with a mixture that is not `sound`, `at` before its names."""
     if w.ndim != 1:
         raise ValueError(f"{at}w must have shape (n,), got {w.shape}")
     if m.ndim != 2 or len(m) != len(w) or m.shape[1] == 0:
         raise ValueError(f"{at}m must have shape (n, d) with n = len(w) = {len(w)}, got {m.shape}")
     if P.shape != (*m.shape, m.shape[1]):
         raise ValueError(f"{at}P must have shape {(*m.shape, m.shape[1])} to fit m, got {P.shape}")
-    if not ((w >= 0) & (w <= LARGEST**2)).all():
-        raise ValueError(f"{at}w must be finite and non-negative, and no more than {LARGEST**2:g}")
-    if not (np.abs(m) <= LARGEST).all():
-        raise ValueError(f"{at}m must be finite, and no more than {LARGEST:g} in size")
+    if not ((w >= 0) & (w <= HEAVIEST)).all():
+        raise ValueError(f"{at}w must be finite and non-negative, and no more than {HEAVIEST:g}")
+    if not np.isfinite(m).all():
+        raise ValueError(f"{at}m must be finite")
     for i, covariance in enumerate(P):
         check_covariance(f"{at}P[{i}]", covariance)
 
@@ -50,8 +50,6 @@ def check_covariance(name: str, P: np.ndarray) -> None:
         raise ValueError(f"{name} must be a square matrix, got shape {P.shape}")
     if not np.isfinite(P).all():
         raise ValueError(f"{name} must be finite")
-    if not np.abs(P).max(initial=0.0) <= LARGEST**2:
-        raise ValueError(f"{name} must have entries of no more than {LARGEST**2:g} in size")
     if not np.allclose(P, P.T, rtol=1e-9, atol=1e-12 * np.abs(P).max(initial=0.0)):
         raise ValueError(f"{name} must be symmetric, got {P.tolist()}; pass (P + P.T) / 2")
     try:
@@ -66,16 +64,15 @@ def check_covariance(name: str, P: np.ndarray) -> None:
 @njit(cache=True, error_model="numpy")
 def sound(w, m, P):
     """Whether weights (n,), means (n, d) and covariances (n, d, d) fit each other, the first finite and not
-    negative, the second finite, the third symmetric and positive definite, none so large that squares
-    overflow."""
+    negative, the second finite, the third symmetric and positive definite."""
     n, d = m.shape
     if d == 0 or len(w) != n or P.shape[0] != n or P.shape[1] != d or P.shape[2] != d:
         return False
     good, symmetric, flat = True, True, m.reshape(-1)
     for i in range(n):
-        good &= (w[i] >= 0.0) & (w[i] <= LARGEST**2)
+        good &= (w[i] >= 0.0) & (w[i] <= HEAVIEST)
     for i in range(n * d):
-        good &= abs(flat[i]) <= LARGEST
+        good &= abs(flat[i]) < np.inf
     A = np.empty((d * (d + 1) // 2, BLOCK))  # lower triangles, by entry
     for start in range(0, n, BLOCK):
         k, block, q = min(BLOCK, n - start), P[start : start + BLOCK], 0
@@ -88,15 +85,15 @@ def sound(w, m, P):
                     symmetric &= row[j] == block[j, c, r]
                 q += 1
             for j in range(k):
-                good &= row[j] <= LARGEST**2
+                good &= row[j] < np.inf
         good &= _definite(A, k, d)
     return good and (symmetric or _nearly_symmetric(P))
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _definite(A, n, d):
-    """Whether the first n matrices given by entry, A (d (d + 1) / 2, BLOCK), are positive definite, by LDL'; A
-    is overwritten."""
+    """Whether the first n matrices given by entry, A (d (d + 1) / 2, BLOCK), are positive definite, by LDL';
+    A is overwritten."""
     positive = True
     for k in range(d):
         pivot = A[k * (k + 3) // 2]
