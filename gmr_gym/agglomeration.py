@@ -7,20 +7,20 @@ import numpy as np
 
 from gmr_gym.kernels import kernel
 from gmr_gym.merging import first_least
-from gmr_gym.mixture import Mixture, matched
-from gmr_gym.reduction import Reduced, at_least_one, prune
+from gmr_gym.mixture import Mixture
+from gmr_gym.reduction import Reduced, at_least_one, grouped, through, weighing
 
 
 def merged_by(groups: Callable[[Mixture, int], np.ndarray], p: Mixture, components: int) -> Reduced:
     """Moment match of groups of the components that weigh anything; groups(q, components) (n,) are
     the groups 0..components-1 of those, called with q when it has more components than that."""
     components = at_least_one(components)
-    q, place = prune(p, 0.0)
+    q, place = weighing(p)
     if len(q.w) <= components:
         return q, place
     # squares of tiny weights would underflow; weights above 1 stay, lest tiny ones beside them vanish
     group = groups(q._replace(w=q.w / min(q.w.max(), 1.0)), components)
-    return matched(q, group, components), np.where(place < 0, -1, group[place])
+    return grouped(q, group, components), through(place, group)
 
 
 @kernel

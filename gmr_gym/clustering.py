@@ -7,7 +7,7 @@ that the total weight, mean and covariance stay; a component of weight zero is d
 import numpy as np
 
 from gmr_gym.agglomeration import cheapest_pair, merged_by, nearest_others, numbered, take_in
-from gmr_gym.dissimilarity import MEASURES, check_choice, dissimilarity
+from gmr_gym.dissimilarity import MEASURES, check_choice, dissimilarities
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction import Reduced, whitened
@@ -25,7 +25,7 @@ def hierarchical(p: Mixture, components: int, linkage: str = "average", measure:
     check_choice("measure", measure, MEASURES)
 
     def groups(q, components):
-        return _agglomerate(dissimilarity(q, measure), components, LINKAGES.index(linkage))
+        return _agglomerate(dissimilarities(q, measure), components, LINKAGES.index(linkage))
 
     return merged_by(groups, p, components)
 
@@ -54,7 +54,7 @@ def k_medoids(p: Mixture, components: int, measure: str = "isd") -> Reduced:
 
     def groups(q, components):
         weight = q.w if measure == "correlation" else np.ones(len(q.w))
-        return _around_medoids(dissimilarity(q, measure), weight, components)
+        return _around_medoids(dissimilarities(q, measure), weight, components)
 
     return merged_by(groups, p, components)
 

@@ -10,10 +10,10 @@ of integral squared difference to the whole mixture (Zhang, eq. 3), whatever the
 
 import numpy as np
 
-from gmr_gym.distances import dimension, pack, products_of_columns, products_with
+from gmr_gym.distances import dimension, known, pack, products_of_columns, products_with
 from gmr_gym.kernels import ZERO, kernel
 from gmr_gym.merge_cost import BLOCK, by_entry, form_costs, log_determinants, pair_covariances
-from gmr_gym.mixture import Mixture
+from gmr_gym.mixture import Mixture, checked
 
 MEASURES = ("isd", "correlation", "runnalls")
 
@@ -29,6 +29,11 @@ def dissimilarity(p: Mixture, measure: str) -> np.ndarray:
         standard deviations apart, some 1e8, that it is lost in rounding.
     """
     check_choice("measure", measure, MEASURES)
+    return dissimilarities(checked(p), measure)
+
+
+def dissimilarities(p: Mixture, measure: str) -> np.ndarray:
+    """`dissimilarity` for a checked mixture and measure."""
     if measure == "isd":
         return isd_table(p.w, pack(p.m, p.P))
     if measure == "correlation":
@@ -81,10 +86,10 @@ def isd_row(i, others, w, M, own):
     for j in range(k):
         wi, wj = weight[k], weight[j]
         wc = wi + wj
-        two = wi * wi * _known(own[i]) + wj * wj * _known(own[others[j]]) + 2 * wi * wj * _known(ij[j])
-        one = wc * wc * _known(cc[j])
+        two = wi * wi * known(own[i]) + wj * wj * known(own[others[j]]) + 2 * wi * wj * known(ij[j])
+        one = wc * wc * known(cc[j])
         # rounding leaves two equal components near -1e-16
-        out[j] = max(two + one - 2 * wc * (wi * _known(ic[j]) + wj * _known(jc[j])), 0.0)
+        out[j] = max(two + one - 2 * wc * (wi * known(ic[j]) + wj * known(jc[j])), 0.0)
     return out
 
 
@@ -99,13 +104,6 @@ def own_products(M):
                 "lies outside the range of floats: choose units nearer to the spread of the states"
             )
     return own
-
-
-@kernel
-def _known(product):
-    """The product, or 0 where a covariance of the pair has drowned in rounding: merged over more
-    than 1e8 standard deviations, it lies too low to overlap with anything."""
-    return product if product < np.inf else 0.0
 
 
 @kernel

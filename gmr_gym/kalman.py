@@ -7,8 +7,8 @@ import numpy as np
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import (
     Mixture,
-    check_covariance,
 )
+from gmr_gym.validation import check_covariance
 
 
 class Motion(NamedTuple):

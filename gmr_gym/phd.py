@@ -12,10 +12,10 @@ import numpy as np
 
 from gmr_gym.kalman import Sensor, predict
 from gmr_gym.kernels import kernel
-from gmr_gym.mixture import Mixture, cholesky_into, joined, log_gaussian_scale, mahalanobis_squared, matched
+from gmr_gym.mixture import Mixture, checked, cholesky_into, joined, log_gaussian_scale, mahalanobis_squared
 from gmr_gym.multitarget import Account, Clutter, Population, nothing
 from gmr_gym.reducers import reducer
-from gmr_gym.reduction import Reduced, capping, check_reduced
+from gmr_gym.reduction import Reduced, at_least_one, capping, check_reduced, grouped, through
 from gmr_gym.tracker import check_limits
 from gmr_gym.update import posterior_into
 
@@ -80,9 +80,10 @@ def vo_ma(p: Mixture, components: int, distance: float = 4.0) -> Reduced:
     (Vo and Ma 2006, Table II). Raises ValueError for a negative distance."""
     if not distance >= 0:
         raise ValueError(f"distance must be a squared distance, got {distance}")
+    p, components = checked(p), at_least_one(components)
     group, count = _near(*p, distance)
-    capped, place = capping(matched(p, group, count), components)
-    return capped, np.where(group < 0, -1, place[group])
+    capped, place = capping(grouped(p, group, count), components)
+    return capped, through(group, place)
 
 
 def reduction_named(name: str, components: int, merging: float) -> Callable[[Mixture], Reduced]:

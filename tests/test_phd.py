@@ -6,8 +6,10 @@ import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from baselines.fitted_phd import fitted_phd
 from baselines.gm_cphd import Census, GmCphd, gm_cphd
 from baselines.gm_phd import GmPhd, gm_phd
+from baselines.learning_phd import learning_phd
 from gmr_gym import cardinality, phd
 from gmr_gym.kalman import position_sensor
 from gmr_gym.mixture import Mixture, gaussian, mixture, moments, normalised, take
@@ -344,6 +346,19 @@ def test_nothing_born_and_nothing_there_is_nothing_said(factory):
     assert [said.expected for said in accounts] == [0.0, 0.0] and accounts[-1].x.shape == (0, 4)
 
 
+@pytest.mark.parametrize("factory", [*FILTERS, learning_phd, fitted_phd])
+@pytest.mark.parametrize("name", EVERY)
+def test_births_of_no_weight_are_none(factory, name):
+    births = told().births
+    weightless = factory(told(births=births._replace(w=0.0 * births.w)), reduction=name, prune_weight=0.0)
+    _, accounts = followed(weightless, [np.zeros((3, 2)), []])
+    _, wanted = followed(
+        factory(told(births=nothing(4)), reduction=name, prune_weight=0.0), [np.zeros((3, 2)), []]
+    )
+    for said, none in zip(accounts, wanted, strict=True):
+        assert said.expected == none.expected == 0.0 and said.x.shape == (0, 4)
+
+
 @pytest.mark.parametrize("factory", FILTERS)
 @pytest.mark.parametrize("prune_weight", [0.0, 1e-5])
 def test_a_hundred_scans_of_nothing_stay_finite(factory, prune_weight):
@@ -549,9 +564,9 @@ ONE = mixture([1.0], [np.zeros(2)], [np.eye(2)])
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"births": BIRTH._replace(w=np.array([-0.1]))}, "births must have finite non-negative weights"),
-        ({"births": BIRTH._replace(w=np.array([np.nan]))}, "births must have finite non-negative weights"),
-        ({"births": BIRTH._replace(m=np.full((1, 4), np.nan))}, "births must have finite means"),
+        ({"births": BIRTH._replace(w=np.array([-0.1]))}, "births.w must be finite and non-negative"),
+        ({"births": BIRTH._replace(w=np.array([np.nan]))}, "births.w must be finite and non-negative"),
+        ({"births": BIRTH._replace(m=np.full((1, 4), np.nan))}, "births.m must be finite"),
         ({"births": BIRTH._replace(P=-BIRTH.P)}, r"births.P\[0\] must be positive definite"),
         ({"clutter": EVEN._replace(uniform=np.inf)}, "clutter.uniform must be positive and finite"),
         (
@@ -560,7 +575,7 @@ ONE = mixture([1.0], [np.zeros(2)], [np.eye(2)])
         ),
         (
             {"clutter": EVEN._replace(gaussians=ONE._replace(w=np.array([-5.0])))},
-            "clutter.gaussians must have finite non-negative weights",
+            "clutter.gaussians.w must be finite and non-negative",
         ),
         (
             {"clutter": EVEN._replace(ellipses=ONE._replace(P=0 * ONE.P))},
