@@ -9,6 +9,8 @@ from gmr_gym.mixture import Mixture
 from gmr_gym.modes import check_switching
 from gmr_gym.radar import Radar, radar
 
+LEAST_DENSITY = float(np.finfo(float).tiny)  # of clutter; less has lost digits, or its inverse is infinite
+
 
 class Model(NamedTuple):
     """All that a tracker may know before the first scan; `model` checks one."""
@@ -62,11 +64,7 @@ def model(
         raise ValueError(f"prior weights sum to {prior.w.sum():.6g}; pass normalised(prior)")
     check_probability("detection_probability", detection_probability)
     check_probability("gate_probability", gate_probability)
-    if not 0 < clutter_density < float("inf"):
-        raise ValueError(
-            f"clutter_density must be positive and finite, got {clutter_density}; where there is no "
-            "clutter pass a very small density, so that a second detection has an explanation"
-        )
+    check_density("clutter_density", clutter_density)
     if switching is None and len(motions) > 1:
         raise ValueError(f"switching must be given for {len(motions)} motions")
     return Model(
@@ -89,6 +87,16 @@ def check_probability(name: str, value: float) -> None:
     """Raise ValueError naming the argument unless value lies in (0, 1]."""
     if not 0 < value <= 1:
         raise ValueError(f"{name} must lie in (0, 1], got {value}")
+
+
+def check_density(name: str, value: float) -> None:
+    """Raise ValueError naming the argument unless value is a finite density of clutter, and no less than what
+    can be divided by."""
+    if not LEAST_DENSITY <= value < np.inf:
+        raise ValueError(
+            f"{name} must be positive and finite, {LEAST_DENSITY:.3g} or more, got {value}; where there is "
+            "no clutter pass a very small density, so that a second detection has an explanation"
+        )
 
 
 def _checked_mode_prior(mode_prior, modes: int) -> np.ndarray:

@@ -371,6 +371,7 @@ def test_a_mixture_as_prior_is_no_hindrance(tracker):
         ({"gate_probability": 1.01}, r"gate_probability must lie in \(0, 1\]"),
         ({"clutter_density": 0.0}, "clutter_density must be positive and finite.*very small density"),
         ({"clutter_density": np.inf}, "clutter_density must be positive and finite"),
+        ({"clutter_density": 1e-310}, "clutter_density must be positive and finite, 2.23e-308 or more"),
     ],
 )
 def test_model_that_does_not_fit_together_is_refused_by_name(change, message):
