@@ -27,11 +27,7 @@ class Model(NamedTuple):
     @property
     def motion(self) -> Motion:
         """The one motion; ValueError where there are several, for trackers that know no modes."""
-        if len(self.motions) > 1:
-            raise ValueError(
-                f"this tracker knows one motion and the model has {len(self.motions)}: choose one with "
-                "modes, such as imm-pda, imm-mht or mmg"
-            )
+        check_one_motion(self)
         return self.motions[0]
 
 
@@ -81,6 +77,15 @@ def told_by(model: Model, update: str) -> Model:
     if not isinstance(sensor, Radar):
         raise ValueError(f"update {update!r} needs a radar; the model's sensor is linear and has one update")
     return model._replace(sensor=radar(sensor.deviations, sensor.H.shape[1], update))
+
+
+def check_one_motion(model: Model) -> None:
+    """Raise ValueError if there are several motions, for trackers that know no modes."""
+    if len(model.motions) > 1:
+        raise ValueError(
+            f"this tracker knows one motion and the model has {len(model.motions)}: choose one with modes, "
+            "such as imm-pda, imm-mht or mmg"
+        )
 
 
 def check_probability(name: str, value: float) -> None:
