@@ -16,6 +16,7 @@ from gmr_gym.kalman import position_sensor
 from gmr_gym.mixture import Mixture, gaussian, mixture, moments
 from gmr_gym.models import Model, model
 from gmr_gym.motions import constant_velocity
+from gmr_gym.points import check_unmasked, present
 from gmr_gym.tracker import Tracker, check_scan
 
 RESOLUTION = 9  # decimals of a second to which intervals are told apart
@@ -168,6 +169,8 @@ def constant_velocity_model(
 
 def prior_given(mean, deviations) -> Mixture:
     """The Gaussian of that mean (d,) and those standard deviations (d,), uncorrelated."""
+    check_unmasked("mean", mean)
+    check_unmasked("deviations", deviations)
     mean, deviations = np.array(mean, float), np.array(deviations, float)
     if mean.ndim != 1 or len(mean) == 0 or not np.isfinite(mean).all():
         raise ValueError(f"mean must be finite numbers (d,), got {mean.tolist()}")
@@ -179,7 +182,7 @@ def prior_given(mean, deviations) -> Mixture:
 def prior_from_first_scan(z, sensor_deviation: float, speed_deviation: float) -> Mixture:
     """Prior of the time of the scan z (k, p), k >= 1: the target's detection is any of them alike, its
     velocity zero give or take `speed_deviation` (m/s) along each axis (single-point initiation)."""
-    z = np.array(z, float)
+    z = np.asarray(present(z), float)
     if z.ndim != 2 or z.size == 0 or len(z) > MOST_STARTS or not np.isfinite(z).all():
         raise ValueError(f"z must be 1 to {MOST_STARTS} finite detections (k, p), got shape {z.shape}")
     _check_positive(sensor_deviation=sensor_deviation, speed_deviation=speed_deviation)
