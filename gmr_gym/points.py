@@ -7,23 +7,23 @@ from gmr_gym.kernels import uncounted
 FARTHEST = 1e15  # m or rad, of any coordinate: there numbers stand an eighth apart, and tell no places apart
 
 
-def check_points(points, p: int, name: str = "z") -> np.ndarray:
-    """The points as floats of their own (k, p), (0, p) for none; a row with a masked coordinate is absent.
+def check_points(z, p: int, farthest: float = FARTHEST) -> np.ndarray:
+    """The points z as floats of their own (k, p), (0, p) for none; a row with a masked coordinate is absent.
 
-    ValueError naming the argument when the shape does not fit, for what is no number, and naming the row, as
-    counted without the absent, for one that is not finite or has a coordinate beyond +-1e15."""
+    ValueError when the shape does not fit, for what is no number, and naming the row, as counted without the
+    absent, for one that is not finite or has a coordinate beyond +-`farthest`."""
     try:
-        z = np.asarray(present(points))
+        z = np.asarray(present(z))
         z = z.astype(float, order="C", casting="same_kind") if z.size else np.empty((0, p))
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be numbers of shape (k, {p}), one detection a row") from None
+        raise ValueError(f"z must be numbers of shape (k, {p}), one detection a row") from None
     if z.ndim != 2 or z.shape[1] != p:
-        raise ValueError(f"{name} must have shape (k, {p}), one detection a row, got {z.shape}")
-    row = _first_beyond(z, FARTHEST)
+        raise ValueError(f"z must have shape (k, {p}), one detection a row, got {z.shape}")
+    row = _first_beyond(z, farthest)
     if row >= 0:
         if not np.isfinite(z[row]).all():
-            raise ValueError(f"{name} must be finite; row {row} is not")
-        raise ValueError(f"{name} must lie within +-{FARTHEST:g}; row {row} is {z[row].tolist()}")
+            raise ValueError(f"z must be finite; row {row} is not")
+        raise ValueError(f"z must lie within +-{farthest:g}; row {row} is {z[row].tolist()}")
     return z
 
 
