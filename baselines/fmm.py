@@ -76,7 +76,7 @@ class Fmm:
         new = self.gaussians if len(z) >= self.how.clutter_least else 0
         places = z[rng.permutation(len(z))[:new]]
         parts = initial(clutter.gaussians, places, z, looked, self.how.deviation)
-        parts = self.fit(z, parts, 1 / np.prod(clutter.high - clutter.low), self.how, rng)
+        parts = self.fit(z, parts, 1 / clutter.volume, self.how, rng)
         c, weight = parts.gaussians, len(z) * parts.w
         if len(z):  # an empty scan tells nothing of where clutter is
             gaussians = Mixture(weight[1 : c + 1], parts.m[:c], parts.P[:c])

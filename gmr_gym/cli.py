@@ -13,6 +13,7 @@ from rich.console import Console
 
 from gmr_gym import detections
 from gmr_gym.commands import (
+    check_ending,
     key_value,
     numbers,
     parsed,
@@ -242,6 +243,8 @@ def record(
 ) -> None:
     """One episode's detections in a file, as `track` reads them; of a radar in range and angles, which it
     does not."""
+    check_ending("--out", out, ".csv")
+    check_ending("--truth", truth, ".csv")
     scenario = single_target(env_id, dict(map(key_value, settings)))
     tracker = tracker or ("imm-pda" if len(scenario.model.motions) > 1 else "pda")
     episode = draw(scenario, seed)
@@ -272,19 +275,33 @@ def track_(
 ) -> None:
     """Recorded detections in, estimates with their covariances out. Without --prior the track starts
     from the first scan: any of its detections may be the target."""
+    check_ending("--out", out, ".csv")
     if motion != "constant-velocity":
         raise ValueError(f"unknown model {motion!r}; choose constant-velocity")
     if bool(prior) != bool(prior_deviations):
-        raise ValueError("give prior and prior_deviations together, or neither")
+        raise ValueError("give --prior and --prior-deviations together, or neither")
+    if not 0 < speed < np.inf:
+        raise ValueError(f"--speed must be positive and finite, got {speed}")
     scans = detections.read_scans(file)
     detections.check_positions(file, scans)
     if prior:
-        state = numbers("prior", prior), numbers("prior_deviations", prior_deviations)
+        axes = len(scans.coordinates)
+        state = numbers("--prior", prior), numbers("--prior-deviations", prior_deviations)
+        for name, values in zip(("--prior", "--prior-deviations"), state, strict=True):
+            if len(values) != 2 * axes:
+                raise ValueError(
+                    f"{name} must be {axes} positions and {axes} velocities, got {len(values)} numbers"
+                )
         start, prior_time = detections.prior_given(*state), None
     else:
         scans = detections.from_first_detection(scans)
         start = detections.prior_from_first_scan(scans.z[0], sensor_deviation, speed)
         prior_time = scans.times[0]
+    if len(scans.times) == 1 and not (prior and period):
+        raise ValueError(
+            f"{file} holds one scan to start from and none after it: give --prior with --prior-deviations, "
+            "and --period, or a file with another scan"
+        )
 
     def build(interval: float) -> Tracker:
         told = detections.constant_velocity_model(

@@ -64,7 +64,7 @@ def learn(told: Clutter, lessons: Lessons, z: np.ndarray, false: np.ndarray, how
     remembered = min(lessons.scans + 1, 2 * how.memory)
     fading = np.exp(-np.arange(remembered) / how.memory)
     weight, scans = probability * fading[age], fading.sum()
-    flat = 1 / np.prod(told.high - told.low)
+    flat = 1 / told.volume
     a = np.append(lessons.clutter.uniform, lessons.clutter.gaussians.w) * scans
     m, P = lessons.clutter.gaussians.m, lessons.clutter.gaussians.P
     share = responsibilities(points, a, m, P, flat)

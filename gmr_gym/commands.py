@@ -46,6 +46,12 @@ def numbers(name: str, text: str) -> list[float]:
         raise ValueError(f"{name} must be numbers with commas between, got {text!r}") from None
 
 
+def check_ending(option: str, file: Path | None, *endings: str) -> None:
+    """ValueError naming the option if a file to be written says by its ending that it is of another kind."""
+    if file is not None and file.suffix.lower() not in endings:
+        raise ValueError(f"{option} must end in {' or '.join(endings)}, got {file.name!r}")
+
+
 def parsed(spec: str) -> tuple[str, dict[str, Any]]:
     """A tracker's name and parameters from NAME:key=value,key=value."""
     name, _, parameters = spec.partition(":")

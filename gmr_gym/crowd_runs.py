@@ -72,7 +72,7 @@ def accounts(tracker: ManyTracker, episode: Crowd) -> Iterator[tuple[Account, fl
 def density_error(believed: Clutter, true: Clutter, places: np.ndarray) -> float:
     """Integral of the difference of two intensities over the box, from its value at places (k, p) that stand
     for equal parts of it, as a share of what the true one expects; nan where that is nothing."""
-    cell = np.prod(true.high - true.low) / len(places)
+    cell = true.volume / len(places)
     difference = np.abs(believed.density(places) - true.density(places)).sum() * cell
     return float(difference / true.expected) if true.expected > 0 else np.nan
 

@@ -11,6 +11,7 @@ from gmr_gym.clutter_learning import responsibilities
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, cholesky_into, mahalanobis_squared, match
 
+ROUNDING = 1e-14  # a covariance with a smaller ratio of eigenvalues may not be positive definite
 LEAST_UNIFORM = 1e-12  # weight; a detection far from all Gaussians must have an explanation
 
 
@@ -168,7 +169,8 @@ def maximised(z, share, m, P, c, deviation):
 
 @kernel
 def widened(P, c, deviation):
-    """The first c of P (g, p, p) with no eigenvalue below deviation^2: of all such matrices the likeliest."""
+    """The first c of P (g, p, p) with no eigenvalue below deviation^2: of all such matrices the likeliest. No
+    eigenvalue is so far below the largest that rounding would lose it."""
     out = P.copy()
     p = P.shape[1]
     L = np.zeros((p, p))
@@ -176,11 +178,12 @@ def widened(P, c, deviation):
         if cholesky_into(L, P[i] - deviation**2 * np.eye(p)):
             continue
         values, vectors = np.linalg.eigh(P[i])
+        least = max(deviation**2, ROUNDING * values[p - 1])
         for r in range(p):
             for s in range(p):
                 total = 0.0
                 for k in range(p):
-                    total += vectors[r, k] * max(values[k], deviation**2) * vectors[s, k]
+                    total += vectors[r, k] * max(values[k], least) * vectors[s, k]
                 out[i, r, s] = total
     return out
 

@@ -1,8 +1,8 @@
 """How good an estimate is, and when a track is lost; how far a set of estimates is from the set of targets:
 OSPA, GOSPA and its parts, Wasserstein, the error of the number. Nothing here knows a tracker.
 
-Of sets, positions are rows, (j, d) and (k, d), in any order; either may be empty, (0, d). Units are those of
-the positions, metres.
+Of sets, positions are rows, (j, d) and (k, d), in any order; either may be empty, (0, d), and a row of which
+anything is masked is absent. Units are those of the positions, metres.
 """
 
 from math import lcm
@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment, linprog
 from scipy.spatial.distance import cdist
 
 from gmr_gym.association import Gates, outside
+from gmr_gym.points import present
 
 MOST_COPIES = 300  # beyond, a linear program is faster than the assignment
 
@@ -146,7 +147,7 @@ def _checked(estimates, targets, cutoff: float, order: float) -> tuple[np.ndarra
     sets = []
     for name, points in (("estimates", estimates), ("targets", targets)):
         try:
-            points = np.asarray(points, float)
+            points = np.asarray(present(points), float)
         except (TypeError, ValueError):
             raise ValueError(f"{name} must be numbers of shape (k, d), got {points!r}") from None
         if points.ndim != 2 or not np.isfinite(points).all():

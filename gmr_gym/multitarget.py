@@ -10,7 +10,7 @@ import numpy as np
 from gmr_gym.association import unit_ball
 from gmr_gym.kalman import Motion, Sensor
 from gmr_gym.mixture import Mixture, checked, log_density
-from gmr_gym.models import check_probability
+from gmr_gym.models import check_density, check_probability
 from gmr_gym.validation import check_covariance
 
 
@@ -28,10 +28,15 @@ class Clutter(NamedTuple):
         """Number of false detections in a scan."""
         return float(self.uniform + self.gaussians.w.sum() + self.ellipses.w.sum())
 
+    @property
+    def volume(self) -> float:
+        """Of the box, m^p."""
+        return np.prod(self.high - self.low)
+
     def density(self, z: np.ndarray) -> np.ndarray:
         """kappa(z) (k,), per unit of the detections' space, at detections z (k, p): Gaussians are not cut off
         at the box, and the uniform part is taken to go on beyond it, so that nothing has no explanation."""
-        kappa = np.full(len(z), self.uniform / np.prod(self.high - self.low))
+        kappa = np.full(len(z), self.uniform / self.volume)
         if len(self.gaussians.w):
             kappa += np.exp(log_density(self.gaussians, z))
         for w, m, P in zip(*self.ellipses, strict=True):
@@ -119,6 +124,9 @@ def population(
             "clutter.uniform must be positive and finite, got "
             f"{clutter.uniform}: a detection far from all else needs an explanation"
         )
+    with np.errstate(all="ignore"):
+        density = clutter.uniform / clutter.volume
+    check_density("clutter.uniform over the volume of its box", density)
     return Population(
         motion, sensor, float(detection_probability), float(survival_probability), births,
         float(spawn_weight), spread, clutter,

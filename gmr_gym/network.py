@@ -13,6 +13,7 @@ from gmr_gym.kernels import kernel
 FORMAT = "gmr_gym thresholds 1"
 ACTIVATIONS = ("tanh", "relu")
 MOST_LAYERS, MOST_UNITS = 8, 4096  # a file that asks for more is none of ours
+MOST_SIGNAL = 1e300  # what a unit could sum to; of more the sum might be no number
 
 
 class Network(NamedTuple):
@@ -58,7 +59,8 @@ def save(file: Path | str, network: Network) -> None:
 def load(file: Path | str, features: Sequence[str], parameters: Sequence[str]) -> Network:
     """The network in a file, for these features and any of these parameters. Raises ValueError naming the
     file and what is wrong with it: no such file, truncated, foreign or of another version, other features,
-    unknown parameters, shapes that do not fit, numbers of another kind or not finite."""
+    unknown parameters, shapes that do not fit, numbers of another kind or not finite, or so large that a sum
+    of them might not be."""
     file = Path(file)
     try:
         arrays = archive.load(file)
@@ -154,12 +156,27 @@ def _checked(
     if not (arrays["deviation"] > 0).all() or not arrays["reach"] > 0:
         raise ValueError("deviation and reach must be positive")
     numbers = {name: np.asarray(arrays[name], float) for name in shapes}
+    _check_sums(numbers, depth, activation)
     return Network(
         names, sets, numbers["mean"], numbers["deviation"], float(numbers["reach"]), activation,
         bool(squashed),
         tuple(numbers[f"weights_{i}"] for i in range(depth)),
         tuple(numbers[f"biases_{i}"] for i in range(depth)),
     )  # fmt: skip
+
+
+def _check_sums(numbers: dict[str, np.ndarray], depth: int, activation: str) -> None:
+    """Raise ValueError naming the weights of a layer in which some features could make a sum overflow."""
+    signal = np.full(len(numbers["mean"]), numbers["reach"])
+    for i in range(depth):
+        with np.errstate(over="ignore"):
+            signal = np.abs(numbers[f"biases_{i}"]) + np.abs(numbers[f"weights_{i}"]) @ signal
+        if not (signal <= MOST_SIGNAL).all():
+            raise ValueError(
+                f"weights_{i} with biases_{i} must sum to at most {MOST_SIGNAL:g} of whatever reaches them, "
+                f"but unit {signal.argmax()} could come to {signal.max():g}"
+            )
+        signal = np.ones(len(signal)) if activation == "tanh" else signal
 
 
 def _names(array: np.ndarray) -> tuple[str, ...]:

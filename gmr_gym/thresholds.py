@@ -8,6 +8,7 @@ import numpy as np
 from gmr_gym.hypotheses import MOST, merge_costs, reduce_scan
 from gmr_gym.kernels import kernel
 from gmr_gym.merge_cost import cost_of_all
+from gmr_gym.points import check_unmasked
 
 
 class Thresholds(NamedTuple):
@@ -32,6 +33,7 @@ def decoded(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = PA
     """The thresholds that an action (k,) in [-1, 1] stands for, one of `parameters` each, on a logarithmic
     scale over RANGES; the others are those of `rest`. Raises ValueError for another shape, and for a number
     that is not finite or outside the box."""
+    check_unmasked("action", action)
     action = np.array(action, float)
     if action.shape != (len(parameters),):
         raise ValueError(
@@ -48,6 +50,7 @@ def check_actions(actions: np.ndarray, n: int, parameters: Sequence[str], used: 
     """Actions (n, k) as floats; ValueError for another shape, and for what `decoded` refuses in one that is
     `used` (n,)."""
     shape = n, len(parameters)
+    check_unmasked("actions", actions)
     try:
         actions = np.array(actions, order="C").astype(float, casting="same_kind")
     except (TypeError, ValueError):

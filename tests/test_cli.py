@@ -414,11 +414,20 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         (("watch", JUMP, "--tracker", "mmg", "--out", "f.png"), "out must end in .gif or .mp4, got 'f.png'"),
         (("track", "missing.csv", *TRACK[2:]), "No such file or directory: 'missing.csv'"),
         ((*TRACK, "--model", "turning"), "unknown model 'turning'; choose constant-velocity"),
-        ((*TRACK, "--prior", "0,0,0,0"), "give prior and prior_deviations together, or neither"),
+        ((*TRACK, "--prior", "0,0,0,0"), "give --prior and --prior-deviations together, or neither"),
         (
             (*TRACK, "--prior", "0,0,a,0", "--prior-deviations", "1,1,1,1"),
-            "prior must be numbers with commas between, got '0,0,a,0'",
+            "--prior must be numbers with commas between, got '0,0,a,0'",
         ),
+        (
+            (*TRACK, "--prior", "0,0,0", "--prior-deviations", "1,1,1,1"),
+            "--prior must be 2 positions and 2 velocities, got 3 numbers",
+        ),
+        ((*TRACK, "--out", "x.geojson"), "--out must end in .csv, got 'x.geojson'"),
+        ((*TRACK, "--speed", "0"), "--speed must be positive and finite, got 0.0"),
+        ((*TRACK, "--out", "x"), "--out must end in .csv, got 'x'"),
+        (("record", TURNING, "--out", "z.json"), "--out must end in .csv, got 'z.json'"),
+        (("record", TURNING, "--truth", "x.gif"), "--truth must end in .csv, got 'x.gif'"),
     ],
 )
 def test_what_a_user_got_wrong_is_one_line_and_exit_code_2(call, words, message):
@@ -473,6 +482,18 @@ def test_what_is_nested_deeply_is_no_value():
     for text in ("(" * 5000, "-" * 100_000 + "1"):
         with contextlib.suppress(ValueError):
             assert key_value(f"case={text}") == ("case", text)
+
+
+@pytest.mark.parametrize(
+    "options", [(), ("--period", "1"), ("--prior", "0,0,0,0", "--prior-deviations", "1,1,1,1")]
+)
+def test_one_scan_alone_is_refused_by_what_can_be_typed(call, options):
+    Path("z.csv").write_text("time,x,y\n1.0,,\n2.0,5,5\n" if len(options) < 4 else "time,x,y\n2.0,5,5\n")
+    code, printed, errors = call(*TRACK, *options)
+    assert code == 2 and printed == "" and not Path("track.csv").exists()
+    assert errors.startswith("error: z.csv holds one scan to start from and none after it: give --prior with")
+    complete = "--prior", "0,0,0,0", "--prior-deviations", "1,1,1,1", "--period", "1"
+    assert call(*TRACK, *complete)[0] == 0
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

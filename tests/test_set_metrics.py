@@ -193,3 +193,14 @@ def test_bad_settings_are_refused_by_name(setting, message):
     for distance in (ospa, gospa, wasserstein) if "order" in setting else (ospa, gospa):
         with pytest.raises(ValueError, match=message):
             distance(NONE, NONE, **setting)
+
+
+@pytest.mark.parametrize("distance", [ospa, gospa, wasserstein])
+def test_masked_positions_are_absent(distance):
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(0, 50, (4, 2)), rng.uniform(0, 50, (5, 2))
+    masked = [np.ma.array(points, mask=np.zeros(points.shape, bool)) for points in (x, y)]
+    masked[0][1, 0] = masked[1][0] = masked[1][4, 1] = np.ma.masked
+    assert distance(*masked) == distance(x[[0, 2, 3]], y[1:4])
+    assert distance(masked[0], y) == distance(x[[0, 2, 3]], y)
+    assert distance(np.ma.masked_all((3, 2)), y) == distance(np.empty((0, 2)), y)

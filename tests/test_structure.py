@@ -15,7 +15,7 @@ NUMERICS = [
     "scenarios", "crowd", "crowd_runs", "crowd_summary", "multitarget", "phd", "cardinality",
     "clutter_learning", "multi_bernoulli", "finite_mixture", "gibbs", "hypotheses", "instances",
     "thresholds", "threshold_features", "threshold_hindsight", "threshold_policies", "threshold_scans",
-    "threads", "network", "archive", "batch", "blocks", "clusters", "kernels", "source", "update",
+    "threads", "network", "archive", "batch", "blocks", "clusters", "kernels", "points", "source", "update",
     "workers",
 ]  # fmt: skip
 LIBRARY, BASELINES = sorted((ROOT / "gmr_gym").rglob("*.py")), sorted((ROOT / "baselines").glob("*.py"))

@@ -281,6 +281,7 @@ def test_wrong_arguments_are_refused_by_name():
         (np.zeros(4), r"actions must have shape \(2, 4\), got \(4,\)"),
         ([["a"] * 4] * 2, "actions must be numbers"),
         (np.full((2, 4), np.nan), "actions must be finite and within"),
+        (np.ma.array(np.zeros((2, 4)), mask=np.eye(2, 4)), "actions must be given in full"),
         (np.array([[0.0] * 4, [2e7, 0, 0, 0]]), r"got \[20000000.0, 0.0, 0.0, 0.0\] in row 1"),
     ):
         with pytest.raises(ValueError, match=message):

@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from gmr_gym.points import check_unmasked
 from gmr_gym.simulate import Scan
 
 ORIGIN = np.int16  # of the indices of targets in info
@@ -106,6 +107,7 @@ class EpisodicEnv(DrawnEnv):
         """The action as floats; RuntimeError where no episode is running, ValueError for a wrong shape."""
         if self._t >= self.scenario.horizon:
             raise RuntimeError("call reset() before step(): no episode is running")
+        check_unmasked("action", action)
         try:
             action = np.array(action)
             if action.dtype != float:

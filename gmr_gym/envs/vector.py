@@ -14,6 +14,7 @@ from numba import config
 from gmr_gym.envs.episodic import EXTENT, check_keywords, keywords, settings
 from gmr_gym.envs.scores import first_beyond, score_into
 from gmr_gym.envs.tracking import TrackingEnv, blank
+from gmr_gym.points import check_unmasked
 from gmr_gym.reduction import at_least_one
 from gmr_gym.scans import label_into, scans_into
 from gmr_gym.seeds import keys_of
@@ -139,6 +140,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         """The actions as floats (num_envs, d); ValueError for a wrong shape and, but for those `passed` over,
         for a number out of bounds."""
         shape = self.action_space.shape
+        check_unmasked("actions", actions)
         try:
             actions = np.array(actions, order="C")
             if actions.dtype != float:
