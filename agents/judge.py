@@ -1,6 +1,5 @@
 """Policies played over instances on the same episodes: what every comparison is made of."""
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from functools import cache
@@ -16,6 +15,7 @@ from threadpoolctl import threadpool_limits
 import gmr_gym
 from gmr_gym.instances import Instance, instances, world
 from gmr_gym.source import LOOKERS
+from gmr_gym.writing import whole
 
 ENV_ID = "gmr_gym/ReductionTuning-v0"
 # policy(features (k,), t) -> action (j,). It is asked about the episodes of an instance side by side, and of
@@ -186,11 +186,8 @@ def _environments(settings: tuple, n: int) -> Any:
 
 
 def _save(file: Path, episodes: Episodes) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_suffix(f".{os.getpid()}.part")
-    with part.open("wb") as stream:
+    with whole(file) as partial, partial.open("wb") as stream:
         np.savez(stream, **episodes._asdict())
-    part.replace(file)
 
 
 def _load(file: Path) -> Episodes:

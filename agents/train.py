@@ -17,6 +17,7 @@ from stable_baselines3.common.callbacks import ProgressBarCallback
 
 from gmr_gym.commands import key_value
 from gmr_gym.network import save
+from gmr_gym.output import write_rows
 from gmr_gym.threshold_policies import ByNetwork
 
 COLUMNS = ("chapter", "steps", "reward", "error_m", "lost", "work")
@@ -81,12 +82,8 @@ def _kept(file: Path) -> list[list[float]]:
 
 
 def _append(file: Path, row: list) -> None:
-    fresh = not file.exists()
-    with file.open("a", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        if fresh:
-            writer.writerow(COLUMNS)
-        writer.writerow(row)
+    kept = list(csv.reader(file.read_text().splitlines()))[1:] if file.exists() else []
+    write_rows(file, COLUMNS, [*kept, row])
 
 
 if __name__ == "__main__":

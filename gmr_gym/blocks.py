@@ -13,6 +13,8 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.lib.npyio import NpzFile
 
+from gmr_gym.writing import whole
+
 # digest of scenario, tracker, source and seed; the block's first run and the one after its last
 NAME = re.compile(r"[0-9a-f]{32}-(\d+)-(\d+)\.npz")
 AXES = {"truth": 3, "x": 3, "P": 4, "modes": 3}  # of all other fields two, runs and scans
@@ -43,16 +45,8 @@ def check_folder(folder: Path) -> None:
 
 def save(file: Path, result) -> None:
     """A block, a named tuple of arrays; the file is there whole or not at all."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_suffix(f".{os.getpid()}.part")
-    try:
-        with partial.open("wb") as stream:
-            np.savez(stream, **result._asdict())
-        partial.replace(file)
-    except OSError as error:  # of a disk that is full it does not say which
-        raise OSError(error.errno, error.strerror, str(file)) from error
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole(file) as partial, partial.open("wb") as stream:
+        np.savez(stream, **result._asdict())
 
 
 def load(file: Path, *kinds: type) -> Any:

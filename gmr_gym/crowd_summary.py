@@ -14,7 +14,8 @@ def crowd_summary(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> d
     """One row of figures per tracker, means over scans with intervals over runs: ospa and gospa (m), what
     gospa is made of (m^2 with order 2), cardinality_bias (targets named less those there),
     cardinality_error (its size), wasserstein (m) over the scans at which it is defined and the share
-    wasserstein_undefined of those at which it is not, density_error, components, time_per_scan (s, median)."""
+    wasserstein_undefined of those at which it is not, density_error, components, time_per_scan (s,
+    median)."""
     rows = {}
     for name, runs in results.items():
         surplus = (runs.named - runs.targets).astype(float)

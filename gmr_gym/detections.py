@@ -17,6 +17,7 @@ from gmr_gym.mixture import Mixture, gaussian, mixture, moments
 from gmr_gym.models import Model, model
 from gmr_gym.motions import constant_velocity
 from gmr_gym.tracker import Tracker, check_scan
+from gmr_gym.writing import whole
 
 RESOLUTION = 9  # decimals of a second to which intervals are told apart
 OFF_GRID = 0.1  # of a period, how far from its multiples a scan may lie
@@ -232,8 +233,7 @@ def _row(where: str, names: tuple[str, ...], cells: list[str]) -> tuple[float, l
 
 def _write(path: Path | str, header: list[str], rows: Iterable[list]) -> None:
     _checked_header("names", header)
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
+    with whole(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows([header, *rows])
 
 

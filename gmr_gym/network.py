@@ -10,6 +10,8 @@ from zlib import error as BadStream
 import numpy as np
 from numba import njit
 
+from gmr_gym.writing import whole
+
 FORMAT = "gmr_gym thresholds 1"
 ACTIVATIONS = ("tanh", "relu")
 MOST_LAYERS, MOST_UNITS = 8, 4096  # a file that asks for more is none of ours
@@ -49,7 +51,7 @@ def save(file: Path | str, network: Network) -> None:
     layers: dict[str, Any] = {}
     for i, (W, b) in enumerate(zip(network.weights, network.biases, strict=True)):
         layers |= {f"weights_{i}": W, f"biases_{i}": b}
-    with Path(file).open("wb") as stream:
+    with whole(file) as partial, partial.open("wb") as stream:
         np.savez(
             stream, format=FORMAT, features=network.features, parameters=network.parameters,
             mean=network.mean, deviation=network.deviation, reach=network.reach,

@@ -21,6 +21,7 @@ from gmr_gym.metrics import lost_at
 from gmr_gym.montecarlo import Runs
 from gmr_gym.simulate import Scenario
 from gmr_gym.summary import Figure, errors
+from gmr_gym.writing import whole
 
 HEADINGS = {
     "track_loss": "lost, %", "rmse_own": "RMSE own, m", "rmse_common": "RMSE common, m",
@@ -145,8 +146,7 @@ def _crowd_run_figures(scenario: ManyScenario, runs: CrowdRuns) -> list[list]:
 
 def write_rows(file: Path, header: Sequence[str], rows: Iterable[Sequence]) -> None:
     """A CSV file; floats keep all their digits."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with file.open("w", newline="") as stream:
+    with whole(file) as partial, partial.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)
@@ -154,8 +154,8 @@ def write_rows(file: Path, header: Sequence[str], rows: Iterable[Sequence]) -> N
 
 def write_json(file: Path, record: dict[str, Any]) -> None:
     """Plain data as JSON."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps(record, indent=1) + "\n")
+    with whole(file) as partial:
+        partial.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 def write_csv(file: Path, record: dict[str, Any]) -> None:

@@ -21,7 +21,6 @@ from gmr_gym.reproduce import (
     Claim,
     Table,
     dortenzio,
-    drawings,
     judged,
     li,
     lv,
@@ -520,11 +519,8 @@ def test_zhangs_claims_about_both_cases_have_their_tables():
 def catch_drawings(monkeypatch, *modules):
     """The drawings that these modules would have saved, by the name of their file."""
     saved = {}
-    for drawer in (drawings, *modules):
-        drawing = type("Drawing", (drawer.Drawing,), {
-            "savefig": lambda self, file, **_: saved.update({file.name: self})
-        })  # fmt: skip
-        monkeypatch.setattr(drawer, "Drawing", drawing)
+    for drawer in modules:
+        monkeypatch.setattr(drawer, "save", lambda drawing, file: saved.update({file.name: drawing}))
     return saved
 
 

@@ -15,6 +15,7 @@ from gmr_gym.metrics import nees
 from gmr_gym.montecarlo import Runs
 from gmr_gym.radar import UPDATES
 from gmr_gym.reproduce import Claim, Map, Table, judged, widened
+from gmr_gym.reproduce.drawings import save
 from gmr_gym.scenarios.li import REGIMES
 from gmr_gym.simulate import Scenario
 from gmr_gym.summary import Figure, kept, mean, paired_share, proportion
@@ -226,10 +227,10 @@ def figures(
     """Of a regime the paper's Fig. 1, and Figs. 2-4 in one; of every table errors by time."""
     time = scenario.period * np.arange(1, scenario.horizon + 1)
     if table.name in REGIMES:
-        _trajectory(results, time).savefig(out / f"figure-1-{table.name}.png", dpi=120)
+        save(_trajectory(results, time), out / f"figure-1-{table.name}.png")
         two = {name: results[name] for name in (DCM, EKF)}
-        _errors_by_axis(scenario, two, time).savefig(out / f"figures-2-4-{table.name}.png", dpi=120)
-    _errors(scenario, results, time).savefig(out / f"errors-{table.name}.png", dpi=120)
+        save(_errors_by_axis(scenario, two, time), out / f"figures-2-4-{table.name}.png")
+    save(_errors(scenario, results, time), out / f"errors-{table.name}.png")
 
 
 def _trajectory(results: Mapping[str, Runs], time: np.ndarray) -> Drawing:
@@ -315,7 +316,7 @@ def map_figures(entry: Map, rows: Mapping[str, Mapping[str, Figure]], out: Path)
     drawing.suptitle(
         "rings: not worse than the best beyond chance (95 %); in the last panel, beyond chance", size=10
     )
-    drawing.savefig(out / f"{entry.name}.png", dpi=120)
+    save(drawing, out / f"{entry.name}.png")
 
 
 def _edges(centres: np.ndarray) -> np.ndarray:

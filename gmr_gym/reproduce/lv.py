@@ -18,6 +18,7 @@ from gmr_gym.metrics import wasserstein
 from gmr_gym.mixture import joined
 from gmr_gym.multitarget import Account, Clutter
 from gmr_gym.reproduce import Table
+from gmr_gym.reproduce.drawings import save
 from gmr_gym.reproduce.lv_claims import FITTED, LEARNED, UNIFORM, claims, evidence
 from gmr_gym.scenarios.lv import ELLIPSE_95
 from gmr_gym.summary import Figure, mean
@@ -27,8 +28,8 @@ __all__ = ["TABLES", "claims", "figures"]
 RUNS = 100
 TRACKS = "learning-pmb"
 COLUMNS = (
-    "cardinality_bias", "wasserstein_printed", "wasserstein", "wasserstein_undefined", "ospa", "gospa", "localisation", "missed", "false", "density_error",
-    "time_per_scan",
+    "cardinality_bias", "wasserstein_printed", "wasserstein", "wasserstein_undefined", "ospa", "gospa",
+    "localisation", "missed", "false", "density_error", "time_per_scan",
 )  # fmt: skip
 ALL = (
     UNIFORM, "gm-cphd", *FITTED, "fitted-phd", "fitted-phd:repaired=True", LEARNED, "pmb", TRACKS,
@@ -99,7 +100,7 @@ def figures(
 ) -> None:
     """Means over runs by scan; of the section's own clutter also one episode: Figs. 1-9, and the clutter as
     fitted and as learned."""
-    _by_scan(results).savefig(out / f"by-scan-{table.name}.png", dpi=120)
+    save(_by_scan(results), out / f"by-scan-{table.name}.png")
     if table.name != "groups":
         return
     episode = draw(scenario, 0)
@@ -107,18 +108,18 @@ def figures(
         name: [account for account, _ in accounts(tracker_of(name, scenario), episode)]
         for name in (UNIFORM, "fmm-em", "fmm-em:repaired=True", LEARNED, TRACKS)
     }
-    _tracks(scenario, episode).savefig(out / "figure-1.png", dpi=120)
+    save(_tracks(scenario, episode), out / "figure-1.png")
     errors = _density_errors(scenario, said["fmm-em"])
     # the scan whose fit is best, and the one whose fit is worst
     for figure, t in (("figure-2", int(np.argmin(errors))), ("figure-3", int(np.argmax(errors)))):
-        _fitted(scenario, episode, said["fmm-em"][t], t).savefig(out / f"{figure}.png", dpi=120)
+        save(_fitted(scenario, episode, said["fmm-em"][t], t), out / f"{figure}.png")
     for figure, name in (
         ("figures-4-6-8", UNIFORM), ("figures-5-7-9", "fmm-em"),
         ("figures-5-7-9-repaired", "fmm-em:repaired=True"), ("learning-pmb", TRACKS),
     ):  # fmt: skip
         runs = results[name]
-        _episode(name, scenario, episode, said[name], runs).savefig(out / f"{figure}.png", dpi=120)
-    _intensities(scenario, said).savefig(out / "clutter.png", dpi=120)
+        save(_episode(name, scenario, episode, said[name], runs), out / f"{figure}.png")
+    save(_intensities(scenario, said), out / "clutter.png")
 
 
 def _by_scan(results: Mapping[str, CrowdRuns]) -> Drawing:

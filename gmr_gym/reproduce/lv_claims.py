@@ -95,7 +95,8 @@ PRINTED = (
     ),
     Claim(
         "ours: so it is over the scans at which both have one",
-        "gm-phd's less its own, m", 0.0, lambda own, phd: defined(compared(phd.wasserstein - own.wasserstein)),
+        "gm-phd's less its own, m", 0.0,
+        lambda own, phd: defined(compared(phd.wasserstein - own.wasserstein)),
     ),
     Claim(
         "ours: by OSPA, too, which does not reward losing everything",

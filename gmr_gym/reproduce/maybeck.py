@@ -12,6 +12,7 @@ from matplotlib.figure import Figure as Drawing
 from gmr_gym.curves import resampled
 from gmr_gym.montecarlo import Runs
 from gmr_gym.reproduce import Table
+from gmr_gym.reproduce.drawings import save
 from gmr_gym.reproduce.maybeck_claims import claims
 from gmr_gym.reproduce.maybeck_numbers import (
     PRINTED,
@@ -160,18 +161,18 @@ def figures(
     filter bands (Figs. 5-7)."""
     every = {name: tracked(scenario, runs) for name, runs in results.items()}
     epochs = np.arange(1, scenario.horizon + 1)
-    _errors_by_epoch(every, epochs).savefig(out / f"errors-{table.name}.png", dpi=120)
+    save(_errors_by_epoch(every, epochs), out / f"errors-{table.name}.png")
     jerk = _jerk(next(iter(results.values())).truth[0], scenario.period)
     for name, one in every.items():
         if name.startswith("mmae"):
             figure = out / f"probabilities-{table.name}-{name.partition(':')[0]}.png"
-            _probabilities(name, one, epochs, jerk).savefig(figure, dpi=120)
+            save(_probabilities(name, one, epochs, jerk), figure)
     if table.name == "1":
         aggressive = next(iter(every.values()))
         for name, role in zip(every, ROLES, strict=True):
             if role in BANDS:
                 drawing = _bands(name, every[name], aggressive, epochs)
-                drawing.savefig(out / f"{BANDS[role]}.png", dpi=120)
+                save(drawing, out / f"{BANDS[role]}.png")
 
 
 def _jerk(truth: np.ndarray, period: float) -> np.ndarray:

@@ -14,7 +14,7 @@ from gmr_gym.dissimilarity import MEASURES
 from gmr_gym.montecarlo import Runs
 from gmr_gym.output import write_rows
 from gmr_gym.reproduce import Table
-from gmr_gym.reproduce.drawings import error_against_time
+from gmr_gym.reproduce.drawings import error_against_time, save
 from gmr_gym.reproduce.zhang_claims import claims, evidence
 from gmr_gym.simulate import Scenario
 from gmr_gym.summary import Figure, kept
@@ -96,7 +96,7 @@ def figures(
         drawing = error_against_time(rows, "rmse_common", label, lambda name: name.partition("=")[2])
     else:
         drawing = _four_curves(drawn)
-    drawing.savefig(out / f"figure-{table.name}.png", dpi=120)
+    save(drawing, out / f"figure-{table.name}.png")
 
 
 def _four_curves(drawn) -> Drawing:
