@@ -30,7 +30,7 @@ from scores import (
 from gmr_gym.instances import instances, world
 from gmr_gym.network import load
 from gmr_gym.output import console, progress, write_json
-from gmr_gym.output import grid as table_of
+from gmr_gym.tables import grid as table_of
 from gmr_gym.threshold_features import FEATURES
 from gmr_gym.threshold_policies import ByNetwork, Constant, Random
 from gmr_gym.thresholds import PAPER, Thresholds, decoded, encoded

@@ -15,7 +15,7 @@ from learner import RECURRENT, Run, settings
 from recurrent import remembering
 from stable_baselines3.common.callbacks import ProgressBarCallback
 
-from gmr_gym.commands import key_value
+from gmr_gym.commands import key_values
 from gmr_gym.network import save
 from gmr_gym.output import write_rows
 from gmr_gym.threshold_policies import ByNetwork
@@ -40,7 +40,7 @@ def main(
 ) -> None:
     """Learns, chapter by chapter; keeps every chapter, its score on VALID, and the best as a policy."""
     torch.set_num_threads(1)  # small networks run no faster on more
-    env = dict(map(key_value, set_))
+    env = key_values(set_)
     run = Run(
         out or Path("results/agents") / f"{algorithm}-{seed}",
         settings(algorithm, seed, steps, chapter, env, hyperparameters, hindsight),

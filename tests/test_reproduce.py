@@ -16,7 +16,6 @@ from gmr_gym.cli import PAPERS
 from gmr_gym.commands import parsed
 from gmr_gym.curves import CURVES, Curves, curves, errors_of
 from gmr_gym.envs import CROWDS
-from gmr_gym.output import HEADINGS
 from gmr_gym.reproduce import (
     Claim,
     Table,
@@ -34,6 +33,7 @@ from gmr_gym.reproduce.zhang_claims import BOTH, CASE_1, CASE_2, Evidence, Trio,
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
 from gmr_gym.summary import Figure
+from gmr_gym.tables import HEADINGS
 from gmr_gym.tracker import make_tracker
 
 PAPER_MODULES = {
@@ -66,7 +66,7 @@ WORLD = jump_markov()
 )  # fmt: skip
 def test_a_claim_holds_when_chance_explains_less_than_one_in_a_hundred(value, low, high, wanted):
     claim = Claim("it is much", "share", 0.5, float)
-    record = judged(claim, Figure(value, low, high), table="1", runs="all 5")
+    record = judged(claim, Figure(value, low, high), 100, table="1", runs="all 5")
     assert record["verdict"] == wanted
     assert record["low"] == (None if np.isnan(low) else low)
     told = {key: record[key] for key in ("table", "runs", "claim", "measure", "value", "threshold")}

@@ -14,11 +14,11 @@ from gmr_gym.commands import scenario_of, tracker_of
 from gmr_gym.crowd import draw, scan
 from gmr_gym.crowd_runs import CrowdRuns
 from gmr_gym.multitarget import Account
-from gmr_gym.output import HEADINGS
 from gmr_gym.reproduce import lv
 from gmr_gym.reproduce.lv import REDUCED, TABLES
 from gmr_gym.reproduce.lv_claims import ACROSS, FITTED, PRINTED, RIGHT, UNIFORM, Evidence, claims, evidence
 from gmr_gym.scenarios.lv import unknown_clutter
+from gmr_gym.tables import HEADINGS
 
 WORLD = unknown_clutter()
 RUNS = 40

@@ -75,7 +75,7 @@ def claims(evidence: Mapping[str, Mapping[str, Evidence]]) -> list[dict[str, Any
                 (figure,) = widened([mean(values)], len(values))
             else:
                 figure = Figure(np.nan)
-            records.append(judged(claim, figure, table=table, runs=name))
+            records.append(judged(claim, figure, len(values), table=table, runs=name))
     return records
 
 

@@ -95,7 +95,7 @@ def claims(tables: Mapping[str, Mapping[str, Outcome]]) -> list[dict]:
         runs = len(next(iter(outcomes.values())).lost)
         measured = widened(resampled(partial(_values, about), np.ones(runs, bool)), runs)
         records += [
-            judged(claim, figure, table=name, runs=f"all {runs}")
+            judged(claim, figure, runs, table=name, runs=f"all {runs}")
             for claim, figure in zip(about, measured, strict=True)
         ]
     return records
