@@ -114,8 +114,7 @@ def tracker_of(spec: str, scenario: Scenario | ManyScenario, **parameters) -> An
 
 def runs_shown(label: str, work: Iterable[Work], sweep: Sweep) -> Iterator[Any]:
     """What each scenario's trackers did, one scenario after the other under one bar; of a shard, how many
-    blocks there are and of how many. On Ctrl-C it says where finished
-    ones are kept, and exits."""
+    blocks there are and of how many. On Ctrl-C it says where finished ones are kept, and exits."""
     work = list(work)
     call = partial(run_shard, shard=sweep.shard) if sweep.shard else run
     try:
@@ -128,7 +127,7 @@ def runs_shown(label: str, work: Iterable[Work], sweep: Sweep) -> Iterator[Any]:
                 )  # fmt: skip
     except KeyboardInterrupt:
         Console(stderr=True, soft_wrap=True).print(
-            f"stopped: finished blocks of runs are kept in {sweep.blocks}; the same command goes on from there",
+            f"stopped: finished blocks of runs are kept in {sweep.blocks}; the same command goes on there",
             highlight=False,
         )
         sys.exit(130)

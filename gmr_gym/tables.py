@@ -74,7 +74,8 @@ class Sheet(NamedTuple):
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Grid]:
         sheet = Sheet(*_plain(tuple(self), console.encoding))
-        terminal, widths = console.is_terminal, sheet.natural()
+        terminal, natural = console.is_terminal, sheet.natural()
+        widths = list(natural)
         if not sheet.fits(options.max_width):
             words = ["\n".join(heading.split()) for heading in sheet.headings]
             widths = Sheet("", words, sheet.rows).natural()
@@ -85,8 +86,11 @@ class Sheet(NamedTuple):
                 title=title, title_justify="left", show_lines=terminal,
                 box=box.SIMPLE_HEAD if terminal else box.ASCII2,
             )  # fmt: skip
+            spare = options.max_width - 1 - sum(widths[i] + PADDING for i in columns)
             for i in columns:
-                grid.add_column(sheet.headings[i], width=widths[i], overflow="fold")
+                wider = min(max(natural[i] - widths[i], 0), spare)
+                grid.add_column(sheet.headings[i], width=widths[i] + wider, overflow="fold")
+                spare -= wider
             for row in sheet.rows:
                 grid.add_row(*(row[i] for i in columns))
             yield grid
@@ -159,7 +163,10 @@ def notes(rows: dict[str, dict[str, Figure]], runs: int) -> list[str]:
     said = []
     lost = [name for name, row in rows.items() if "track_loss" in row and row["track_loss"].value == 1]
     if lost and len(lost) < len(rows):
-        said.append(f"{', '.join(lost)} lost every run: 'common' is over the runs that all others kept")
+        said.append(
+            f"{', '.join(lost)} lost every run and has no errors: "
+            "'common' is over the runs that all others kept"
+        )
     elif lost:
         said.append("every run was lost by every tracker: there is no error of a run kept")
     if runs < FEWEST:
