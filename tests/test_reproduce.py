@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from scipy.stats import norm
+from scipy.stats import t as student
 from test_curves import runs_of
 
 import gmr_gym  # noqa: F401  registers the environments
@@ -32,7 +33,7 @@ from gmr_gym.reproduce import (
 from gmr_gym.reproduce.zhang_claims import BOTH, CASE_1, CASE_2, Evidence, Trio, claims, evidence
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
-from gmr_gym.summary import Figure
+from gmr_gym.summary import FEWEST, Figure
 from gmr_gym.tables import HEADINGS
 from gmr_gym.tracker import make_tracker
 
@@ -75,6 +76,23 @@ def test_a_claim_holds_when_chance_explains_less_than_one_in_a_hundred(value, lo
         "threshold": 0.5,
     }  # fmt: skip
     json.dumps(record, allow_nan=False)
+
+
+def test_nothing_is_judged_by_too_few_runs():
+    claim, far = Claim("it is much", "share", 0.5, float), Figure(0.9, 0.89, 0.91)
+    for runs, said in ((FEWEST - 1, "too few runs"), (FEWEST, "holds")):
+        assert judged(claim, far, runs)["verdict"] == said
+    for runs, printed in ((4, 1000), (1000, 4)):
+        for share in (True, False):
+            assert verdict(far, runs, 0.1, printed, share) == "too few runs"
+    assert verdict(far, FEWEST, 0.1, FEWEST, True) == "above"
+
+
+def test_from_the_fewest_runs_on_a_verdict_errs_at_most_twice_as_often_as_it_says():
+    """Once in a hundred times by the normal; by Student's t, as a bootstrap takes deviations for smaller."""
+    reach = norm.ppf(0.995)
+    errs = {n: 2 * student.sf(reach * np.sqrt((n - 1) / n), n - 1) for n in range(2, 100)}
+    assert min(n for n, often in errs.items() if often <= 0.02) == FEWEST
 
 
 def test_the_verdict_turns_where_chance_no_longer_explains_the_difference():
@@ -387,7 +405,8 @@ def test_a_case_2_without_its_case_1_is_judged_alone(few_resamples):
     assert claims({}) == []
 
 
-def test_claims_are_judged_over_all_runs_and_over_those_that_all_three_kept(few_resamples):
+def test_claims_are_judged_over_all_runs_and_over_those_that_all_three_kept(few_resamples, monkeypatch):
+    monkeypatch.setattr("gmr_gym.reproduce.FEWEST", 13)
     tables = {"1": made_up("1", (1, 2, 3), KEPT, 0), "2": made_up("2", (2, 4, 6), ALSO, 1)}
     records = by_table(claims(tables))
     sets = {name: [entry["runs"] for entry in entries] for name, entries in records.items()}
