@@ -2,10 +2,11 @@
 
 import signal
 import sys
+from collections.abc import Iterable
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import gymnasium as gym
 import numpy as np
@@ -16,6 +17,7 @@ from gmr_gym import detections
 from gmr_gym.commands import (
     Once,
     check_once,
+    evaluated,
     key_values,
     numbers,
     parsed,
@@ -25,19 +27,15 @@ from gmr_gym.commands import (
     tracker_of,
 )
 from gmr_gym.crowd import ManyScenario
-from gmr_gym.crowd_summary import crowd_differences, crowd_summary
 from gmr_gym.data import flight_names
 from gmr_gym.envs import ENVIRONMENTS
-from gmr_gym.output import console, progress, spell_out, write_csv, write_json, write_runs
+from gmr_gym.output import console, progress, spell_out
 from gmr_gym.play import play
-from gmr_gym.records import answered, check_free, named, question
+from gmr_gym.records import check_free, named, question
 from gmr_gym.reducers import REDUCERS
-from gmr_gym.reproduce import Map, table_record
-from gmr_gym.reproduce.running import mapped, reproduced, sharded
+from gmr_gym.reproduce.running import rerun, sharded
 from gmr_gym.simulate import draw
-from gmr_gym.summary import differences, summary
 from gmr_gym.sweeps import BLOCKS, Sweep, merge_results, say_what_is_left, shard_of
-from gmr_gym.tables import claims_grid, comparison, grid, notes
 from gmr_gym.tracker import CROWD_GROUP, Tracker, make_tracker, trackers
 from gmr_gym.workers import WorkersLost
 
@@ -124,27 +122,10 @@ def evaluate(
     sweep = Sweep(runs, seed, jobs, backend, scheduler, part, root / BLOCKS)
     if not part:
         check_free(out / "evaluate.json", asked)
-    (results,) = runs_shown(env_id, [(scenario, candidates)], sweep)
-    if part:
-        say_what_is_left(sweep.blocks, *results)
+        _show(evaluated(asked, scenario, candidates, sweep, out, json_file))
         return
-    many = isinstance(scenario, ManyScenario)
-    rows = (crowd_summary if many else summary)(scenario, results)
-    paired = (crowd_differences if many else differences)(scenario, results)
-    tables = [table_record(env_id, world, rows)]
-    if paired:
-        tables.append(table_record("paired differences", world, paired))
-    said = notes(rows, runs)
-    write_runs(out / "runs.csv", scenario, results)
-    for file in filter(None, (out / "evaluate.json", json_file)):
-        write_json(file, answered(asked, tables, notes=said))
-    screen = console()
-    screen.print(grid(f"{env_id}: {runs} runs, seed {seed}", rows))
-    if paired:
-        screen.print(grid("paired differences", paired))
-    for line in said:
-        screen.print(line, highlight=False, markup=False)
-    screen.print(f"written to {out}", highlight=False, soft_wrap=True)
+    (left,) = runs_shown(env_id, [(scenario, candidates)], sweep)
+    say_what_is_left(sweep.blocks, *left)
 
 
 @command()
@@ -184,37 +165,7 @@ def reproduce(
         say_what_is_left(sweep.blocks, *sharded((known[name] for name in names), sweep))
         return
     check_free(out / f"{paper}.json", asked)
-    screen, tables, evidence, further = console(), [], {}, {}
-
-    def keep() -> None:
-        record = answered(asked, tables, **further)
-        for file in filter(None, (out / f"{paper}.json", json_file)):
-            write_json(file, record)
-        write_csv(out / f"{paper}.csv", record)
-
-    for name in names:
-        entry = known[name]
-        if isinstance(entry, Map):
-            found, title = [mapped(module, entry, sweep, out)], f"{paper}, {name}: {entry.title}"
-        else:
-            found, kept = reproduced(module, entry, sweep, out)
-            title = f"{paper}, table {name}: {entry.title}; {runs} runs"
-            if kept is not None:
-                evidence[name] = kept
-        tables += found
-        keep()
-        first, *paired = found
-        screen.print(comparison(title, first, entry.columns))
-        for record in paired:
-            screen.print(comparison(record["name"], record, list(record["rows"][0]["metrics"])))
-        for line in first["notes"]:
-            screen.print(line, highlight=False, markup=False)
-    if evidence:
-        further["claims"] = module.claims(evidence)
-        keep()
-        if further["claims"]:
-            screen.print(claims_grid(further["claims"]))
-    screen.print(f"tables, figures and runs are in {out}", highlight=False, soft_wrap=True)
+    _show(rerun(paper, module, {name: known[name] for name in names}, asked, sweep, out, json_file))
 
 
 @command()
@@ -323,6 +274,12 @@ def track_(
     for i in np.flatnonzero(~track.alive)[:1]:
         screen.print(f"given up at scan {i + 1}, time {track.times[i]:g}: from there on it only coasts")
     screen.print(f"{len(track.times)} scans tracked; written to {out}", highlight=False)
+
+
+def _show(said: Iterable[Any]) -> None:
+    screen = console()
+    for what in said:
+        screen.print(what, highlight=False, markup=False)
 
 
 def main() -> None:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -13,11 +14,16 @@ from rich.console import Console
 from typer.core import TyperCommand
 
 from gmr_gym.crowd import ManyScenario
+from gmr_gym.crowd_summary import crowd_differences, crowd_summary
 from gmr_gym.envs import CROWDS, ENVIRONMENTS, TRACKING
 from gmr_gym.montecarlo import run, run_shard
-from gmr_gym.output import progress
+from gmr_gym.output import progress, write_json, write_runs
+from gmr_gym.records import answered
+from gmr_gym.reproduce import table_record
 from gmr_gym.simulate import Scenario
+from gmr_gym.summary import differences, summary
 from gmr_gym.sweeps import Sweep
+from gmr_gym.tables import grid, notes
 from gmr_gym.tracker import make_tracker
 
 Work = tuple[Scenario | ManyScenario, Mapping[str, Any]]  # a scenario and the trackers in it
@@ -131,6 +137,33 @@ def runs_shown(label: str, work: Iterable[Work], sweep: Sweep) -> Iterator[Any]:
             highlight=False,
         )
         sys.exit(130)
+
+
+def evaluated(
+    asked: dict[str, Any],
+    scenario: Scenario | ManyScenario,
+    trackers: Mapping[str, Any],
+    sweep: Sweep,
+    out: Path,
+    copy: Path | None,
+) -> Iterator[Any]:
+    """Runs trackers in a scenario, leaves record and runs in `out`, and then gives what a screen shows."""
+    (results,) = runs_shown(asked["env"], [(scenario, trackers)], sweep)
+    many = isinstance(scenario, ManyScenario)
+    rows = (crowd_summary if many else summary)(scenario, results)
+    paired = (crowd_differences if many else differences)(scenario, results)
+    tables = [table_record(asked["env"], asked["settings"], rows)]
+    if paired:
+        tables.append(table_record("paired differences", asked["settings"], paired))
+    said = notes(rows, sweep.runs)
+    write_runs(out / "runs.csv", scenario, results)
+    for file in filter(None, (out / "evaluate.json", copy)):
+        write_json(file, answered(asked, tables, notes=said))
+    yield grid(f"{asked['env']}: {sweep.runs} runs, seed {sweep.seed}", rows)
+    if paired:
+        yield grid("paired differences", paired)
+    yield from said
+    yield f"written to {out}"
 
 
 def _so_far(report, before: int, parts: int, done: int, total: int) -> None:

@@ -1,15 +1,58 @@
 """A paper's tables and maps, run, and the files they leave."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from gmr_gym.commands import Work, runs_shown, scenario_of, tracker_of
-from gmr_gym.output import write_runs
+from gmr_gym.output import write_csv, write_json, write_runs
+from gmr_gym.records import answered
 from gmr_gym.reproduce import Map, Table, table_record
 from gmr_gym.sweeps import Sweep
-from gmr_gym.tables import notes
+from gmr_gym.tables import claims_grid, comparison, notes
+
+
+def rerun(
+    paper: str,
+    module: ModuleType,
+    entries: Mapping[str, Table | Map],
+    asked: dict[str, Any],
+    sweep: Sweep,
+    out: Path,
+    copy: Path | None,
+) -> Iterator[Any]:
+    """Runs tables and maps one after the other, and gives what a screen shows of each once its files are left
+    in `out`; at the end what the paper says. The record, and its copy, hold what there is so far."""
+    tables: list[dict[str, Any]] = []
+    evidence, further = {}, {}
+    for name, entry in entries.items():
+        if isinstance(entry, Map):
+            found, title = [mapped(module, entry, sweep, out)], f"{paper}, {name}: {entry.title}"
+        else:
+            found, kept = reproduced(module, entry, sweep, out)
+            title = f"{paper}, table {name}: {entry.title}; {sweep.runs} runs"
+            if kept is not None:
+                evidence[name] = kept
+        tables += found
+        _keep(out / paper, copy, answered(asked, tables))
+        first, *paired = found
+        yield comparison(title, first, entry.columns)
+        for record in paired:
+            yield comparison(record["name"], record, list(record["rows"][0]["metrics"]))
+        yield from first["notes"]
+    if evidence:
+        further["claims"] = module.claims(evidence)
+        _keep(out / paper, copy, answered(asked, tables, **further))
+    if further.get("claims"):
+        yield claims_grid(further["claims"])
+    yield f"tables, figures and runs are in {out}"
+
+
+def _keep(stem: Path, copy: Path | None, record: dict[str, Any]) -> None:
+    for file in filter(None, (stem.with_name(f"{stem.name}.json"), copy)):
+        write_json(file, record)
+    write_csv(stem.with_name(f"{stem.name}.csv"), record)
 
 
 def reproduced(paper: ModuleType, entry: Table, sweep: Sweep, out: Path) -> tuple[list[dict[str, Any]], Any]:
