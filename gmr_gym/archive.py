@@ -4,7 +4,6 @@ make one as well."""
 
 import hashlib
 import math
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,24 +12,18 @@ from zipfile import ZIP_STORED, ZipFile, ZipInfo
 import numpy as np
 from numpy.lib import format as npy
 
+from gmr_gym.writing import whole
+
 DIGEST = "digest"  # the member that holds it
 HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
 def save(file: Path, arrays: Mapping[str, Any]) -> None:
     """Writes the arrays and their digest."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_suffix(f".{os.getpid()}.part")
     members: dict[str, Any] = {name: np.asarray(array) for name, array in arrays.items()}
     members[DIGEST] = digest(members)
-    try:
-        with partial.open("wb") as stream:
-            np.savez(stream, **members)
-        partial.replace(file)
-    except OSError as error:  # of a disk that is full it does not say which
-        raise OSError(error.errno, error.strerror, str(file)) from error
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole(file) as partial, partial.open("wb") as stream:
+        np.savez(stream, **members)
 
 
 def load(file: Path) -> dict[str, np.ndarray]:

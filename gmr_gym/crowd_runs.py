@@ -23,7 +23,7 @@ class CrowdRuns(NamedTuple):
     localisation: np.ndarray  # (runs, T)
     missed: np.ndarray  # (runs, T)
     false: np.ndarray  # (runs, T)
-    wasserstein: np.ndarray  # (runs, T), m; 0 where either set is empty
+    wasserstein: np.ndarray  # (runs, T), m; nan where either set is empty
     targets: np.ndarray  # (runs, T), how many there were
     named: np.ndarray  # (runs, T), how many were named
     expected: np.ndarray  # (runs, T), how many were expected

@@ -19,6 +19,7 @@ from gmr_gym.motions import constant_velocity
 from gmr_gym.points import check_points, check_unmasked, present
 from gmr_gym.times import duration, seconds
 from gmr_gym.tracker import Tracker
+from gmr_gym.writing import whole
 
 RESOLUTION = 9  # decimals of a second to which intervals are told apart, at most
 ANY = float(np.finfo(float).max)  # however far a file's detections are: who tracks them has a limit
@@ -244,8 +245,7 @@ def _row(where: str, names: tuple[str, ...], cells: list[str]) -> tuple[float, l
 
 def _write(path: Path | str, header: list[str], rows: Iterable[list]) -> None:
     _checked_header("names", header)
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
+    with whole(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows([header, *rows])
 
 

@@ -66,8 +66,10 @@ def make_tracker(name: str, model: Model | Population, **parameters) -> Any:
     """
     known = _entry_points(CROWD_GROUP if isinstance(model, Population) else GROUP)
     base, _, number = name.rpartition("-")
+    twice = None
     if name not in known and base in known and number.isdigit():
-        name, parameters = base, {"components": int(number), **parameters}
+        twice = parameters.get("components")
+        name, parameters = base, {**parameters, "components": int(number)}
     many = isinstance(model, Population)
     if name not in known and {name, base} & _entry_points(GROUP if many else CROWD_GROUP).keys():
         kind = "one target, and here there are many" if many else "many targets, and here there is one"
@@ -88,6 +90,8 @@ def make_tracker(name: str, model: Model | Population, **parameters) -> Any:
             raise ValueError(
                 f"tracker {name!r} takes no parameter {parameter!r}; it takes {', '.join(takes) or 'none'}"
             )
+    if twice is not None:
+        raise ValueError(f"components is given twice, as {number} in the name and as {twice!r}")
     try:
         tracker = factory(model, **parameters)
     except TypeError as error:  # text where a number belongs

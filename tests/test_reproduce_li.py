@@ -98,12 +98,13 @@ def judged_of(dcm, ekf):
     [
         # x smaller, y larger, z the same, in every run; no run lost; twice as fast
         (
-            ([[1.0, 9.0, 4.0]] * 9, [True] * 9, [1e-4] * 9), ([[4.0, 4.0, 4.0]] * 9, [True] * 9, [2e-4] * 9),
+            ([[1.0, 9.0, 4.0]] * 30, [True] * 30, [1e-4] * 30),
+            ([[4.0, 4.0, 4.0]] * 30, [True] * 30, [2e-4] * 30),
             ["fails", "holds", "fails", "tie", "tie", "holds"],
         ),
         # all lost by one: of errors nothing is known
         (
-            ([[1.0] * 3] * 9, [True] * 9, [2e-4] * 9), ([[4.0] * 3] * 9, [False] * 9, [1e-4] * 9),
+            ([[1.0] * 3] * 30, [True] * 30, [2e-4] * 30), ([[4.0] * 3] * 30, [False] * 30, [1e-4] * 30),
             ["unknown", "unknown", "unknown", "unknown", "holds", "fails"],
         ),
     ],

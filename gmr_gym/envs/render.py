@@ -13,6 +13,8 @@ from gmr_gym.simulate import Episode, Scan, Scenario
 from gmr_gym.tracker import Report
 
 INK, CLUTTER, TRUTH, ESTIMATE, HYPOTHESIS = "#222222", "#9aa0a6", "#1a7f37", "#c5221f", "#1967d2"
+GATES, PAPER = "#d0d7de", "#ffffff"
+INKS = INK, CLUTTER, TRUTH, ESTIMATE, HYPOTHESIS, GATES
 
 
 class Sheet:
@@ -95,7 +97,7 @@ class Canvas:
         if np.isfinite(gates.size):
             # the shadow of an ellipsoid is the ellipse of the block of its covariance
             shapes = gates.S[:, :2, :2] * gates.size
-            outlines = ellipses(axes, gates.z[:, :2], shapes, edgecolors="#d0d7de", linewidths=0.8)
+            outlines = ellipses(axes, gates.z[:, :2], shapes, edgecolors=GATES, linewidths=0.8)
             axes.add_collection(outlines)
         at = list(self.scenario.position[:2])
         opacity = np.clip(np.sqrt(p.w / p.w.max()), 0.04, 1)
