@@ -1,11 +1,14 @@
-"""Which module may import which: a new arrow is a decision, not an accident."""
+"""Which module may import which, and which versions of what: a new arrow is a decision, not an accident."""
 
 import ast
 import subprocess
 import sys
 from pathlib import Path
+from runpy import run_path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
 NUMERICS = [
@@ -17,6 +20,7 @@ NUMERICS = [
     "thresholds", "threshold_features", "threshold_hindsight", "threshold_policies", "threshold_scans",
     "threads", "network", "batch", "blocks", "clusters", "source", "workers",
 ]  # fmt: skip
+PINS = run_path(str(ROOT / ".ci" / "pins.py"))
 LIBRARY, BASELINES = sorted((ROOT / "gmr_gym").rglob("*.py")), sorted((ROOT / "baselines").glob("*.py"))
 
 
@@ -71,3 +75,24 @@ def test_importing_the_package_registers_environments_and_imports_no_numba():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_every_dependency_states_its_lowest_version():
+    for requirement in PINS["declared"](PINS["EXTRAS"]):
+        assert PINS["lowest"](requirement) in requirement.specifier
+
+
+@pytest.mark.parametrize("line", ["numpy", "numpy<3", "numpy>=1,>=2"])
+def test_a_dependency_with_no_lowest_version_or_several_is_told(line):
+    with pytest.raises(ValueError, match=f"{line}.* states [02] lowest versions; state one, by >= or =="):
+        PINS["lowest"](Requirement(line))
+
+
+def test_the_constraints_are_of_all_that_the_tests_need_and_within_every_declared_bound():
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = (Requirement(line) for line in lines if not line.startswith("#"))
+    pinned = {canonicalize_name(pin.name): PINS["lowest"](pin) for pin in pins}
+    assert {canonicalize_name(needed.name) for needed in PINS["declared"](["test"])} <= pinned.keys()
+    for requirement in PINS["declared"](PINS["EXTRAS"]):
+        name = canonicalize_name(requirement.name)
+        assert name not in pinned or pinned[name] in requirement.specifier, f"{name} {pinned[name]}"
