@@ -505,6 +505,7 @@ def test_an_interrupted_command_says_where_it_goes_on(call, monkeypatch, number)
         signal.raise_signal(number)
 
     monkeypatch.setattr("gmr_gym.commands.run", interrupted)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job has it ignored
     code, printed, errors = call(*EVALUATE, "mmg-5", "--out", "e")
     assert code == 130 and printed == ""
     assert errors.startswith("stopped: finished blocks of runs are kept in e/blocks;")
