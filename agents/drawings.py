@@ -8,6 +8,8 @@ from judge import Episodes
 from matplotlib.figure import Figure
 from scores import front
 
+from gmr_gym.writing import whole
+
 LABELS = {
     "track_loss": "targets lost, %",
     "error_capped": "error of a scan, at most 100 m",
@@ -69,5 +71,5 @@ def _points(places: Sequence[Mapping[str, float]], error: str, work: str) -> np.
 
 
 def _save(figure: Figure, file: Path) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=120)
+    with whole(file) as partial:
+        figure.savefig(partial, dpi=120)

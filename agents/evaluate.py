@@ -30,10 +30,11 @@ from scores import (
 from gmr_gym.instances import instances, world
 from gmr_gym.network import load
 from gmr_gym.output import console, progress, write_json
-from gmr_gym.output import grid as table_of
+from gmr_gym.tables import grid as table_of
 from gmr_gym.threshold_features import FEATURES
 from gmr_gym.threshold_policies import ByNetwork, Constant, Random
 from gmr_gym.thresholds import PAPER, Thresholds, decoded, encoded
+from gmr_gym.writing import whole
 
 EPISODES = 2000  # of a competitor and table
 BEST, BY_INSTANCE, ORACLE = "best constant", "constant by instance", "greedy oracle"
@@ -221,7 +222,8 @@ def main(
         tuned = {name: e for name, e in episodes.items() if name not in ("random", "paper")}
         draw_instances(out / f"instances-{stem}.png", tuned, BEST)
     write_json(out / "comparison.json", {"env": comparison.env, "seed": seed, "tables": plain(records)})
-    (out / "comparison.md").write_text("\n\n".join(text) + "\n")
+    with whole(out / "comparison.md") as partial:
+        partial.write_text("\n\n".join(text) + "\n", encoding="utf-8")
     screen.print(f"written to {out}")
 
 

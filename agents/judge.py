@@ -1,6 +1,5 @@
 """Policies played over instances on the same episodes: what every comparison is made of."""
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from functools import cache
@@ -14,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import gmr_gym
+from gmr_gym import archive
 from gmr_gym.instances import Instance, instances, world
 from gmr_gym.source import LOOKERS
 
@@ -86,7 +86,7 @@ def played(
                 progress(done, total)
         found[name] = Episodes(*(np.array(part) for part in zip(*parts, strict=True)))
         if name in files:
-            _save(files[name], found[name])
+            archive.save(files[name], found[name]._asdict())
     return {name: found[name] for name in policies}
 
 
@@ -185,14 +185,9 @@ def _environments(settings: tuple, n: int) -> Any:
     return gym.make_vec(ENV_ID, n, **how, **dict(settings))
 
 
-def _save(file: Path, episodes: Episodes) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_suffix(f".{os.getpid()}.part")
-    with part.open("wb") as stream:
-        np.savez(stream, **episodes._asdict())
-    part.replace(file)
-
-
 def _load(file: Path) -> Episodes:
-    with np.load(file, allow_pickle=False) as stored:
-        return Episodes(**{field: stored[field] for field in Episodes._fields})
+    try:
+        stored = archive.load(file)
+        return Episodes(*(stored[field] for field in Episodes._fields))
+    except (ValueError, KeyError) as error:
+        raise ValueError(f"{file} holds no episodes ({error}); delete it to have them played again") from None

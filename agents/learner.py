@@ -21,6 +21,7 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 import gmr_gym  # noqa: F401  registers the environments
+from gmr_gym.output import write_json
 from gmr_gym.thresholds import PAPER, encoded
 
 ENV_ID = "gmr_gym/ReductionTuning-v0"
@@ -137,9 +138,8 @@ class Run:
                 for name, rms in moments.items()
                 for field in ("mean", "var", "count")
             })  # fmt: skip
-        part = self.folder / "run.part"
-        part.write_text(json.dumps({"settings": asdict(self.settings), "chapter": self.chapter}, indent=1))
-        part.replace(self.folder / "run.json")  # only now: what it names is whole
+        # only now: what it names is whole
+        write_json(self.folder / "run.json", {"settings": asdict(self.settings), "chapter": self.chapter})
         self._replay(self.chapter - 1).unlink(missing_ok=True)
 
     def _taken_up(self) -> None:

@@ -15,8 +15,9 @@ from learner import RECURRENT, Run, settings
 from recurrent import remembering
 from stable_baselines3.common.callbacks import ProgressBarCallback
 
-from gmr_gym.commands import key_value
+from gmr_gym.commands import key_values
 from gmr_gym.network import save
+from gmr_gym.output import write_rows
 from gmr_gym.threshold_policies import ByNetwork
 
 COLUMNS = ("chapter", "steps", "reward", "error_m", "lost", "work")
@@ -39,7 +40,7 @@ def main(
 ) -> None:
     """Learns, chapter by chapter; keeps every chapter, its score on VALID, and the best as a policy."""
     torch.set_num_threads(1)  # small networks run no faster on more
-    env = dict(map(key_value, set_))
+    env = key_values(set_)
     run = Run(
         out or Path("results/agents") / f"{algorithm}-{seed}",
         settings(algorithm, seed, steps, chapter, env, hyperparameters, hindsight),
@@ -81,12 +82,8 @@ def _kept(file: Path) -> list[list[float]]:
 
 
 def _append(file: Path, row: list) -> None:
-    fresh = not file.exists()
-    with file.open("a", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        if fresh:
-            writer.writerow(COLUMNS)
-        writer.writerow(row)
+    kept = list(csv.reader(file.read_text().splitlines()))[1:] if file.exists() else []
+    write_rows(file, COLUMNS, [*kept, row])
 
 
 if __name__ == "__main__":

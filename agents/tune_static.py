@@ -25,7 +25,7 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import TrialState
 
-from gmr_gym.commands import key_value
+from gmr_gym.commands import key_values
 from gmr_gym.instances import instances, world
 from gmr_gym.threshold_features import told
 from gmr_gym.threshold_policies import ByTable, Constant, Rule, Schedule
@@ -229,7 +229,7 @@ def main(
 ) -> None:
     """Searches family by family, and writes the best of each to static.json."""
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    env = dict(map(key_value, set_))
+    env = key_values(set_)
     train = env.pop("instances", "train")
     found = tuned(Tuner(out, env, train, valid, valid_runs, seed, jobs), steps or trained_steps())
     write(out / "static.json", env, found)

@@ -12,7 +12,7 @@ from gmr_gym.mixture import Mixture, collapsed, moments, normalised
 from gmr_gym.models import Model
 from gmr_gym.modes import Bank, banked, fused, leave_alone, merged, mixed, moved, started, tended
 from gmr_gym.reducers import reducer
-from gmr_gym.reduction import Reduced, check_reduced, heaviest
+from gmr_gym.reduction import Reduced, check_reduced, entering
 from gmr_gym.tracker import ALL, Report, check_limits, check_scan
 
 
@@ -53,7 +53,7 @@ class Banks:
         expansion, looked, alive = expand_together(predicted, model, z, self._given_up)
         posterior = banked(expansion.mixture, len(model.motions))
         posterior = self.after(posterior, expansion.log_density.reshape(posterior.w.shape))
-        hypotheses, kept = heaviest(fused(posterior), self.prune_weight, self.most)
+        hypotheses, kept = entering(fused(posterior), self.prune_weight, self.most)
         reduced, into = self.reduce(hypotheses)
         belief = merged(posterior, np.where(kept < 0, -1, into[kept]), len(reduced.w))
         belief = belief._replace(w=belief.w / belief.w.sum())

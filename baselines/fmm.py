@@ -76,7 +76,7 @@ class Fmm:
         new = self.gaussians if len(z) >= self.how.clutter_least else 0
         places = z[rng.permutation(len(z))[:new]]
         parts = initial(clutter.gaussians, places, z, looked, self.how.deviation)
-        parts = self.fit(z, parts, 1 / np.prod(clutter.high - clutter.low), self.how, rng)
+        parts = self.fit(z, parts, 1 / clutter.volume, self.how, rng)
         c, weight = parts.gaussians, len(z) * parts.w
         if len(z):  # an empty scan tells nothing of where clutter is
             gaussians = Mixture(weight[1 : c + 1], parts.m[:c], parts.P[:c])
@@ -223,4 +223,5 @@ def _updated(p: Mixture, z: np.ndarray, sensor) -> tuple[Mixture, np.ndarray]:
     C = sensor.look(p, expected, S, z).C
     n, off = len(p.w), z - expected
     d2 = np.einsum("ni,ni->n", off, np.linalg.solve(S, off[:, :, None])[:, :, 0])
-    return Mixture(*phd.posteriors(np.zeros(n), np.eye(n), p.m, p.P, expected, S, C, z, 0.0)[:3]), d2
+    found = phd.posteriors(np.zeros(n), np.eye(n), p.m, p.P, expected, S, C, *sensor, z, 0.0)
+    return Mixture(*found[:3]), d2

@@ -49,14 +49,17 @@ class Printed:
         updated = [
             self._updated(j, predicted, look, near[j], d2[j], volume[j], clutter[j]) for j in range(len(w))
         ]
-        likelihood, m, P = (np.array(part) for part in zip(*updated, strict=True))
-        w = predicted.w * likelihood
-        w = w / w.sum() if w.sum() > 0 else predicted.w  # no model has anything to say of an empty scan
+        log_likelihood, m, P = (np.array(part) for part in zip(*updated, strict=True))
+        top = log_likelihood[predicted.w > 0].max()
+        w = predicted.w  # stays where no model has anything to say of the scan
+        if top > -np.inf:
+            w = w * np.exp(np.minimum(log_likelihood - top, 0.0))
+            w /= w.sum()
         fused = collapsed(Mixture(w, m, P))
         return Bank(w[:, None], m[:, None], P[:, None]), Report(fused.m, fused.P, looked, fused, modes=w)
 
     def _updated(self, j, predicted: Mixture, look: Look, near, d2, volume: float, expected: float):
-        """Likelihood, mean and covariance of model j; `expected` is clutter's density in space where the
+        """Log-likelihood, mean and covariance of model j; `expected` is clutter's density in space where the
         prediction is."""
         model, S = self.model, look.S[j]
         own = look.z[j] if len(look.z) > 1 else look.z[0]
@@ -79,14 +82,17 @@ class Printed:
             scatter = (beta * innovations.T) @ innovations - np.outer(innovation, innovation)
             covariance = predicted.P[j] - beta.sum() * certain + K @ scatter @ K.T
         count = len(e)
-        if not self.likelihood_as_printed:
-            likelihood = model.detection_probability * total / scale
-        elif count:
-            share = model.detection_probability * volume ** (1 - count) / count
-            likelihood = share * (expected / model.clutter_density * b + e.sum())
-        else:
-            likelihood = missed
-        return likelihood, mean, (covariance + covariance.T) / 2
+        with np.errstate(divide="ignore"):  # for what is impossible
+            if not self.likelihood_as_printed:
+                log_likelihood = np.log(model.detection_probability * total / scale)
+            elif count:
+                # V^(1 - m) in logarithms: of many detections m it is no number
+                log_share = (1 - count) * np.log(volume) if count > 1 else 0.0
+                log_share += np.log(model.detection_probability / count)
+                log_likelihood = log_share + np.log(expected / model.clutter_density * b + e.sum())
+            else:
+                log_likelihood = np.log(missed)
+        return log_likelihood, mean, (covariance + covariance.T) / 2
 
 
 def imm_dcm_pda_printed(

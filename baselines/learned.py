@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 import gmr_gym
 from gmr_gym.association import Gates
 from gmr_gym.hypotheses import expand_scan, odds
 from gmr_gym.kalman import Sensor
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
 from gmr_gym.models import Model
 from gmr_gym.network import Network, forward, load
@@ -64,7 +64,7 @@ class LearnedThresholds:
         return Belief(mixture, Memory(len(w), given_up, work)), report
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _scan(
     w, m, P, kept, given_up, work, z,
     F, Q, offset, H, R, size, log_miss, log_detect, known, layout, numbers, set_by, rest,

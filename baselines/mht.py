@@ -11,7 +11,7 @@ from gmr_gym import ise as williams
 from gmr_gym import reduction
 from gmr_gym.hypotheses import MOST, expanded, reduced
 from gmr_gym.mixture import Mixture, collapsed, moments
-from gmr_gym.models import Model
+from gmr_gym.models import Model, check_one_motion
 from gmr_gym.reduction import Greedy, Reduced
 from gmr_gym.tracker import Report, check_limits, check_scan
 
@@ -28,6 +28,7 @@ class Mht:
     most: int = MOST  # hypotheses that enter `reduce`, the heaviest
 
     def __post_init__(self):
+        check_one_motion(self.model)
         check_limits(self.prune_weight, self.most)
         if not 0 <= self.prune_density < np.inf:
             raise ValueError(f"prune_density must be non-negative and finite, got {self.prune_density}")

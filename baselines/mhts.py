@@ -14,7 +14,7 @@ from gmr_gym.mixture import Mixture, collapsed, joined, moments, normalised, tak
 from gmr_gym.models import Model
 from gmr_gym.modes import diverging, floored, mmae_weights
 from gmr_gym.reducers import reducer
-from gmr_gym.reduction import Reduced, check_reduced, heaviest, runnalls
+from gmr_gym.reduction import Reduced, check_reduced, entering, runnalls
 from gmr_gym.tracker import Report, check_limits, check_scan
 
 
@@ -91,7 +91,7 @@ class Mhts:
         return Mixtures(w, tuple(map(normalised, merged)))
 
     def _reduced(self, p: Mixture) -> Mixture:
-        lighter, _ = heaviest(p, self.prune_weight, self.most)
+        lighter, _ = entering(p, self.prune_weight, self.most)
         return normalised(self.reduce(lighter)[0])
 
     def _restarted(self, w: np.ndarray, each: list[Mixture], log_density: np.ndarray) -> list[Mixture]:

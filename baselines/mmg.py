@@ -13,7 +13,7 @@ from gmr_gym.mixture import Mixture, moments, normalised
 from gmr_gym.models import Model
 from gmr_gym.modes import Modal, carried, spread
 from gmr_gym.reducers import reducer
-from gmr_gym.reduction import Reduced, capping, check_reduced, heaviest
+from gmr_gym.reduction import Reduced, capping, check_reduced, entering
 from gmr_gym.tracker import ALL, Report, check_limits, check_scan
 
 
@@ -50,7 +50,7 @@ class Mmg:
         z = check_scan(z, len(model.sensor.H))
         predicted, mode = spread(belief, model.motions, model.switching)
         (posterior, parent, *_), looked, alive = expand_together(predicted, model, z, self._given_up)
-        posterior, kept = heaviest(posterior, self.prune_weight, self.most)
+        posterior, kept = entering(posterior, self.prune_weight, self.most)
         mode = mode[parent][kept >= 0]
         reduced = self.reduce(posterior, mode)
         mixture, shares = carried(posterior, mode, reduced, len(model.motions))

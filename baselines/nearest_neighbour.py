@@ -7,7 +7,7 @@ import numpy as np
 from gmr_gym.association import distances_seen, expand, gates
 from gmr_gym.kalman import predict
 from gmr_gym.mixture import Mixture, collapsed
-from gmr_gym.models import Model
+from gmr_gym.models import Model, check_one_motion
 from gmr_gym.tracker import Report, check_scan
 
 
@@ -16,6 +16,9 @@ class NearestNeighbour:
     """Kalman filter fed the gated detection of least Mahalanobis distance; an empty gate coasts."""
 
     model: Model
+
+    def __post_init__(self):
+        check_one_motion(self.model)
 
     def init(self) -> Mixture:
         return collapsed(self.model.prior)

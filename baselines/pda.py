@@ -6,7 +6,7 @@ import numpy as np
 
 from gmr_gym.hypotheses import fused
 from gmr_gym.mixture import Mixture, collapsed
-from gmr_gym.models import Model
+from gmr_gym.models import Model, check_one_motion
 from gmr_gym.tracker import Report, check_scan
 
 
@@ -16,6 +16,9 @@ class Pda:
     moves one Gaussian (Bar-Shalom and Tse 1975; an MHT merged down to one hypothesis)."""
 
     model: Model
+
+    def __post_init__(self):
+        check_one_motion(self.model)
 
     def init(self) -> Mixture:
         return collapsed(self.model.prior)

@@ -1,9 +1,9 @@
 """The same work written plainly, in NumPy or in straightforward compiled loops."""
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.association import gate_size
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, moments
 from gmr_gym.models import Model
 from gmr_gym.simulate import Scenario
@@ -102,7 +102,7 @@ def runnalls_compiled(p: Mixture, components: int) -> np.ndarray:
     return _runnalls(p.w.copy(), p.m.copy(), p.P.copy(), components)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _runnalls(w, m, P, components):
     n, d = m.shape
     into, alive = np.arange(n), np.ones(n, np.bool_)
@@ -132,14 +132,14 @@ def _runnalls(w, m, P, components):
     return into
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _cost(i, j, w, m, P, log_det, merged, L):
     _matched(i, j, w, m, P, merged)
     total = (w[i] + w[j]) * _log_determinant(merged, L)
     return 0.5 * (total - w[i] * log_det[i] - w[j] * log_det[j])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _matched(i, j, w, m, P, out):
     a = w[i] / (w[i] + w[j])
     b = 1 - a
@@ -149,7 +149,7 @@ def _matched(i, j, w, m, P, out):
             out[r, c] = out[c, r] = a * P[i, r, c] + b * P[j, r, c] + spread
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _log_determinant(A, L):
     out = 0.0
     for r in range(len(A)):

@@ -2,7 +2,6 @@
 `python benchmarks/run.py [--quick] [--json FILE]` prints one Markdown table."""
 
 import argparse
-import json
 import os
 import platform
 import sys
@@ -19,6 +18,8 @@ from start import memory_rows, start_rows
 from threadpoolctl import threadpool_limits
 from timing import Plan, Row, Timing
 from vectors import vector_rows
+
+from gmr_gym.output import write_json
 
 SECTIONS: tuple[Callable[[Plan], Iterator[Row]], ...] = (
     reduction_rows, scan_rows, mode_rows, crowd_rows, environment_rows, vector_rows, worker_rows, start_rows,
@@ -53,7 +54,7 @@ def main() -> None:
             "quick": options.quick,
             "rows": [_record(row) for row in rows],
         }
-        options.json.write_text(json.dumps(record, indent=1) + "\n")
+        write_json(options.json, record)
 
 
 def table(rows: list[Row]) -> str:

@@ -4,26 +4,26 @@ groups kept by the lowest index of their members."""
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 
+from gmr_gym.kernels import kernel
 from gmr_gym.merging import first_least
-from gmr_gym.mixture import Mixture, matched
-from gmr_gym.reduction import Reduced, at_least_one, prune
+from gmr_gym.mixture import Mixture
+from gmr_gym.reduction import Reduced, at_least_one, grouped, through, weighing
 
 
 def merged_by(groups: Callable[[Mixture, int], np.ndarray], p: Mixture, components: int) -> Reduced:
     """Moment match of groups of the components that weigh anything; groups(q, components) (n,) are
     the groups 0..components-1 of those, called with q when it has more components than that."""
     components = at_least_one(components)
-    q, place = prune(p, 0.0)
+    q, place = weighing(p)
     if len(q.w) <= components:
         return q, place
     # squares of tiny weights would underflow; weights above 1 stay, lest tiny ones beside them vanish
     group = groups(q._replace(w=q.w / min(q.w.max(), 1.0)), components)
-    return matched(q, group, components), np.where(place < 0, -1, group[place])
+    return grouped(q, group, components), through(place, group)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def nearest_others(table):
     """The first nearest other (n,) of each row of a table of costs, and its cost (n,); the diagonal
     becomes infinite."""
@@ -36,7 +36,7 @@ def nearest_others(table):
     return nearest, least
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def cheapest_pair(nearest, least):
     """Rows i < j of least cost, the first among equals."""
     i = first_least(least, len(least))
@@ -45,7 +45,7 @@ def cheapest_pair(nearest, least):
     return i, nearest[i]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def take_in(i, j, group, table, nearest, least):
     """Closes row j, whose members go to i; row i of the table holds its new costs already."""
     n = len(table)
@@ -61,7 +61,7 @@ def take_in(i, j, group, table, nearest, least):
             nearest[k], least[k] = i, table[k, i]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def numbered(group):
     """Groups (n,) named by their first member, numbered in the order of these."""
     number, count = np.full(len(group), -1), 0

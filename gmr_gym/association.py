@@ -4,10 +4,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.special import gamma, gammaincinv
 
-from gmr_gym.kalman import Sensing, posterior_into, predict
+from gmr_gym.kalman import Sensing, predict
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import (
     Mixture,
     cholesky_into,
@@ -18,6 +18,7 @@ from gmr_gym.mixture import (
     take,
 )
 from gmr_gym.models import Model
+from gmr_gym.update import posterior_into
 
 
 class Gates(NamedTuple):
@@ -86,8 +87,8 @@ def look_together(
 def distances_seen(predicted: Mixture, gates: Gates, sensor: Sensing, z: np.ndarray) -> np.ndarray:
     """Squared Mahalanobis distances (n, k) of the detections z (k, p), as the sensor's update has them, from
     what each component expects; infinite beyond the gates' size."""
-    expected, S, _, seen, R, _ = sensor.look(predicted, gates.z, gates.S, z)
-    return gated(expected, S, seen, R, gates.size)
+    look = sensor.look(predicted, gates.z, gates.S, z)
+    return gated(look.expected, look.S, look.z, look.R, gates.size)
 
 
 def hopeless_beyond(model: Model, times: float) -> float:
@@ -148,8 +149,7 @@ def expand(
     """
     look = sensor.look(predicted, gates.z, gates.S, z)
     w, m, P, parent, detection, log_density = expand_into_hypotheses(
-        *predicted, look.expected, look.S, look.C, look.z, look.R, gates.size,
-        *log_odds(detection_probability, gate_probability, clutter_density), look.log_stretch,
+        *predicted, *look, gates.size, *log_odds(detection_probability, gate_probability, clutter_density)
     )  # fmt: skip
     return Expansion(Mixture(w, m, P), parent, detection, log_density)
 
@@ -164,14 +164,14 @@ def log_odds(
     return log_miss, float(np.log(detection_probability) - np.log(clutter_density))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _crowding(centres, S, size, ball, z):
     p = S.shape[1]
     first, _, _ = pairs_gated(centres, S, z.reshape(1, len(z), p), np.empty((0, p, p)), size)
     return mean_volume(S, size, ball), first[len(centres)] / len(centres)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def mean_volume(S, size, ball):
     """Of the gates of innovation covariances S (n, p, p), with the volume of the ball of radius 1."""
     whole = 0.0
@@ -180,7 +180,7 @@ def mean_volume(S, size, ball):
     return ball * size ** (S.shape[1] / 2) * (whole / len(S))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def outside_all(centres, S, size, point):
     """See `outside`."""
     p = len(point)
@@ -188,7 +188,7 @@ def outside_all(centres, S, size, point):
     return first[len(centres)] == 0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def gated(expected, S, z, R, size):
     """Squared Mahalanobis distances (n, k), infinite outside the gate."""
     first, detection, distance = pairs_gated(expected, S, z, R, size)
@@ -199,7 +199,7 @@ def gated(expected, S, z, R, size):
     return d2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pairs_gated(expected, S, z, R, size):
     """The detections in each gate: those of component i stand at first[i] : first[i + 1], in order, and so do
     their squared Mahalanobis distances."""
@@ -238,8 +238,8 @@ def pairs_gated(expected, S, z, R, size):
     return first, detection, d2
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_detect, log_stretch):
+@kernel(inline="always")
+def expand_into_hypotheses(w, m, P, expected, S, C, z, R, log_stretch, H, noise, size, log_miss, log_detect):
     n, d = m.shape
     seen, p = len(z), z.shape[2]
     first, near, d2 = pairs_gated(expected, S, z, R, size)
@@ -251,7 +251,7 @@ def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_de
     parent, detection = np.empty(hits + misses, np.int64), np.empty(hits + misses, np.int64)
     log_density = np.full(hits + misses, np.inf)
     L, K, W, P_hit = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty((d, d))
-    S_pair = np.empty((p, p))
+    S_pair, L_noise, noise_pair = np.empty((p, p)), np.zeros((p, p)), np.empty((p, p))
     at = 0
     for i in range(n):
         if misses:
@@ -271,9 +271,11 @@ def expand_into_hypotheses(w, m, P, expected, S, C, z, R, size, log_miss, log_de
             if not conditioned:
                 for r in range(p):
                     for c in range(p):
-                        S_pair[r, c] = S[i, r, c] + (R[j, r, c] if len(R) else 0.0)
+                        brought = R[j, r, c] if len(R) else 0.0
+                        S_pair[r, c] = S[i, r, c] + brought
+                        noise_pair[r, c] = noise[i if len(noise) > 1 else 0, r, c] + brought
                 cholesky_into(L, S_pair)
-                posterior_into(P_hit, K, W, L, P[i], C[i])
+                posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H[i if len(H) > 1 else 0], noise_pair)
                 log_peak = log_gaussian_scale(L)
                 conditioned = len(R) == 0  # else the next detection has a noise of its own
             log_density[at] = log_peak - 0.5 * d2[h] + log_stretch[j]

@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.association import mean_volume, outside_all, unit_ball
 from gmr_gym.hypotheses import expand_scan, odds, reduce_scan
 from gmr_gym.kalman import Sensor
-from gmr_gym.kernels import ONE
+from gmr_gym.kernels import ONE, kernel
 from gmr_gym.metrics import detection_outside_gates, truth_outside_gates
 from gmr_gym.mixture import match
 from gmr_gym.philox import words_for
@@ -59,7 +58,7 @@ def _expected(scenario: Scenario, x: np.ndarray) -> np.ndarray:
     return np.array([[H @ state for state in run] for run in x])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _play(
     view, carried, start, key, target, detected, slot, capacity, belief, told, limits, ball, watched, own, out
 ):

@@ -4,18 +4,18 @@ that share nothing."""
 import errno
 import os
 import re
-import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
-from numpy.lib.npyio import NpzFile
+
+from gmr_gym import archive
 
 # digest of scenario, tracker, source and seed; the block's first run and the one after its last
 NAME = re.compile(r"[0-9a-f]{32}-(\d+)-(\d+)\.npz")
 AXES = {"truth": 3, "x": 3, "P": 4, "modes": 3}  # of all other fields two, runs and scans
+TYPES = {"off_target": "?", "components": "i8", "targets": "i8", "named": "i8"}  # of all others f8
 
 
 class Merged(NamedTuple):
@@ -43,34 +43,37 @@ def check_folder(folder: Path) -> None:
 
 def save(file: Path, result) -> None:
     """A block, a named tuple of arrays; the file is there whole or not at all."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_suffix(f".{os.getpid()}.part")
-    try:
-        with partial.open("wb") as stream:
-            np.savez(stream, **result._asdict())
-        partial.replace(file)
-    except OSError as error:  # of a disk that is full it does not say which
-        raise OSError(error.errno, error.strerror, str(file)) from error
-    finally:
-        partial.unlink(missing_ok=True)
+    fields = result._asdict().items()
+    archive.save(file, {field: array.astype(_dtype(field), casting="same_kind") for field, array in fields})
 
 
 def load(file: Path, *kinds: type) -> Any:
-    """The block in a file, one of `kinds`. Nothing is unpickled; ValueError names what is none."""
+    """The block in a file, one of `kinds`, as it was written. ValueError names what is none."""
     try:
-        # not np.load: of what is no archive it says that one could unpickle it
-        with file.open("rb") as stream, NpzFile(stream, allow_pickle=False) as stored:
-            arrays = dict(stored)
+        arrays = archive.load(file)
+        if arrays.pop(archive.DIGEST, None) is None:
+            raise ValueError("it has no digest")
         for kind in kinds:
             if arrays.keys() == set(kind._fields):  # type: ignore[attr-defined]
                 first, stop = map(int, NAME.fullmatch(file.name).groups())  # type: ignore[union-attr]
                 _check_shapes(arrays, stop - first)
                 return kind(**arrays)
         raise ValueError(f"it has arrays {', '.join(arrays)}")
-    except (
-        OSError, ValueError, TypeError, KeyError, EOFError, RuntimeError, MemoryError, zlib.error, BadZipFile,
-    ) as error:  # fmt: skip
+    except ValueError as error:
         raise ValueError(f"{file} is not a block of runs ({error}); delete it to have it run again") from None
+
+
+def load_all(files: Mapping[Any, Path], *kinds: type) -> Iterator[tuple[Any, Any]]:
+    """(key, block) of those of the files that are there; ValueError at the end names all that are none."""
+    refused = []
+    for key, file in files.items():
+        try:
+            if file.exists():
+                yield key, load(file, *kinds)
+        except ValueError as error:
+            refused.append(str(error))
+    if refused:
+        raise ValueError("; ".join(refused))
 
 
 def merge(folders: Sequence[Path | str], into: Path | str, *kinds: type) -> Merged:
@@ -99,14 +102,18 @@ def merge(folders: Sequence[Path | str], into: Path | str, *kinds: type) -> Merg
 def _check_shapes(arrays: dict[str, np.ndarray], runs: int) -> None:
     scans = arrays["seconds"].shape[1:2]
     for field, array in arrays.items():
-        if array.dtype.kind not in "bif":
-            raise ValueError(f"{field} holds {array.dtype}, no numbers")
+        if array.dtype != _dtype(field):
+            raise ValueError(f"{field} holds {array.dtype}, wanted {_dtype(field)}")
         if array.ndim != AXES.get(field, 2) or array.shape[:2] != (runs, *scans):
             raise ValueError(f"{field} has shape {array.shape}, and the file is of {runs} runs")
     if "P" in arrays:
         x, P = arrays["x"].shape, arrays["P"].shape
         if arrays["truth"].shape != x or P != (*x, x[-1]):
             raise ValueError(f"estimates {x}, truth {arrays['truth'].shape} and covariances {P} do not fit")
+
+
+def _dtype(field: str) -> np.dtype:
+    return np.dtype(TYPES.get(field, "f8"))
 
 
 def _same(one, other) -> bool:

@@ -16,9 +16,9 @@ sweep back and one forth give all derivatives, in time proportional to detection
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.kalman import Sensor
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
 from gmr_gym.phd import Labelled, log_ratios, posteriors
 
@@ -60,13 +60,13 @@ def update(
     with np.errstate(divide="ignore"):
         log_p = np.log(cardinality)
     w, m, P, parent, after = _updated(
-        *p, log_p, expected, S, C, z, np.log(kappa), detection_probability, prune_weight
+        *p, log_p, expected, S, C, *sensor, z, np.log(kappa), detection_probability, prune_weight
     )
     return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent]), after
 
 
-@njit(cache=True, error_model="numpy")
-def _updated(w, m, P, log_p, expected, S, C, z, log_kappa, detection_probability, least):
+@kernel
+def _updated(w, m, P, log_p, expected, S, C, H, R, z, log_kappa, detection_probability, least):
     table = log_ratios(w, expected, S, z, log_kappa, detection_probability)
     n, k = table.shape
     log_V = np.log(w.sum())
@@ -79,7 +79,7 @@ def _updated(w, m, P, log_p, expected, S, C, z, log_kappa, detection_probability
     near, log_slope = log_l > -np.inf, np.full(k, -np.inf)  # the rest changes no e_j
     log_e, log_D, log_M, log_slope[near] = symmetric(log_l[near], log_tails(log_p, log_q))
     if log_D == -np.inf:
-        return *posteriors(w, np.zeros((n, k)), m, P, expected, S, C, z, least), np.exp(log_p)
+        return *posteriors(w, np.zeros((n, k)), m, P, expected, S, C, H, R, z, least), np.exp(log_p)
     for i in range(n):
         for j in range(k):
             table[i, j] = np.exp(table[i, j] - log_V + log_slope[j] - log_D)
@@ -87,12 +87,12 @@ def _updated(w, m, P, log_p, expected, S, C, z, log_kappa, detection_probability
     after = log_p.copy()
     for count in range(len(log_p)):
         after[count] += _log_chance(count, log_e, log_q)
-    found = posteriors(missed, table, m, P, expected, S, C, z, least)
+    found = posteriors(missed, table, m, P, expected, S, C, H, R, z, least)
     after = np.exp(after - after.max())
     return *found, after / after.sum()
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def symmetric(log_l, log_a):
     """Logarithms of e_j (N + 1,) for j = 0..N, of D = sum_j a_j e_j, of M = sum_j a_(j+1) e_j and of the
     derivatives of D by each l (k,)."""
@@ -118,7 +118,7 @@ def symmetric(log_l, log_a):
     return log_e, back[0, 0], log_M, log_slope
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def log_tails(log_p, log_q):
     """Logarithm of a_j (N + 1,)."""
     orders = len(log_p)
@@ -131,14 +131,14 @@ def log_tails(log_p, log_q):
     return log_a
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def log_sum(a, b):
     """log(exp a + exp b)."""
     top = max(a, b)
     return top if top == -np.inf else top + np.log1p(np.exp(min(a, b) - top))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _log_chance(n, log_e, log_q):
     """log of the scan's likelihood, but for a factor, were there n targets."""
     total, falling = -np.inf, 0.0
@@ -148,6 +148,6 @@ def _log_chance(n, log_e, log_q):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _log_power(log_q, times):
     return times * log_q if times > 0 else 0.0

@@ -2,9 +2,11 @@
 
 import signal
 import sys
+from collections.abc import Iterable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import gymnasium as gym
 import numpy as np
@@ -13,7 +15,11 @@ from rich.console import Console
 
 from gmr_gym import detections
 from gmr_gym.commands import (
-    key_value,
+    Once,
+    check_ending,
+    check_once,
+    evaluated,
+    key_values,
     numbers,
     parsed,
     runs_shown,
@@ -22,17 +28,15 @@ from gmr_gym.commands import (
     tracker_of,
 )
 from gmr_gym.crowd import ManyScenario
-from gmr_gym.crowd_summary import crowd_differences, crowd_summary
 from gmr_gym.data import flight_names
 from gmr_gym.envs import ENVIRONMENTS
-from gmr_gym.output import claims_grid, comparison, console, grid, progress, write_csv, write_json, write_runs
+from gmr_gym.output import console, progress, spell_out
 from gmr_gym.play import play
+from gmr_gym.records import check_free, named, question
 from gmr_gym.reducers import REDUCERS
-from gmr_gym.reproduce import Map, table_record
-from gmr_gym.reproduce.running import mapped, reproduced, sharded
+from gmr_gym.reproduce.running import rerun, sharded
 from gmr_gym.simulate import draw
-from gmr_gym.summary import differences, summary
-from gmr_gym.sweeps import Sweep, merge_results, say_what_is_left, shard_of
+from gmr_gym.sweeps import BLOCKS, Sweep, merge_results, say_what_is_left, shard_of
 from gmr_gym.tracker import CROWD_GROUP, Tracker, make_tracker, trackers
 from gmr_gym.workers import WorkersLost
 
@@ -51,10 +55,19 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Target tracking in clutter: evaluate trackers, reproduce papers, track recorded data.",
 )
-EnvId = Annotated[str, typer.Argument(help="an environment's id, as `list` shows it")]
+command = partial(app.command, cls=Once)
+EnvId = Annotated[
+    str,
+    typer.Argument(
+        help="an environment's id, as `list` shows it; of your own MODULE:ID, which imports MODULE"
+    ),
+]
 TrackerNames = Annotated[
     list[str],
-    typer.Option("--tracker", help="NAME or NAME:key=value,key=value; repeat for several"),
+    typer.Option(
+        "--tracker",
+        help="NAME or NAME:key=value,key=value; repeat for several. reduction=MODULE:FUNCTION imports MODULE",
+    ),
 ]
 Settings = Annotated[list[str], typer.Option("--set", help="key=value for the environment")]
 RunCount = Annotated[int, typer.Option("--runs", min=1, help="Monte Carlo runs")]
@@ -68,7 +81,7 @@ Shard = Annotated[str | None, typer.Option("--shard", help="I/N: only every N-th
 Json = Annotated[Path | None, typer.Option("--json", help="also write the figures to this file")]
 
 
-@app.command("list")
+@command("list")
 def list_() -> None:
     """Environments, trackers and papers."""
     screen = console()
@@ -85,7 +98,7 @@ def list_() -> None:
             screen.print(f"  {name:24} {text}".rstrip(), soft_wrap=True, markup=False)
 
 
-@app.command()
+@command()
 def evaluate(
     env_id: EnvId,
     tracker: TrackerNames,
@@ -99,39 +112,32 @@ def evaluate(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", help="folder of results, where a stopped run goes on; results/evaluate unless given"
+            "--out", help="folder of results; one in results/evaluate, named by what is asked, unless given"
         ),
     ] = None,
     json_file: Json = None,
 ) -> None:
     """Trackers on the same episodes of an environment, with intervals and paired differences."""
-    sweep = Sweep(runs, seed, jobs, backend, scheduler, shard_of(shard, out))
-    out = out or Path("results/evaluate")
-    world = dict(map(key_value, settings))
+    part = shard_of(shard, out)
+    world = key_values(settings)
+    check_once("--tracker", tracker)
     scenario = scenario_of(env_id, world)
     candidates = {spec: tracker_of(spec, scenario) for spec in tracker}
-    (results,) = runs_shown(env_id, [(scenario, candidates)], sweep, out)
-    if sweep.shard:
-        say_what_is_left(out, *results)
+    told = {spec: dict(zip(("name", "parameters"), parsed(spec), strict=True)) for spec in tracker}
+    asked = question(env=env_id, settings=world, trackers=told, runs=runs, seed=seed)
+    # blocks of runs are shared: another tracker, or more runs, begin with those that are there
+    root = out or Path("results/evaluate")
+    out = out or root / f"{env_id.rpartition('/')[2]}-{named(asked)}"
+    sweep = Sweep(runs, seed, jobs, backend, scheduler, part, root / BLOCKS)
+    if not part:
+        check_free(out / "evaluate.json", asked)
+        _show(evaluated(asked, scenario, candidates, sweep, out, json_file))
         return
-    many = isinstance(scenario, ManyScenario)
-    rows = (crowd_summary if many else summary)(scenario, results)
-    screen = console()
-    screen.print(grid(f"{env_id}: {runs} runs, seed {seed}", rows))
-    paired = (crowd_differences if many else differences)(scenario, results)
-    if paired:
-        screen.print(grid("paired differences", paired))
-    write_runs(out / "runs.csv", scenario, results)
-    tables = [table_record(env_id, world, rows)]
-    if paired:
-        tables.append(table_record("paired differences", world, paired))
-    record = {"env": env_id, "seed": seed, "runs": runs, "tables": tables}
-    for file in filter(None, (out / "evaluate.json", json_file)):
-        write_json(file, record)
-    screen.print(f"written to {out}", highlight=False)
+    (left,) = runs_shown(env_id, [(scenario, candidates)], sweep)
+    say_what_is_left(sweep.blocks, *left)
 
 
-@app.command()
+@command()
 def reproduce(
     paper: Annotated[str, typer.Argument(help="a paper's short name, as `list` shows it")],
     table: Annotated[list[str], typer.Option("--table", help="only this table; repeatable")] = [],  # noqa: B006
@@ -155,40 +161,23 @@ def reproduce(
     for name in table:
         if name not in known:
             raise ValueError(f"{paper} has no table {name!r}; choose from {', '.join(known)}")
-    runs = runs or module.TABLES[0].runs
-    sweep = Sweep(runs, seed, jobs, backend, scheduler, shard_of(shard, out))
-    out = out or Path("results") / paper
-    if sweep.shard:
-        say_what_is_left(out, *sharded((known[name] for name in table or known), sweep, out))
+    check_once("--table", table)
+    part, usual = shard_of(shard, out), module.TABLES[0].runs
+    runs, names = runs or usual, table or list(known)
+    asked = question(paper=paper, asked=names, runs=runs, seed=seed)
+    root = out or Path("results") / paper
+    other = [f"table-{name}" for name in table]
+    other += [f"runs-{runs}"] * (runs != usual) + [f"seed-{seed}"] * (seed > 0)
+    out = out or root / "-".join(other)
+    sweep = Sweep(runs, seed, jobs, backend, scheduler, part, root / BLOCKS)
+    if part:
+        say_what_is_left(sweep.blocks, *sharded((known[name] for name in names), sweep))
         return
-    screen, records, evidence = console(), [], {}
-    for name in table or known:
-        entry = known[name]
-        if isinstance(entry, Map):
-            record = mapped(module, entry, sweep, out)
-            screen.print(comparison(f"{paper}, {name}: {entry.title}", record, entry.columns))
-            records.append(record)
-            continue
-        (first, *paired), kept = reproduced(module, entry, sweep, out)
-        title = f"{paper}, table {name}: {entry.title}; {runs} runs"
-        screen.print(comparison(title, first, entry.columns))
-        for record in paired:
-            screen.print(comparison(record["name"], record, list(record["rows"][0]["metrics"])))
-        records += [first, *paired]
-        if kept is not None:
-            evidence[name] = kept
-    record = {"paper": paper, "seed": seed, "runs": runs, "tables": records}
-    if evidence:
-        record["claims"] = module.claims(evidence)
-        if record["claims"]:
-            screen.print(claims_grid(record["claims"]))
-    for file in filter(None, (out / f"{paper}.json", json_file)):
-        write_json(file, record)
-    write_csv(out / f"{paper}.csv", record)
-    screen.print(f"tables, figures and runs are in {out}", highlight=False)
+    check_free(out / f"{paper}.json", asked)
+    _show(rerun(paper, module, {name: known[name] for name in names}, asked, sweep, out, json_file))
 
 
-@app.command()
+@command()
 def merge(
     folders: Annotated[list[Path], typer.Argument(help="folders of results that shards left")],
     into: Annotated[Path, typer.Option("--into", help="folder of results that the whole goes to")],
@@ -198,7 +187,7 @@ def merge(
     merge_results(folders, into)
 
 
-@app.command()
+@command()
 def watch(
     env_id: EnvId,
     tracker: Annotated[
@@ -211,7 +200,7 @@ def watch(
     """One episode as a film: clutter, gates, hypotheses, truth and estimates."""
     from gmr_gym.watch import film
 
-    scenario = scenario_of(env_id, dict(map(key_value, settings)))
+    scenario = scenario_of(env_id, key_values(settings))
     if isinstance(scenario, ManyScenario):
         tracker = tracker or "learning-pmb"
     else:
@@ -221,7 +210,7 @@ def watch(
     console().print(f"written to {out}", highlight=False)
 
 
-@app.command()
+@command()
 def record(
     env_id: EnvId,
     tracker: Annotated[
@@ -234,7 +223,9 @@ def record(
 ) -> None:
     """One episode's detections in a file, as `track` reads them; of a radar in range and angles, which it
     does not."""
-    scenario = single_target(env_id, dict(map(key_value, settings)))
+    check_ending("--out", out, ".csv")
+    check_ending("--truth", truth, ".csv")
+    scenario = single_target(env_id, key_values(settings))
     tracker = tracker or ("imm-pda" if len(scenario.model.motions) > 1 else "pda")
     episode = draw(scenario, seed)
     z = [played.scan.z for played in play(scenario, tracker_of(tracker, scenario), episode)]
@@ -247,7 +238,7 @@ def record(
     console().print(f"written to {out}", highlight=False)
 
 
-@app.command("track")
+@command("track")
 def track_(
     file: Annotated[Path, typer.Argument(help="CSV: time (s), then coordinates (m); a row a detection")],
     sensor_deviation: Annotated[float, typer.Option(help="of a detection, m")],
@@ -264,19 +255,33 @@ def track_(
 ) -> None:
     """Recorded detections in, estimates with their covariances out. Without --prior the track starts
     from the first scan: any of its detections may be the target."""
+    check_ending("--out", out, ".csv")
     if motion != "constant-velocity":
         raise ValueError(f"unknown model {motion!r}; choose constant-velocity")
     if bool(prior) != bool(prior_deviations):
-        raise ValueError("give prior and prior_deviations together, or neither")
+        raise ValueError("give --prior and --prior-deviations together, or neither")
+    if not 0 < speed < np.inf:
+        raise ValueError(f"--speed must be positive and finite, got {speed}")
     scans = detections.read_scans(file)
     detections.check_positions(file, scans)
     if prior:
-        state = numbers("prior", prior), numbers("prior_deviations", prior_deviations)
+        axes = len(scans.coordinates)
+        state = numbers("--prior", prior), numbers("--prior-deviations", prior_deviations)
+        for name, values in zip(("--prior", "--prior-deviations"), state, strict=True):
+            if len(values) != 2 * axes:
+                raise ValueError(
+                    f"{name} must be {axes} positions and {axes} velocities, got {len(values)} numbers"
+                )
         start, prior_time = detections.prior_given(*state), None
     else:
         scans = detections.from_first_detection(scans)
         start = detections.prior_from_first_scan(scans.z[0], sensor_deviation, speed)
         prior_time = scans.times[0]
+    if len(scans.times) == 1 and not (prior and period):
+        raise ValueError(
+            f"{file} holds one scan to start from and none after it: give --prior with --prior-deviations, "
+            "and --period, or a file with another scan"
+        )
 
     def build(interval: float) -> Tracker:
         told = detections.constant_velocity_model(
@@ -296,10 +301,17 @@ def track_(
     screen.print(f"{len(track.times)} scans tracked; written to {out}", highlight=False)
 
 
+def _show(said: Iterable[Any]) -> None:
+    screen = console()
+    for what in said:
+        screen.print(what, highlight=False, markup=False)
+
+
 def main() -> None:
     """Entry point: what a user got wrong is one line, not a traceback."""
     # what a batch queue sends before it kills: finished blocks are kept and named, as after Ctrl-C
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    spell_out(sys.stdout, sys.stderr)
     try:
         app()
     except (

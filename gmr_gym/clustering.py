@@ -5,10 +5,10 @@ that the total weight, mean and covariance stay; a component of weight zero is d
 """
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.agglomeration import cheapest_pair, merged_by, nearest_others, numbered, take_in
-from gmr_gym.dissimilarity import MEASURES, check_choice, dissimilarity
+from gmr_gym.dissimilarity import MEASURES, check_choice, dissimilarities
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction import Reduced, whitened
 
@@ -25,7 +25,7 @@ def hierarchical(p: Mixture, components: int, linkage: str = "average", measure:
     check_choice("measure", measure, MEASURES)
 
     def groups(q, components):
-        return _agglomerate(dissimilarity(q, measure), components, LINKAGES.index(linkage))
+        return _agglomerate(dissimilarities(q, measure), components, LINKAGES.index(linkage))
 
     return merged_by(groups, p, components)
 
@@ -54,12 +54,12 @@ def k_medoids(p: Mixture, components: int, measure: str = "isd") -> Reduced:
 
     def groups(q, components):
         weight = q.w if measure == "correlation" else np.ones(len(q.w))
-        return _around_medoids(dissimilarity(q, measure), weight, components)
+        return _around_medoids(dissimilarities(q, measure), weight, components)
 
     return merged_by(groups, p, components)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _agglomerate(table, components, linkage):
     """Groups (n,) of the clusters that remain; the table is used up."""
     n = len(table)
@@ -80,7 +80,7 @@ def _agglomerate(table, components, linkage):
     return numbered(group)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _lloyd(w, y, k):
     """Clusters (n,) of the points y (n, d)."""
     group = _farthest_first(w, y, k)
@@ -90,7 +90,7 @@ def _lloyd(w, y, k):
     return group
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _farthest_first(w, y, k):
     """Nearest (n,) of k starts, each at a point of its own."""
     n = len(w)
@@ -109,7 +109,7 @@ def _farthest_first(w, y, k):
     return group
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _centres(w, y, group, k):
     total, centre = np.zeros(k), np.zeros((k, y.shape[1]))
     for i in range(len(w)):
@@ -121,7 +121,7 @@ def _centres(w, y, group, k):
     return centre
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _reassign(y, centre, group):
     """Moves points to the first nearest centre; whether any has moved."""
     members, moved = np.zeros(len(centre), np.int64), False
@@ -140,7 +140,7 @@ def _reassign(y, centre, group):
     return moved
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _squared(x, y):
     d2 = 0.0
     for r in range(len(x)):
@@ -148,7 +148,7 @@ def _squared(x, y):
     return d2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _around_medoids(table, weight, k):
     """Clusters (n,) about k medoids."""
     if table.max() == np.inf:
@@ -164,7 +164,7 @@ def _around_medoids(table, weight, k):
     return group
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _first_medoids(table, weight, k):
     n = len(table)
     medoid, nearest, taken = np.zeros(k, np.int64), np.full(n, np.inf), np.zeros(n, np.bool_)
@@ -182,7 +182,7 @@ def _first_medoids(table, weight, k):
     return medoid
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _nearest_medoids(table, medoid):
     """First nearest medoid (n,), how far it is (n,) and how far the second (n,); a medoid is its own."""
     n = len(table)
@@ -197,7 +197,7 @@ def _nearest_medoids(table, medoid):
     return group, nearest, second
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _best_swap(table, weight, medoid, group, nearest, second):
     """Medoid g whose place point x should take, the change in cost that makes, and the cost as it is."""
     n, k = len(table), len(medoid)

@@ -1,13 +1,21 @@
 """joblib's backends for Dask and Ray, made to say so when a worker dies."""
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
+SECONDS = 10  # in which a cluster that has no worker may get one
+LOGGERS = ("distributed.client", "tornado.application", "asyncio")  # of Dask's connection
+
 
 class WorkerDied(RuntimeError):
     """A worker was lost with the call it had, more often than the cluster itself makes it again."""
+
+
+class Unreachable(OSError):
+    """No cluster with a worker answers at the address."""
 
 
 class _Reporting:
@@ -24,8 +32,9 @@ class _Reporting:
 
 
 @contextmanager
-def dask(scheduler: str) -> Iterator[Any]:
-    """The backend of a Dask cluster, connected to its scheduler's address; ValueError for what is none."""
+def dask(scheduler: str, seconds: float | None = None) -> Iterator[Any]:
+    """The backend of a Dask cluster, connected to its scheduler's address; ValueError for what is none.
+    Unreachable where nobody answers within so many seconds, or as many as Dask's configuration says."""
     from concurrent.futures import CancelledError
 
     from distributed import Client
@@ -47,7 +56,7 @@ def dask(scheduler: str) -> Iterator[Any]:
 
     # a client that refuses an address waits for a minute when it is let go
     get_address_host(scheduler)
-    with Client(scheduler, set_as_default=False) as client:
+    with _silent(), _connected(Client, scheduler, seconds) as client:
         for address, worker in client.scheduler_info(n_workers=-1)["workers"].items():
             if (threads := worker["nthreads"]) > 1:
                 raise ValueError(
@@ -57,14 +66,44 @@ def dask(scheduler: str) -> Iterator[Any]:
         yield Dask(client=client)
 
 
+@contextmanager
+def _connected(client: type, scheduler: str, seconds: float | None) -> Iterator[Any]:
+    """A client, once a worker is there."""
+    try:
+        connected = client(scheduler, set_as_default=False, **({"timeout": seconds} if seconds else {}))
+    except OSError as error:
+        raise Unreachable(f"no cluster answers at {scheduler}: {error}") from error
+    with connected:
+        try:
+            connected.wait_for_workers(1, timeout=SECONDS)
+        except OSError as error:
+            raise Unreachable(f"the cluster at {scheduler} has no worker after {SECONDS} s") from error
+        yield connected
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """What is lost is said once, by who asked, and not by loggers with tracebacks of their own."""
+    loggers = [logging.getLogger(name) for name in LOGGERS]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+
+
 def _failed(callback, future) -> None:
     if error := future.exception():
         callback(error)
 
 
 @contextmanager
-def ray(scheduler: str) -> Iterator[Any]:
-    """The backend of a Ray cluster at an address, or at "auto"; it stays connected."""
+def ray(scheduler: str, seconds: float | None = None) -> Iterator[Any]:
+    """The backend of a Ray cluster at an address, or at "auto"; it stays connected. Unreachable where nobody
+    answers, in Ray's own time."""
     import ray
     from ray import exceptions
     from ray.util.joblib.ray_backend import RayBackend
@@ -76,5 +115,8 @@ def ray(scheduler: str) -> Iterator[Any]:
         )  # fmt: skip
         supports_return_generator = True  # only pools of multiprocessing cannot
 
-    ray.init(address=scheduler, ignore_reinit_error=True, log_to_driver=False)
+    try:
+        ray.init(address=scheduler, ignore_reinit_error=True, log_to_driver=False)
+    except OSError as error:
+        raise Unreachable(f"no cluster answers at {scheduler}: {error}") from error
     yield Ray()

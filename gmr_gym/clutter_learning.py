@@ -9,8 +9,8 @@ many detections, a Gaussian is added.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, cholesky_into, log_gaussian_scale
 from gmr_gym.multitarget import Clutter, nothing
 
@@ -64,7 +64,7 @@ def learn(told: Clutter, lessons: Lessons, z: np.ndarray, false: np.ndarray, how
     remembered = min(lessons.scans + 1, 2 * how.memory)
     fading = np.exp(-np.arange(remembered) / how.memory)
     weight, scans = probability * fading[age], fading.sum()
-    flat = 1 / np.prod(told.high - told.low)
+    flat = 1 / told.volume
     a = np.append(lessons.clutter.uniform, lessons.clutter.gaussians.w) * scans
     m, P = lessons.clutter.gaussians.m, lessons.clutter.gaussians.P
     share = responsibilities(points, a, m, P, flat)
@@ -85,7 +85,7 @@ def learn(told: Clutter, lessons: Lessons, z: np.ndarray, false: np.ndarray, how
     return Lessons(points, probability, age, remembered, learned)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def responsibilities(z, a, m, P, flat):
     """Which part each point z (n, p) is of: probabilities (n, 1 + k), the first that of the uniform part of
     density `flat`, by numbers a (1 + k,) of points, means m (k, p) and covariances P (k, p, p)."""
@@ -117,7 +117,7 @@ def responsibilities(z, a, m, P, flat):
     return share.T
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc"})  # sums in any order, several terms at once
+@kernel(fastmath={"reassoc"})  # sums in any order, several terms at once
 def fitted(z, weight, share, deviation):
     """What explains best the points z (n, p), each counted `weight` (n,) times, of which the parts have those
     shares (n, 1 + k): numbers (1 + k,) of points, means (k, p) and covariances (k, p, p), each with
@@ -166,7 +166,7 @@ def added(candidates: np.ndarray, z: np.ndarray, left: np.ndarray, flat: float, 
     return Mixture(np.array([excess]), place[None], (width**2 / 12 + deviation**2) * np.eye(p)[None])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _about(candidates, z, left, order, half):
     """What is left (c,) of the points within `half` of each candidate along every axis; `order` (n,) is that
     of the points along the first."""

@@ -2,7 +2,8 @@
 
 import ast
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
@@ -10,13 +11,20 @@ from typing import Any
 
 import gymnasium as gym
 from rich.console import Console
+from typer.core import TyperCommand
 
 from gmr_gym.crowd import ManyScenario
+from gmr_gym.crowd_summary import crowd_differences, crowd_summary
 from gmr_gym.envs import CROWDS, ENVIRONMENTS, TRACKING
+from gmr_gym.envs.episodic import make_scenario
 from gmr_gym.montecarlo import run, run_shard
-from gmr_gym.output import progress
+from gmr_gym.output import progress, write_json, write_runs
+from gmr_gym.records import answered
+from gmr_gym.reproduce import table_record
 from gmr_gym.simulate import Scenario
-from gmr_gym.sweeps import BLOCKS, Sweep
+from gmr_gym.summary import differences, summary
+from gmr_gym.sweeps import Sweep
+from gmr_gym.tables import grid, notes
 from gmr_gym.tracker import make_tracker
 
 Work = tuple[Scenario | ManyScenario, Mapping[str, Any]]  # a scenario and the trackers in it
@@ -30,11 +38,39 @@ def key_value(text: str) -> tuple[str, Any]:
     for read in (ast.literal_eval, float):  # float reads nan and inf, which are then refused by name
         try:
             return key, read(value)
-        except (ValueError, SyntaxError, TypeError):
+        except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):  # two of deep nesting
             pass
     if value.startswith(("[", "(", "{")):
         raise ValueError(f"{key} cannot be read as a list: {value}")
     return key, value
+
+
+def key_values(texts: Iterable[str]) -> dict[str, Any]:
+    """Values by key, of key=value each; ValueError for a key that is there twice."""
+    found: dict[str, Any] = {}
+    for key, value in map(key_value, texts):
+        if key in found:
+            raise ValueError(f"{key} is given twice, as {found[key]!r} and as {value!r}")
+        found[key] = value
+    return found
+
+
+def check_once(option: str, values: Sequence[str]) -> None:
+    """ValueError for a value that a repeatable option is given twice."""
+    for i, value in enumerate(values):
+        if value in values[:i]:
+            raise ValueError(f"{option} {value} is given twice")
+
+
+class Once(TyperCommand):
+    """A command whose options, but for those that make lists, are given once: of two the last would count."""
+
+    def parse_args(self, ctx, args):
+        _, _, given = self.make_parser(ctx).parse_args(args=list(args))
+        for parameter, count in Counter(given).items():
+            if count > 1 and not parameter.multiple:
+                raise ValueError(f"{parameter.opts[0]} is given {count} times")
+        return super().parse_args(ctx, args)
 
 
 def numbers(name: str, text: str) -> list[float]:
@@ -45,10 +81,16 @@ def numbers(name: str, text: str) -> list[float]:
         raise ValueError(f"{name} must be numbers with commas between, got {text!r}") from None
 
 
+def check_ending(option: str, file: Path | None, *endings: str) -> None:
+    """ValueError naming the option if a file to be written says by its ending that it is of another kind."""
+    if file is not None and file.suffix.lower() not in endings:
+        raise ValueError(f"{option} must end in {' or '.join(endings)}, got {file.name!r}")
+
+
 def parsed(spec: str) -> tuple[str, dict[str, Any]]:
     """A tracker's name and parameters from NAME:key=value,key=value."""
     name, _, parameters = spec.partition(":")
-    return name, dict(map(key_value, filter(None, parameters.split(","))))
+    return name, key_values(filter(None, parameters.split(",")))
 
 
 def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
@@ -59,7 +101,9 @@ def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
         near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
     ):
         raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
-    scenario = getattr(gym.make(env_id, **world).unwrapped, "scenario", None)
+    # of the settings only what the scenario of the id takes: no value names code to be imported
+    kept = gym.spec(env_id).kwargs.get("scenario")
+    scenario = make_scenario(kept, world) if kept else None
     if not isinstance(scenario, Scenario | ManyScenario):
         raise ValueError(
             f"{env_id} is not a tracking environment: no tracker runs in it; choose from "
@@ -83,26 +127,52 @@ def tracker_of(spec: str, scenario: Scenario | ManyScenario, **parameters) -> An
     return make_tracker(name, told, **parameters, **further)
 
 
-def runs_shown(label: str, work: Iterable[Work], sweep: Sweep, out: Path) -> Iterator[Any]:
+def runs_shown(label: str, work: Iterable[Work], sweep: Sweep) -> Iterator[Any]:
     """What each scenario's trackers did, one scenario after the other under one bar; of a shard, how many
-    blocks there are and of how many. Finished blocks of runs are kept in out/blocks; on Ctrl-C it says so and
-    exits."""
-    work, folder = list(work), out / BLOCKS
+    blocks there are and of how many. On Ctrl-C it says where finished ones are kept, and exits."""
+    work = list(work)
     call = partial(run_shard, shard=sweep.shard) if sweep.shard else run
     try:
         with progress(label) as report:
             for i, (scenario, trackers) in enumerate(work):
                 yield call(
-                    scenario, trackers, sweep.runs, sweep.seed, jobs=sweep.jobs, folder=folder,
+                    scenario, trackers, sweep.runs, sweep.seed, jobs=sweep.jobs, folder=sweep.blocks,
                     progress=partial(_so_far, report, i, len(work)), backend=sweep.backend,
                     scheduler=sweep.scheduler,
                 )  # fmt: skip
     except KeyboardInterrupt:
         Console(stderr=True, soft_wrap=True).print(
-            f"stopped: finished blocks of runs are kept in {folder}; the same command goes on from there",
+            f"stopped: finished blocks of runs are kept in {sweep.blocks}; the same command goes on there",
             highlight=False,
         )
         sys.exit(130)
+
+
+def evaluated(
+    asked: dict[str, Any],
+    scenario: Scenario | ManyScenario,
+    trackers: Mapping[str, Any],
+    sweep: Sweep,
+    out: Path,
+    copy: Path | None,
+) -> Iterator[Any]:
+    """Runs trackers in a scenario, leaves record and runs in `out`, and then gives what a screen shows."""
+    (results,) = runs_shown(asked["env"], [(scenario, trackers)], sweep)
+    many = isinstance(scenario, ManyScenario)
+    rows = (crowd_summary if many else summary)(scenario, results)
+    paired = (crowd_differences if many else differences)(scenario, results)
+    tables = [table_record(asked["env"], asked["settings"], rows)]
+    if paired:
+        tables.append(table_record("paired differences", asked["settings"], paired))
+    said = notes(rows, sweep.runs)
+    write_runs(out / "runs.csv", scenario, results)
+    for file in filter(None, (out / "evaluate.json", copy)):
+        write_json(file, answered(asked, tables, notes=said))
+    yield grid(f"{asked['env']}: {sweep.runs} runs, seed {sweep.seed}", rows)
+    if paired:
+        yield grid("paired differences", paired)
+    yield from said
+    yield f"written to {out}"
 
 
 def _so_far(report, before: int, parts: int, done: int, total: int) -> None:

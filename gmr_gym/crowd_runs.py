@@ -23,7 +23,7 @@ class CrowdRuns(NamedTuple):
     localisation: np.ndarray  # (runs, T)
     missed: np.ndarray  # (runs, T)
     false: np.ndarray  # (runs, T)
-    wasserstein: np.ndarray  # (runs, T), m; 0 where either set is empty
+    wasserstein: np.ndarray  # (runs, T), m; nan where either set is empty
     targets: np.ndarray  # (runs, T), how many there were
     named: np.ndarray  # (runs, T), how many were named
     expected: np.ndarray  # (runs, T), how many were expected
@@ -72,7 +72,7 @@ def accounts(tracker: ManyTracker, episode: Crowd) -> Iterator[tuple[Account, fl
 def density_error(believed: Clutter, true: Clutter, places: np.ndarray) -> float:
     """Integral of the difference of two intensities over the box, from its value at places (k, p) that stand
     for equal parts of it, as a share of what the true one expects; nan where that is nothing."""
-    cell = np.prod(true.high - true.low) / len(places)
+    cell = true.volume / len(places)
     difference = np.abs(believed.density(places) - true.density(places)).sum() * cell
     return float(difference / true.expected) if true.expected > 0 else np.nan
 

@@ -13,15 +13,19 @@ from gmr_gym.summary import Figure, mean
 def crowd_summary(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> dict[str, dict[str, Figure]]:
     """One row of figures per tracker, means over scans with intervals over runs: ospa and gospa (m), what
     gospa is made of (m^2 with order 2), cardinality_bias (targets named less those there),
-    cardinality_error (its size), wasserstein (m), density_error, components, time_per_scan (s, median)."""
+    cardinality_error (its size), wasserstein (m) over the scans at which it is defined and the share
+    wasserstein_undefined of those at which it is not, density_error, components, time_per_scan (s,
+    median)."""
     rows = {}
     for name, runs in results.items():
         surplus = (runs.named - runs.targets).astype(float)
-        fields = ("ospa", "gospa", "localisation", "missed", "false", "wasserstein")
+        fields = ("ospa", "gospa", "localisation", "missed", "false")
         rows[name] = {field: mean(getattr(runs, field).mean(axis=1)) for field in fields} | {
+            "wasserstein": mean(defined(compared(runs.wasserstein))),
+            "wasserstein_undefined": mean(np.isnan(runs.wasserstein).mean(axis=1)),
             "cardinality_bias": mean(surplus.mean(axis=1)),
             "cardinality_error": mean(cardinality_error(runs.named, runs.targets).mean(axis=1)),
-            "density_error": mean(compared(runs.density_error)),
+            "density_error": mean(defined(compared(runs.density_error))),
             "components": mean(runs.components.mean(axis=1)),
             "time_per_scan": Figure(float(np.median(runs.seconds))),
         }
@@ -46,9 +50,14 @@ def crowd_differences(
     }
 
 
-def compared(error: np.ndarray) -> np.ndarray:
-    """Means (runs,) over the scans at which intensities were compared; nan where none was."""
-    return mean_where(error, np.isfinite(error))
+def compared(values: np.ndarray) -> np.ndarray:
+    """Means (runs,) over the scans at which values (runs, T) are defined; nan where none is."""
+    return mean_where(values, np.isfinite(values))
+
+
+def defined(values: np.ndarray) -> np.ndarray:
+    """Those of the values (runs,) that are numbers: a run without one is left out, it is no 0."""
+    return values[np.isfinite(values)]
 
 
 def mean_where(values: np.ndarray, there: np.ndarray) -> np.ndarray:

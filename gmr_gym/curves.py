@@ -11,7 +11,7 @@ from scipy.special import ndtri
 from gmr_gym.metrics import credibility, nees
 from gmr_gym.montecarlo import Runs
 from gmr_gym.simulate import Scenario
-from gmr_gym.summary import CONFIDENCE, Figure, kept, mean, proportion
+from gmr_gym.summary import CONFIDENCE, Figure, in_common, kept, mean, proportion
 
 RESAMPLES = 200
 
@@ -78,15 +78,15 @@ def resampled(statistic: Callable[[np.ndarray], np.ndarray], mask: np.ndarray) -
 
 def averages(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
     """One row per tracker: share of runs lost; averages over the scans of the four curves, `_all` over
-    all runs and `_common` over those that no tracker of the table lost; components, gate area (m^2) and
+    all runs and `_common` over those that all trackers kept that kept any; components, gate area (m^2) and
     time a scan (s, median; the longest is `time_worst`)."""
     own = {name: kept(scenario, runs) for name, runs in results.items()}
-    common = np.logical_and.reduce(list(own.values()))
+    common = in_common(own)
     rows = {}
     for name, runs in results.items():
         errors = errors_of(scenario, runs)
         rows[name] = {"track_loss": proportion(int((~own[name]).sum()), len(runs.x))}
-        for which, mask in (("all", np.ones(len(common), bool)), ("common", common)):
+        for which, mask in (("all", np.ones(len(runs.x), bool)), ("common", common[name])):
             figures = resampled(partial(_over_scans, errors), mask)
             rows[name] |= {f"{field}_{which}": f for field, f in zip(CURVES, figures, strict=True)}
         rows[name] |= {

@@ -16,9 +16,13 @@ from gmr_gym.kalman import position_sensor
 from gmr_gym.mixture import Mixture, gaussian, mixture, moments
 from gmr_gym.models import Model, model
 from gmr_gym.motions import constant_velocity
-from gmr_gym.tracker import Tracker, check_scan
+from gmr_gym.points import check_points, check_unmasked, present
+from gmr_gym.times import duration, seconds
+from gmr_gym.tracker import Tracker
+from gmr_gym.writing import whole
 
-RESOLUTION = 9  # decimals of a second to which intervals are told apart
+RESOLUTION = 9  # decimals of a second to which intervals are told apart, at most
+ANY = float(np.finfo(float).max)  # however far a file's detections are: who tracks them has a limit
 OFF_GRID = 0.1  # of a period, how far from its multiples a scan may lie
 MOST_FILLED = 1_000_000  # scans; only a period far too short makes more
 MOST_STARTS = 500  # detections; each may meet each of the next scan, at 200 bytes a pair
@@ -27,7 +31,7 @@ MOST_STARTS = 500  # detections; each may meet each of the next scan, at 200 byt
 class Scans(NamedTuple):
     """Detections by scan."""
 
-    times: np.ndarray  # (T,), s, increasing
+    times: np.ndarray  # (T,), s, increasing; or datetimes, see `times.seconds`
     z: list[np.ndarray]  # T arrays (k, p), m and rad; (0, p) where nothing was detected
     coordinates: tuple[str, ...]  # p names
 
@@ -75,7 +79,8 @@ def check_positions(path: Path | str, scans: Scans) -> None:
 
 
 def write_scans(path: Path | str, times, z: Sequence, coordinates: Sequence[str]) -> None:
-    """Writes the scans z, T arrays (k, p), at `times` (T,), so that `read_scans` returns every bit."""
+    """Writes the scans z, T arrays (k, p), at `times` (T,), in seconds, so that `read_scans` returns every
+    bit; masked rows are absent."""
     scans = _checked(Scans(times, list(z), tuple(coordinates)))
     nothing = [[""] * len(scans.coordinates)]
     each = zip(scans.times.tolist(), scans.z, strict=True)
@@ -108,7 +113,12 @@ def track(
     prior_time: s, the moment the prior describes; by default one period, or else the median interval,
     before the first scan. A prior of the first scan's own time knows that scan already: it is not
     stepped through, and the first estimate is the mean and covariance of the prior.
+    Both may be given as `times.duration` and `times.seconds` take them.
     """
+    if period is not None:
+        period = duration(period, "period")
+    if prior_time is not None:
+        prior_time = float(seconds(prior_time, "prior_time"))
     scans = _checked(scans) if period is None else filled(scans, period)
     intervals = _intervals(scans.times, period, prior_time).tolist()
     built = {interval: build(interval) for interval in dict.fromkeys(intervals) if interval}
@@ -127,6 +137,7 @@ def filled(scans: Scans, period: float) -> Scans:
     """With an empty scan at each multiple of `period` (s) after the first scan that has none; ValueError
     for a time further than a tenth of a period from all of them."""
     times, z, coordinates = _checked(scans)
+    period = duration(period, "period")
     _check_positive(period=period)
     elapsed = (times - times[0]) / period
     at = np.rint(elapsed).astype(int)
@@ -141,7 +152,7 @@ def filled(scans: Scans, period: float) -> Scans:
 
 def from_first_detection(scans: Scans) -> Scans:
     """Without the empty scans before the first detection; ValueError when there is none."""
-    held = [i for i, points in enumerate(scans.z) if len(points)]
+    held = [i for i, points in enumerate(scans.z) if len(present(points))]
     if not held:
         raise ValueError(f"scans hold no detection: all {len(scans.z)} are empty")
     return Scans(scans.times[held[0] :], scans.z[held[0] :], scans.coordinates)
@@ -168,6 +179,8 @@ def constant_velocity_model(
 
 def prior_given(mean, deviations) -> Mixture:
     """The Gaussian of that mean (d,) and those standard deviations (d,), uncorrelated."""
+    check_unmasked("mean", mean)
+    check_unmasked("deviations", deviations)
     mean, deviations = np.array(mean, float), np.array(deviations, float)
     if mean.ndim != 1 or len(mean) == 0 or not np.isfinite(mean).all():
         raise ValueError(f"mean must be finite numbers (d,), got {mean.tolist()}")
@@ -179,7 +192,7 @@ def prior_given(mean, deviations) -> Mixture:
 def prior_from_first_scan(z, sensor_deviation: float, speed_deviation: float) -> Mixture:
     """Prior of the time of the scan z (k, p), k >= 1: the target's detection is any of them alike, its
     velocity zero give or take `speed_deviation` (m/s) along each axis (single-point initiation)."""
-    z = np.array(z, float)
+    z = np.asarray(present(z), float)
     if z.ndim != 2 or z.size == 0 or len(z) > MOST_STARTS or not np.isfinite(z).all():
         raise ValueError(f"z must be 1 to {MOST_STARTS} finite detections (k, p), got shape {z.shape}")
     _check_positive(sensor_deviation=sensor_deviation, speed_deviation=speed_deviation)
@@ -232,18 +245,19 @@ def _row(where: str, names: tuple[str, ...], cells: list[str]) -> tuple[float, l
 
 def _write(path: Path | str, header: list[str], rows: Iterable[list]) -> None:
     _checked_header("names", header)
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
+    with whole(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows([header, *rows])
 
 
 def _checked(scans: Scans) -> Scans:
-    times, T = np.array(scans.times, float), len(scans.z)
+    times, T = seconds(scans.times), len(scans.z)
     if times.shape != (T,) or T == 0 or not np.isfinite(times).all():
         raise ValueError(f"times must be finite, one for each of the {T} scans in z")
-    for i in np.flatnonzero(np.diff(times).round(RESOLUTION) <= 0)[:1]:
-        raise ValueError(f"times must increase, but {times[i + 1]} follows {times[i]}")
-    return Scans(times, [check_scan(z, len(scans.coordinates)) for z in scans.z], scans.coordinates)
+    for i in np.flatnonzero(_told_apart(np.diff(times), times) <= 0)[:1]:
+        before, after = np.asarray(scans.times)[i : i + 2]
+        raise ValueError(f"times must increase, but {after} follows {before}")
+    p = len(scans.coordinates)
+    return Scans(times, [check_points(z, p, ANY) for z in scans.z], scans.coordinates)
 
 
 def _intervals(times: np.ndarray, period: float | None, prior_time: float | None) -> np.ndarray:
@@ -252,10 +266,16 @@ def _intervals(times: np.ndarray, period: float | None, prior_time: float | None
     if prior_time is None:
         usual = np.quantile(gaps, 0.5, method="lower") if len(gaps) else 0.0
         prior_time = times[0] - (usual if period is None else period)
-    intervals = np.append(times[0] - prior_time, gaps).round(RESOLUTION)
+    intervals = _told_apart(np.append(times[0] - prior_time, gaps), times)
     if not (0 <= intervals[0] < np.inf and intervals.any()):
         raise ValueError(f"give a period, or a prior_time before {times[0]} (at it if a second scan follows)")
     return intervals
+
+
+def _told_apart(gaps: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """The gaps, s, to as many decimals as there are between such times: seconds since 1970 hold six."""
+    between = 4 * np.spacing(np.abs(times).max())
+    return gaps.round(min(RESOLUTION, int(-np.log10(between) // 1)))
 
 
 def _check_positive(**values: float) -> None:

@@ -9,12 +9,11 @@ of integral squared difference to the whole mixture (Zhang, eq. 3), whatever the
 """
 
 import numpy as np
-from numba import njit
 
-from gmr_gym.distances import dimension, pack, products_of_columns, products_with
-from gmr_gym.kernels import ZERO
+from gmr_gym.distances import dimension, known, pack, products_of_columns, products_with
+from gmr_gym.kernels import ZERO, kernel
 from gmr_gym.merge_cost import BLOCK, by_entry, form_costs, log_determinants, pair_covariances
-from gmr_gym.mixture import Mixture
+from gmr_gym.mixture import Mixture, checked
 
 MEASURES = ("isd", "correlation", "runnalls")
 
@@ -30,6 +29,11 @@ def dissimilarity(p: Mixture, measure: str) -> np.ndarray:
         standard deviations apart, some 1e8, that it is lost in rounding.
     """
     check_choice("measure", measure, MEASURES)
+    return dissimilarities(checked(p), measure)
+
+
+def dissimilarities(p: Mixture, measure: str) -> np.ndarray:
+    """`dissimilarity` for a checked mixture and measure."""
     if measure == "isd":
         return isd_table(p.w, pack(p.m, p.P))
     if measure == "correlation":
@@ -43,7 +47,7 @@ def check_choice(name: str, choice: str, choices: tuple[str, ...]) -> None:
         raise ValueError(f"{name} must be one of {', '.join(choices)}, got {choice!r}")
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def isd_table(w, M):
     """D (n, n) of merging any two of the Gaussians packed in M (T, n)."""
     n = len(w)
@@ -55,7 +59,7 @@ def isd_table(w, M):
     return table
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def isd_row(i, others, w, M, own):
     """D (k,) of merging i with each of `others` (k,), all packed in M (T, n), with <N, N> in own."""
     T, k = len(M), len(others)
@@ -82,14 +86,14 @@ def isd_row(i, others, w, M, own):
     for j in range(k):
         wi, wj = weight[k], weight[j]
         wc = wi + wj
-        two = wi * wi * _known(own[i]) + wj * wj * _known(own[others[j]]) + 2 * wi * wj * _known(ij[j])
-        one = wc * wc * _known(cc[j])
+        two = wi * wi * known(own[i]) + wj * wj * known(own[others[j]]) + 2 * wi * wj * known(ij[j])
+        one = wc * wc * known(cc[j])
         # rounding leaves two equal components near -1e-16
-        out[j] = max(two + one - 2 * wc * (wi * _known(ic[j]) + wj * _known(jc[j])), 0.0)
+        out[j] = max(two + one - 2 * wc * (wi * known(ic[j]) + wj * known(jc[j])), 0.0)
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def own_products(M):
     """Integrals (n,) of the squares of the Gaussians packed in M (T, n)."""
     own = products_of_columns(M, M, M.shape[1])
@@ -102,14 +106,7 @@ def own_products(M):
     return own
 
 
-@njit(cache=True, error_model="numpy")
-def _known(product):
-    """The product, or 0 where a covariance of the pair has drowned in rounding: merged over more
-    than 1e8 standard deviations, it lies too low to overlap with anything."""
-    return product if product < np.inf else 0.0
-
-
-@njit(cache=True, error_model="numpy")
+@kernel
 def _uncorrelatedness(M):
     n = M.shape[1]
     table, own = np.zeros((n, n)), own_products(M)
@@ -121,7 +118,7 @@ def _uncorrelatedness(M):
     return table
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _merge_costs(w, m, P):
     n = len(w)
     w, means, entries = by_entry(w, m, P)

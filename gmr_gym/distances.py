@@ -1,9 +1,10 @@
 """Closed-form distances between two Gaussians and between two mixtures."""
 
 import numpy as np
-from numba import njit
 
-from gmr_gym.mixture import Mixture
+from gmr_gym.kernels import kernel
+from gmr_gym.mixture import Mixture, checked
+from gmr_gym.validation import check_covariance, doubles
 
 BLOCK = 128  # matrices factored together: few enough to stay in the first-level cache
 
@@ -12,6 +13,7 @@ BLOCK = 128  # matrices factored together: few enough to stay in the first-level
 
 def kullback_leibler(m1, P1, m2, P2) -> float:
     """Divergence of N(m2, P2) from N(m1, P1), the expected log ratio under the first; >= 0."""
+    m1, P1, m2, P2 = _two_gaussians(m1, P1, m2, P2)
     L1, L2 = np.linalg.cholesky(P1), np.linalg.cholesky(P2)
     A = np.linalg.solve(L2, L1)  # A A' is P1 in the coordinates that make P2 the identity
     y = np.linalg.solve(L2, np.subtract(m1, m2))
@@ -42,6 +44,7 @@ def wasserstein(m1, P1, m2, P2) -> float:
     The covariance part is |L1 - L2 U| over rotations U, least at the polar factor of L2' L1:
     equal to the usual trace formula, without its cancellation when P1 is close to P2.
     """
+    m1, P1, m2, P2 = _two_gaussians(m1, P1, m2, P2)
     L1, L2 = np.linalg.cholesky(P1), np.linalg.cholesky(P2)
     X, _, Y = np.linalg.svd(L2.T @ L1)
     return float(np.hypot(np.linalg.norm(np.subtract(m1, m2)), np.linalg.norm(L1 - L2 @ X @ Y)))
@@ -50,10 +53,24 @@ def wasserstein(m1, P1, m2, P2) -> float:
 def _mean_shape(m1, P1, m2, P2):
     """Squared Mahalanobis distance of the means under S = (P1 + P2) / 2, and
     log(|S| / sqrt(|P1| |P2|)) / 2 >= 0, what the difference in shape alone costs."""
+    m1, P1, m2, P2 = _two_gaussians(m1, P1, m2, P2)
     L, L1, L2 = np.linalg.cholesky([np.add(P1, P2) / 2, P1, P2])
     y = np.linalg.solve(L, np.subtract(m1, m2))
     half = np.log([np.diag(L), np.diag(L1), np.diag(L2)]).sum(axis=1)  # log |.| / 2
     return float(y @ y), max(float(half[0] - (half[1] + half[2]) / 2), 0.0)  # rounding as above
+
+
+def _two_gaussians(m1, P1, m2, P2):
+    """The four checked, in float64. Raises ValueError naming what is wrong."""
+    m1, P1 = doubles("m1", m1), doubles("P1", P1)
+    m2, P2 = doubles("m2", m2), doubles("P2", P2)
+    for number, m, P in (("1", m1, P1), ("2", m2, P2)):
+        if m.ndim != 1 or m.shape != m1.shape or not np.isfinite(m).all():
+            raise ValueError(f"m{number} must be finite and have shape {m1.shape[:1]}, got {m}")
+        if P.shape != 2 * m1.shape:
+            raise ValueError(f"P{number} must have shape {2 * m1.shape} to fit m1, got {P.shape}")
+        check_covariance(f"P{number}", P)
+    return m1, P1, m2, P2
 
 
 # ---- between mixtures; weights need not sum to 1 ----
@@ -61,7 +78,7 @@ def _mean_shape(m1, P1, m2, P2):
 
 def inner_product(p: Mixture, q: Mixture) -> float:
     """Integral of p(x) q(x) over all x; 0 when the two are out of each other's reach."""
-    return float(p.w @ products(pack(p.m, p.P), pack(q.m, q.P)) @ q.w)
+    return _inner_product(*_two_mixtures(p, q))
 
 
 def integral_squared_difference(p: Mixture, q: Mixture) -> float:
@@ -70,14 +87,41 @@ def integral_squared_difference(p: Mixture, q: Mixture) -> float:
     Good to about 1e-16 (Jff + Jgg), whatever the difference itself.
     Departs: the line below eq. 3 prints + Jfg, which is not the square it expands.
     """
-    return max(inner_product(p, p) + inner_product(q, q) - 2 * inner_product(p, q), 0.0)
+    return _difference_and_sum(*_two_mixtures(p, q))[0]
 
 
 def normalised_integral_squared_difference(p: Mixture, q: Mixture) -> float:
-    """Integral squared difference over Jff + Jgg, in [0, 1]: 1 when p and q nowhere overlap."""
-    scale = max(p.w.max(), q.w.max())  # the ratio is free of it; tiny weights would underflow
-    p, q = p._replace(w=p.w / scale), q._replace(w=q.w / scale)
-    return integral_squared_difference(p, q) / (inner_product(p, p) + inner_product(q, q))
+    """Integral squared difference over Jff + Jgg, in [0, 1]: 1 when p and q nowhere overlap, and 0 when
+    neither weighs anything."""
+    p, q = _two_mixtures(p, q)
+    scale = max(p.w.max(initial=0.0), q.w.max(initial=0.0))
+    if scale == 0.0:
+        return 0.0
+    # the ratio is free of it; tiny weights would underflow
+    difference, total = _difference_and_sum(p._replace(w=p.w / scale), q._replace(w=q.w / scale))
+    if not 0.0 < total < np.inf:
+        raise ValueError(
+            "the squares of p and q have integrals outside the range of floats: choose units nearer to the "
+            "spread of the states"
+        )
+    return difference / total
+
+
+def _two_mixtures(p, q):
+    p, q = checked(p), checked(q, "q")
+    if q.m.shape[1] != p.m.shape[1]:
+        raise ValueError(f"q has {q.m.shape[1]} dimensions, but p has {p.m.shape[1]}")
+    return p, q
+
+
+def _inner_product(p, q):
+    return float(p.w @ products(pack(p.m, p.P), pack(q.m, q.P)) @ q.w)
+
+
+def _difference_and_sum(p, q):
+    """Jff + Jgg - 2 Jfg, no less than 0, and Jff + Jgg."""
+    total = _inner_product(p, p) + _inner_product(q, q)
+    return max(total - 2 * _inner_product(p, q), 0.0), total
 
 
 # ---- the integral of a product of two Gaussians, N(m1; m2, P1 + P2), many at a time ----
@@ -104,10 +148,10 @@ def unpack(columns: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
 
 def products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Integrals (n, k) of the products of the Gaussians packed in a (T, n) and in b (T, k)."""
-    return np.array([products_with(x, b, b.shape[1]) for x in a.T])
+    return np.array([products_with(x, b, b.shape[1]) for x in a.T]).reshape(a.shape[1], b.shape[1])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def products_with(x, b, n):
     """Products (n,) of the one Gaussian packed in x (T,) with the first n columns of b."""
     T = len(b)
@@ -126,7 +170,7 @@ def products_with(x, b, n):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def products_of_columns(a, b, n):
     """Products (n,) of column i of a with column i of b, for the first n."""
     T = len(b)
@@ -141,13 +185,20 @@ def products_of_columns(a, b, n):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
+def known(product):
+    """The product, or 0 where a covariance of the pair has drowned in rounding: merged over more
+    than 1e8 standard deviations, it lies too low to overlap with anything."""
+    return product if product < np.inf else 0.0
+
+
+@kernel
 def dimension(T):
     """The d of packed columns of length T = d (d + 3) / 2."""
     return int(np.sqrt(2.0 * T + 2.25) - 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _density_at_border(out, bordered):
     """N(e; 0, S) of each column [[S, e], [e', .]] of bordered (T + 1, n), which it uses up.
 
@@ -164,7 +215,7 @@ def _density_at_border(out, bordered):
     _times_exponentials(out, bordered[0], bordered[1])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _eliminate(out, bordered, d):
     """Set out to |S|^(-1/2) and the first row to -e' S^-1 e / 2.
 
@@ -194,7 +245,7 @@ def _eliminate(out, bordered, d):
         out[i] = 1.0 / np.sqrt(out[i])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _eliminate_six(out, bordered):
     """`_eliminate` for six states, the case of a planar position, velocity and acceleration, written
     out: nothing leaves the registers, which takes half the time."""
@@ -246,7 +297,7 @@ def _eliminate_six(out, bordered):
         out[i] = 1.0 / np.sqrt(determinant) if least > 0.0 else np.nan
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _times_exponentials(out, x, room):
     """out[i] *= exp(x[i]) for x <= 0, to the last bits; room (n,) is overwritten.
 

@@ -6,11 +6,12 @@ and the weights of all of them sum to 1. What a part's weight comes to in detect
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.clutter_learning import responsibilities
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, cholesky_into, mahalanobis_squared, match
 
+ROUNDING = 1e-14  # a covariance with a smaller ratio of eigenvalues may not be positive definite
 LEAST_UNIFORM = 1e-12  # weight; a detection far from all Gaussians must have an explanation
 
 
@@ -107,7 +108,7 @@ def fit_em(z: np.ndarray, parts: Parts, flat: float, how: Management) -> tuple[P
     return Parts(w, m, P, origin), value
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _em(
     z, w, m, P, origin, flat, merging, clutter_least, target_least, deviation, tolerance, iterations, repaired
 ):
@@ -127,7 +128,7 @@ def _em(
     return w, m, P, origin, value
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def log_likelihood(share, uniform):
     """Log-likelihood of the scan (eq. 7): the share of the uniform part, whose weighted density is `uniform`,
     tells what it was divided by."""
@@ -137,7 +138,7 @@ def log_likelihood(share, uniform):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def maximised(z, share, m, P, c, deviation):
     """Weights, means and covariances that maximise eq. 19 given shares (n, 1 + c + t) (eqs. 20-22); the
     first c covariances, of clutter, no less than deviation^2 in any direction, the others as they were."""
@@ -166,9 +167,10 @@ def maximised(z, share, m, P, c, deviation):
     return w / w.sum(), m_out, widened(P_out, c, deviation)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def widened(P, c, deviation):
-    """The first c of P (g, p, p) with no eigenvalue below deviation^2: of all such matrices the likeliest."""
+    """The first c of P (g, p, p) with no eigenvalue below deviation^2: of all such matrices the likeliest. No
+    eigenvalue is so far below the largest that rounding would lose it."""
     out = P.copy()
     p = P.shape[1]
     L = np.zeros((p, p))
@@ -176,16 +178,17 @@ def widened(P, c, deviation):
         if cholesky_into(L, P[i] - deviation**2 * np.eye(p)):
             continue
         values, vectors = np.linalg.eigh(P[i])
+        least = max(deviation**2, ROUNDING * values[p - 1])
         for r in range(p):
             for s in range(p):
                 total = 0.0
                 for k in range(p):
-                    total += vectors[r, k] * max(values[k], deviation**2) * vectors[s, k]
+                    total += vectors[r, k] * max(values[k], least) * vectors[s, k]
                 out[i, r, s] = total
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def managed(w, m, P, origin, n, clutter_merging, target_merging, clutter_least, target_least):
     """The parts merged and pruned (section 4.3): clutter with clutter, targets with targets. The uniform
     part is never pruned.
@@ -211,7 +214,7 @@ def managed(w, m, P, origin, n, clutter_merging, target_merging, clutter_least, 
     return w_out / w_out.sum(), m_out, P_out, number[keep_t]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _groups(w, m, P, merging):
     """Groups (n,) that merge: about the heaviest part j all i with (m_i - m_j)' P_j^-1 (m_i - m_j) <= U
     (eq. 23), then so with the rest; their number."""

@@ -1,10 +1,10 @@
 """The finite mixture of one scan drawn by Gibbs sampling (Lv, Lian and Han 2014, section 5)."""
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.clutter_learning import responsibilities
 from gmr_gym.finite_mixture import LEAST_UNIFORM, Management, Parts, managed, variance, widened
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import cholesky_into
 
 DIRICHLET = 1.0  # a_j of eq. 25, for every part
@@ -45,7 +45,7 @@ def fit_gibbs(
     return Parts(w, m, P, origin)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _gibbs(
     z,
     w,
@@ -129,7 +129,7 @@ def _gibbs(
     return managed(w_sum / w_sum.sum(), m, P, origin, n, merging, merging, clutter_least, target_least)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _labels(share, rng):
     """A part (n,) for each detection, drawn with probabilities share (n, g)."""
     n, g = share.shape
@@ -144,7 +144,7 @@ def _labels(share, rng):
     return label
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _drawn_mean(mean, P, rng):
     """A draw (p,) of N(mean, P)."""
     p = len(mean)
@@ -159,7 +159,7 @@ def _drawn_mean(mean, P, rng):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _drawn_gaussian(z, mine, number, centre, spread, rng):
     """A draw of the mean (p,) and covariance (p, p) of the `number` detections of z (n, p) that are `mine`
     (n,): normal-inverse-Wishart about the centre (p,) and `spread` I."""

@@ -2,11 +2,11 @@
 of what merging any pair would cost."""
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.agglomeration import cheapest_pair, merged_by, nearest_others, numbered, take_in
 from gmr_gym.dissimilarity import isd_row, isd_table, own_products
 from gmr_gym.distances import dimension, pack, products_of_columns
+from gmr_gym.kernels import kernel
 from gmr_gym.merge_cost import merge_pair
 from gmr_gym.mixture import Mixture, moments
 from gmr_gym.reduction import Reduced
@@ -24,7 +24,7 @@ def greedy_isd(p: Mixture, components: int) -> Reduced:
     return merged_by(groups, p, components)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _merge_nearest(w, M, components):
     """Groups (n,) of greedy merging of the Gaussians packed in M (T, n); w and M are overwritten."""
     T, n = M.shape

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.association import (
     Expansion,
@@ -17,7 +16,7 @@ from gmr_gym.association import (
     log_odds,
 )
 from gmr_gym.kalman import Sensor, innovation, predict, predict_all
-from gmr_gym.kernels import ONE
+from gmr_gym.kernels import ONE, kernel
 from gmr_gym.mixture import Mixture, collapsed, match, pairwise_sum, rescaled, root_determinants
 from gmr_gym.models import Model
 from gmr_gym.reduction import Greedy, Reduced, among_heaviest, heavier, merge_by_cost, selected_by
@@ -84,7 +83,7 @@ def odds(model: Model) -> tuple[float, float, float]:
     return size, *log_odds(model.detection_probability, model.gate_probability, model.clutter_density)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
     """Centres and innovation covariances of the gates, then what makes an Expansion, of a scan z (k, p) by a
     linear sensor."""
@@ -92,13 +91,13 @@ def expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
     centres, S, C = innovation(m, P, H, R)
     k, p = z.shape
     w, m, P, parent, detection, log_density = expand_into_hypotheses(
-        w, m, P, centres, S, C, z.reshape(1, k, p), np.empty((0, p, p)),
-        size, log_miss, log_detect, np.zeros(k),
+        w, m, P, centres, S, C, z.reshape(1, k, p), np.empty((0, p, p)), np.zeros(k),
+        np.expand_dims(H, 0), np.expand_dims(R, 0), size, log_miss, log_detect,
     )  # fmt: skip
     return centres, S, w, m, P, parent, detection, log_density
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def fuse_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
     """Centres and innovation covariances of the gates, and the w, m, P of the one Gaussian."""
     centres, S, w, m, P, _, _, _ = expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z)
@@ -106,7 +105,7 @@ def fuse_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
     return centres, S, np.full(1, pairwise_sum(w)), m, P
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def reduce_scan(w, m, P, prune_weight, most, components, loss_bound, density):
     """w, m, P of what is kept, and how many hypotheses entered the merging and came out of it."""
     w, m, P = let_in(w, m, P, prune_weight, most)
@@ -117,21 +116,21 @@ def reduce_scan(w, m, P, prune_weight, most, components, loss_bound, density):
     return w, m, P, entered, left
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def let_in(w, m, P, prune_weight, most):
     kept = among_heaviest(w, most) & heavier(w, w, prune_weight)
     w, m, P, _ = selected_by(w, m, P, kept)
     return rescaled(w), m, P
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def let_out(w, m, P, density):
     w = rescaled(w)
     w, m, P, _ = selected_by(w, m, P, heavier(w, w / root_determinants(P), density))
     return rescaled(w), m, P
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def merge_costs(entered, left):
     """Evaluations of the cost B of a pair that greedy merging needs on its way from n = `entered` to
     r = `left` hypotheses: one for each of the n (n - 1) / 2 pairs at first, then, after each merge, one for

@@ -2,15 +2,14 @@
 say of banks of many hypotheses, put together in loops for one."""
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.association import expand_into_hypotheses, gated
 from gmr_gym.kalman import predict_all
-from gmr_gym.kernels import ONE
+from gmr_gym.kernels import ONE, kernel
 from gmr_gym.mixture import match, root_determinants
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def mixed_ahead(w, m, P, switching, F, Q, offset):
     """Probabilities (r,), means (r, d) and covariances (r, d, d) of r modes, mixed by the switching
     matrix and carried forward by F, Q (r, d, d) and offset (r, d)."""
@@ -24,10 +23,11 @@ def mixed_ahead(w, m, P, switching, F, Q, offset):
     return w_out, m_out, P_out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def associated(
-    w, m, P, gate_S, density, ball, expected, S, C, z, R, log_stretch, size, log_miss, log_detect, given_up
-):
+    w, m, P, gate_S, density, ball, expected, S, C, z, R, log_stretch, H, noise,
+    size, log_miss, log_detect, given_up,
+):  # fmt: skip
     """The scan taken in by all modes, one list of detections for all, and merged to one Gaussian each; their
     probabilities; what they fuse to; and whether there was hope. ball is the volume of the unit ball in the
     space of the gates, whose innovation covariances are gate_S; the rest is a `Look`."""
@@ -47,7 +47,7 @@ def associated(
         if len(R):
             R_near[at] = R[listed[at]]
     w, m, P, parent, _, _ = expand_into_hypotheses(
-        w, m, P, expected, S, C, z_near, R_near, np.inf, log_miss, log_detect, log_stretch[listed]
+        w, m, P, expected, S, C, z_near, R_near, log_stretch[listed], H, noise, np.inf, log_miss, log_detect
     )
     w, m, P = match(w, m, P, parent, n)
     _, mean, covariance = match(w, m, P, np.zeros(n, np.int64), ONE)

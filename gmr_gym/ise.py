@@ -1,9 +1,8 @@
 """Williams' greedy reduction: each step leaves the least integral squared error it can."""
 
 import numpy as np
-from numba import njit
 
-from gmr_gym.distances import pack, products, unpack
+from gmr_gym.distances import known, pack, products, unpack
 from gmr_gym.ise_pairs import (
     ROUNDING,
     Work,
@@ -13,16 +12,18 @@ from gmr_gym.ise_pairs import (
     pair,
     products_with_all,
     score_pairs,
+    stands_out,
     weighted,
 )
+from gmr_gym.kernels import kernel
 from gmr_gym.merging import first_least
 from gmr_gym.mixture import Mixture
-from gmr_gym.reduction import at_least_one
+from gmr_gym.reduction import at_least_one, at_unit, through, weighing
 
 # <u, v> is the integral of u v, f the original mixture, s g the reduced one with
 # g = sum_a q[a] M[a], and r = f - s g the error. An action that turns r into r + v costs
 # 2 <r, v> + <v, v>:
-#   to delete a               v = (s - s') g + s' q[a] M[a],  s' the scale afterwards
+#   to delete a               v = s A, or with the rest, g - A of weight R, rescaled  v = s (A - q[a] / R (g - A))
 #   to merge a and b into c   v = s delta,  delta = A + B - C,  A = q[a] M[a], B = q[b] M[b], C = q[c] M[c]
 # <delta, delta> stays what it is while a and b live. <r, A> is known at any time for every a, and for any
 # x and y
@@ -45,20 +46,25 @@ def integral_squared_error(
     error from the original mixture. A deletion rescales what is left to the original total
     weight if `renormalise`. At equal cost deletions come first, then lower indices. Costs are
     good to about 1e-15 of the products <f, q[a] M[a]> they are made of; between actions closer
-    than that the choice is repeatable but arbitrary.
+    than that the choice is repeatable but arbitrary. A pair so many standard deviations apart, some
+    1e8, that the covariance of its merge is lost in rounding is not merged.
     """
     components = at_least_one(components)
-    n, d = p.m.shape
-    if n <= components:
-        return p, np.arange(n)
-    f = pack(p.m, p.P)
+    p, place = weighing(p)
+    if len(p.w) <= components:
+        return p, place
+    f, w = pack(p.m, p.P), at_unit(p.w)
     E = products(f, f)
-    if not np.isfinite(p.w @ E @ p.w):
-        raise ValueError("the square of p must have a finite integral; check p with mixture(w, m, P)")
-    work = _begun(p.w, f, E)
+    if not (np.isfinite(E).all() and (E.diagonal() > 0).all()):
+        raise ValueError(
+            "the square of p has parts whose integral lies outside the range of floats: choose units nearer "
+            "to the spread of the states"
+        )
+    work = _begun(w, f, E)
     s = _reduce(work, components, renormalise)
     alive = np.flatnonzero(work.place >= 0)
-    return Mixture(s * work.q[alive], *unpack(work.M[:, work.place[alive]], d)), _numbered(work)
+    left = s * work.q[alive] * (p.w.max() / w.max())
+    return Mixture(left, *unpack(work.M[:, work.place[alive]], p.m.shape[1])), through(place, _numbered(work))
 
 
 def _begun(w, f, E):
@@ -79,7 +85,7 @@ def _numbered(work):
     return number[work.origin]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _reduce(work, components, renormalise):
     """Act on `work` until `components` are left; the scale s."""
     n = len(work.q)
@@ -87,28 +93,26 @@ def _reduce(work, components, renormalise):
     work.h[:] = work.g  # to the last bit: no difference yet, no cost
     for a in range(n):
         score_pairs(work, a, np.arange(a))
-    W = work.q.sum()  # weight of g
     s = 1.0
     J = 0.0  # <r, r>
     size = np.sqrt(work.h.sum())  # |f|
     while n > components:
         _overlap(work)
         error = np.sqrt(max(J, 0.0) + ROUNDING * size**2)
-        delete_cost, k, after = _cheapest_deletion(work, s, W, renormalise)
+        delete_cost, k, after = _cheapest_deletion(work, s, renormalise)
         merge_cost, a, b = _cheapest_merge(work, s, error, size, delete_cost)
         if merge_cost < delete_cost:
             J += merge_cost
             _merge(work, a, b)
         else:
             J += delete_cost
-            W -= work.q[k]
             s = after
             _delete(work, k)
         n -= 1
     return s
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _overlap(work):
     """Set <g, q[a] M[a]> from scratch: rounding does not pile up."""
     g, q, n = work.g, work.q, len(work.q)
@@ -122,29 +126,48 @@ def _overlap(work):
         g[a] *= q[a]
 
 
-@njit(cache=True, error_model="numpy")
-def _cheapest_deletion(work, s, W, renormalise):
+@kernel
+def _cheapest_deletion(work, s, renormalise):
     """Cost and component of the cheapest deletion, and the scale after it."""
-    H, G = 0.0, 0.0
+    W, H, G = 0.0, 0.0, 0.0
     alive = np.flatnonzero(work.place >= 0)
     for a in alive:
+        W += work.q[a]
         H += work.h[a]
         G += work.g[a]
-    rg = H - s * G  # <r, g>
-    least, slot, scale = np.inf, alive[0], s
+    least, slot, scale = np.inf, alive[np.argmin(work.q[alive])], s
     for a in alive:
-        q = work.q[a]
-        # a deletion that leaves no weight leaves nothing to rescale
-        after = s * (W / (W - q)) if renormalise and W > q else s
-        lost = s - after
-        rv = lost * rg + after * (work.h[a] - s * work.g[a])
-        vv = lost * lost * G + 2.0 * lost * after * work.g[a] + (after * q) ** 2 * work.E[a, a]
-        if 2.0 * rv + vv < least:
-            least, slot, scale = 2.0 * rv + vv, a, after
+        q, AA, rA = work.q[a], work.q[a] ** 2 * work.E[a, a], work.h[a] - s * work.g[a]
+        cost, after = 2.0 * s * rA + s * s * AA, s
+        if renormalise:
+            R, r_rest = W - q, (H - work.h[a]) - s * (G - work.g[a])
+            A_rest, rest_rest = work.g[a] - AA, G - 2.0 * work.g[a] + AA
+            if q > R:  # the sums would drown in what is taken from them
+                R, r_rest, A_rest, rest_rest = _rest(work, s, a, alive)
+            lost, after = q / R, s * (W / R)
+            rv, vv = rA - lost * r_rest, AA - 2.0 * lost * A_rest + lost * lost * rest_rest
+            cost = 2.0 * s * rv + s * s * vv
+        if cost < least:  # not where nothing would be left to rescale
+            least, slot, scale = cost, a, after
     return least, slot, scale
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
+def _rest(work, s, a, alive):
+    """Weight of all but a, and its products with r, with A and with itself, term by term."""
+    R, r_rest, A_rest, rest_rest = 0.0, 0.0, 0.0, 0.0
+    for b in alive:
+        if b != a:
+            R += work.q[b]
+            r_rest += work.h[b] - s * work.g[b]
+            A_rest += work.q[a] * work.q[b] * work.E[a, b]
+            for c in alive:
+                if c != a:
+                    rest_rest += work.q[b] * work.q[c] * work.E[b, c]
+    return R, r_rest, A_rest, rest_rest
+
+
+@kernel
 def _cheapest_merge(work, s, error, size, limit):
     """Cost and components a < b of the cheapest merge, or `limit` where none costs less.
 
@@ -165,7 +188,12 @@ def _cheapest_merge(work, s, error, size, limit):
         a, i = first_least(cost, n), first_least(bound, n)
         least = min(cost[a], limit)
         if not bound[i] < least:
-            return least, a, cost_at[a]
+            if not cost[a] < limit or stands_out(pair(work, a, cost_at[a])[0]):
+                return least, a, cost_at[a]
+            work.D[a, cost_at[a]] = np.inf  # never to be merged
+            out_of_date[:] = False
+            out_of_date[a] = True
+            continue
         least = bound[i] if alone else least
         out_of_date = bound <= least
         first, second = _unknown(work.ec, work.bound, out_of_date, least)
@@ -176,7 +204,7 @@ def _cheapest_merge(work, s, error, size, limit):
         alone = False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _bound_row(work, a, s, error, size, r_with):
     """Sets the bounds of a with every b > a. The least bound and its b, the least cost that is known and its
     b."""
@@ -205,7 +233,7 @@ def _bound_row(work, a, s, error, size, r_with):
     return bound[i], b + i, cost[j], b + j
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _unknown(table, bound, rows, most):
     """Components a < b (k,) of the pairs in these rows that are unknown and whose bound is at most this."""
     n = len(rows)
@@ -218,7 +246,7 @@ def _unknown(table, bound, rows, most):
     return a[:count], b[:count]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _delete(work, k):
     change, weights = work.M[:, work.place[k] : work.place[k] + 1].copy(), np.full(1, -work.q[k])
     work.origin[work.origin == k] = -1
@@ -226,7 +254,7 @@ def _delete(work, k):
     carry(work, change, weights)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _merge(work, a, b):
     """Put the merge of a and b into a."""
     n = len(work.q)
@@ -244,11 +272,11 @@ def _merge(work, a, b):
     work.h[a] = qc * weighted(work.w, with_c)
     alive = np.flatnonzero(work.place >= 0)
     for e in alive:
-        work.E[a, e] = work.E[e, a] = with_c[work.place[e]]
+        work.E[a, e] = work.E[e, a] = known(with_c[work.place[e]])
     score_pairs(work, a, alive[alive != a])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _vacate(work, a):
     """Take component a out of g; the last merge moves into the column of one that goes."""
     n, hole = len(work.q), work.place[a]

@@ -3,13 +3,15 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from gmr_gym.distances import BLOCK, dimension, products_of_columns, products_with
+from gmr_gym.distances import BLOCK, dimension, known, products_of_columns, products_with
+from gmr_gym.kernels import kernel
+from gmr_gym.mixture import cholesky_into
 
 # the letters are those of ise.py
 
 RIDGE = 1e-6  # keeps x and y small where A and B are alike
+DROWNED = 1e-15  # a variance given the others, relative to itself, that may be rounding
 ROUNDING = 1e-14  # relative error granted to a sum of products; bounds stay on its safe side
 
 
@@ -25,7 +27,7 @@ class Work(NamedTuple):
     h: np.ndarray  # (N,) <f, q[a] M[a]>
     g: np.ndarray  # (N,) <g, q[a] M[a]>
     E: np.ndarray  # (N, N) <M[a], M[b]>
-    D: np.ndarray  # (N, N) <delta, delta> of the pair a < b, infinite once one of them is gone
+    D: np.ndarray  # (N, N) <delta, delta> of the pair a < b, infinite once one is gone or they may not merge
     x: np.ndarray  # (N, N) the multiple of A, and
     y: np.ndarray  # (N, N) that of B, which come nearest to C
     reach: np.ndarray  # (N, N) |C - x A - y B|, rounded up
@@ -35,7 +37,7 @@ class Work(NamedTuple):
     origin: np.ndarray  # (N,) component of g that each input went into, -1 once deleted
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def score_pairs(work, a, others):
     """Set D, x, y and reach of a with each of `others`; their other products become unknown."""
     q, E = work.q, work.E
@@ -51,13 +53,14 @@ def score_pairs(work, a, others):
         x, y = _projection(AA, AB, BB, AC, BC)
         apart = CC - 2.0 * (x * AC + y * BC) + x * x * AA + y * y * BB + 2.0 * x * y * AB
         i, j = min(a, b), max(a, b)
-        work.D[i, j] = max(AA + BB + CC + 2.0 * (AB - AC - BC), 0.0)
+        D = AA + BB + CC + 2.0 * (AB - AC - BC)
+        work.D[i, j] = max(D, 0.0) if D < np.inf else np.inf  # of no covariance to be told from rounding
         work.x[i, j], work.y[i, j] = (x, y) if a < b else (y, x)
         work.reach[i, j] = np.sqrt(max(apart, 0.0) + ROUNDING * (AA + BB + CC + x * x * AA + y * y * BB))
         work.ec[i, j] = work.fc[i, j] = np.nan
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _projection(AA, AB, BB, AC, BC):
     """The x and y with which x A + y B comes about nearest to C."""
     if not (AA > 0.0 and BB > 0.0):
@@ -67,7 +70,7 @@ def _projection(AA, AB, BB, AC, BC):
     return (AC / a - (AB / a) * (BC / b)) / det, (BC / b - (AB / b) * (AC / a)) / det
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _moment_match(work, a, b):
     """Packed merges (T, k) of the components a (k,) with b (k,), and their weights (eq. 9)."""
     # indices without a sign need no look at whether they count from the end, which takes half the time
@@ -93,14 +96,31 @@ def _moment_match(work, a, b):
     return c, qc
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pair(work, a, b):
     """The merge of a and b, packed (T,), and its weight."""
     c, qc = _moment_match(work, np.full(1, a), np.full(1, b))
     return c.reshape(-1), qc[0]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
+def stands_out(c):
+    """Whether the covariance of the Gaussian packed in c (T,) stands out of its rounding."""
+    d = dimension(len(c))
+    S, L, t = np.empty((d, d)), np.zeros((d, d)), 0
+    for row in range(d):
+        for col in range(row + 1):
+            S[row, col] = c[t]
+            t += 1
+    if not cholesky_into(L, S):
+        return False
+    for row in range(d):
+        if not L[row, row] ** 2 > DROWNED * S[row, row]:
+            return False
+    return True
+
+
+@kernel
 def add_products(work, table, a, b, columns, weights):
     """Add the products of C with the Gaussians packed in columns (T, L), weighted, to the table, which holds
     nan where none are counted yet, for the pairs of a (k,) with b (k,)."""
@@ -115,20 +135,20 @@ def add_products(work, table, a, b, columns, weights):
             for k in range(len(weights)):
                 with_c = products_with(columns[:, k].copy(), c, len(left))
                 for i in range(len(left)):
-                    total[i] += weights[k] * with_c[i]
+                    total[i] += weights[k] * known(with_c[i])
         for i in range(len(left)):
             so_far = table[left[i], right[i]]
             table[left[i], right[i]] = qc[i] * total[i] + (0.0 if np.isnan(so_far) else so_far)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def carry(work, change, weights):
     """Take the Gaussians packed in change (T, k), weighted, out of e in every <e, C> known."""
     a, b = _known_pairs(work)
     add_products(work, work.ec, a, b, change, -weights)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _known_pairs(work):
     """Components a < b (k,) of the pairs whose <e, C> is known."""
     alive = np.flatnonzero(work.place >= 0)
@@ -142,20 +162,20 @@ def _known_pairs(work):
     return a[:count], b[:count]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def products_with_all(work, c):
     """Products of the Gaussian packed in c (T,) with every column in use."""
     return products_with(c, work.M, len(work.q) + count_merges(work))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def count_merges(work):
     return (work.place >= len(work.q)).sum()
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def weighted(weights, products):
     total = 0.0
     for i in range(len(products)):
-        total += weights[i] * products[i]
+        total += weights[i] * known(products[i])
     return total

@@ -3,12 +3,12 @@
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
 
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import (
     Mixture,
-    check_covariance,
 )
+from gmr_gym.validation import check_covariance
 
 
 class Motion(NamedTuple):
@@ -28,6 +28,8 @@ class Look(NamedTuple):
     z: np.ndarray  # (n, k, p), or (1, k, p) where all components see the same
     R: np.ndarray  # (k, p, p), noise that goes with the detection; (0, p, p) for none
     log_stretch: np.ndarray  # (k,), log of the volume here that a unit of the sensor's own space fills
+    H: np.ndarray  # (n, p, d), or (1, p, d) where all have the same: what is expected, by the state
+    noise: np.ndarray  # (n, p, p), or (1, p, p): what of S is not H P H'
 
 
 class Sensing(Protocol):
@@ -106,7 +108,8 @@ class Sensor(NamedTuple):
     def look(self, p: Mixture, expected: np.ndarray, S: np.ndarray, z: np.ndarray) -> Look:
         """The scan z (k, p) as the components of p see it, whose gates are (expected, S)."""
         none = np.empty((0, *self.R.shape))
-        return Look(expected, S, _cross(p.P, self.H), z[None], none, np.zeros(len(z)))
+        C = _cross(p.P, self.H)
+        return Look(expected, S, C, z[None], none, np.zeros(len(z)), self.H[None], self.R[None])
 
 
 def motion(F, Q, offset=None) -> Motion:
@@ -149,7 +152,7 @@ def predict(p: Mixture, motion: Motion) -> Mixture:
     return Mixture(p.w, m, P)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def predict_all(m, P, F, Q, offset):
     n, d = m.shape
     m_out = np.empty((n, d))
@@ -176,7 +179,7 @@ def predict_all(m, P, F, Q, offset):
     return m_out, P_out
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def _cross(P, H):
     """H P[i] (n, p, d)."""
     n, (p, d) = len(P), H.shape
@@ -191,7 +194,7 @@ def _cross(P, H):
     return C
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def innovation(m, P, H, R):
     n = len(m)
     p, d = H.shape
@@ -211,27 +214,3 @@ def innovation(m, P, H, R):
                     total += C[i, r, k] * H[c, k]
                 S[i, r, c] = S[i, c, r] = total
     return z, S, C
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def posterior_into(P_out, K, W, L, P, C):
-    """The one covariance update: with S = L L' and W = L^-1 C, C = H P, P_out = P - W'W = P - K S K'
-    and the gain K = W' L^-1 (d, p). All arguments but P, C and L are written to."""
-    p, d = C.shape
-    for c in range(d):
-        for r in range(p):
-            total = C[r, c]
-            for k in range(r):
-                total -= L[r, k] * W[k, c]
-            W[r, c] = total / L[r, r]
-        for r in range(p - 1, -1, -1):
-            total = W[r, c]
-            for k in range(r + 1, p):
-                total -= L[k, r] * K[c, k]
-            K[c, r] = total / L[r, r]
-    for r in range(d):
-        for c in range(r + 1):
-            total = P[r, c]
-            for k in range(p):
-                total -= W[k, r] * W[k, c]
-            P_out[r, c] = P_out[c, r] = total

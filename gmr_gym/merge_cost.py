@@ -9,9 +9,8 @@ which is the least of wi KL(i || N) + wj KL(j || N) over all Gaussians N.
 """
 
 import numpy as np
-from numba import njit
 
-from gmr_gym.kernels import ONE, uncounted
+from gmr_gym.kernels import ONE, kernel, uncounted
 
 BLOCK = 128  # components: a block of covariances stays in the nearest cache
 
@@ -32,11 +31,11 @@ def form_costs(i, start, stop, w, means, entries, log_det, room, row):
         log_det_ij = _logarithm(row[j])
         cost = 0.5 * (wi * (log_det_ij - log_det_i) + w[j] * (log_det_ij - log_det[j]))
         cost = cost if cost > 0.0 else 0.0
-        # beyond 1e8 standard deviations apart the determinant drowns in rounding: never nearest
-        row[j] = cost if row[j] > 0.0 else np.inf
+        # beyond 1e8 standard deviations apart the determinant drowns in rounding, or overflows: never nearest
+        row[j] = cost if 0.0 < row[j] < np.inf else np.inf
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def merge_pair(i, j, w, means, entries, room):
     """Writes the moment match of i and j to place i; returns its log determinant."""
     A, share = room
@@ -50,7 +49,7 @@ def merge_pair(i, j, w, means, entries, room):
     return _logarithm(share[0])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def cost_of_all(w, m, P):
     """Cost of merging everything: the sum of the costs B of any way down to one; and the mean (d,) and
     covariance (d, d) of that one."""
@@ -85,7 +84,7 @@ def cost_of_all(w, m, P):
     return max(0.0, 0.5 * (weight * log_det[0] - apart)), mean, covariance
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def log_determinants(entries, room):
     A, _ = room
     n = entries.shape[1]
@@ -99,7 +98,7 @@ def log_determinants(entries, room):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _log_determinants(A, n, out):
     """Logarithms of `_determinants`; ValueError for a matrix that is not positive definite."""
     _determinants(A, n, out)
@@ -112,7 +111,7 @@ def _log_determinants(A, n, out):
         out[j] = _logarithm(out[j])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def by_entry(w, m, P):
     """The mixture with the component axis last, so that a loop over components is vectorised: w
     (n,), means (d, n), lower triangles of the covariances row by row (d (d + 1) / 2, n)."""

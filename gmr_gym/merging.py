@@ -16,9 +16,8 @@ is no less than half of the 8 ns of the costs themselves, and many of these are 
 """
 
 import numpy as np
-from numba import njit
 
-from gmr_gym.kernels import ZERO, uncounted
+from gmr_gym.kernels import ZERO, kernel, uncounted
 from gmr_gym.merge_cost import BLOCK, by_entry, form_costs, log_determinants, merge_pair
 
 ROUNDING = 1e-15  # of weight times log determinant: bounds stay on the safe side of it
@@ -27,7 +26,7 @@ FULL = 0.75  # of the places: where fewer are taken the gaps between them are cl
 UNKNOWN, GONE = -1, -2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def merge_greedily(w, m, P, components, budget):
     """Merges the cheapest pair while more than `components` remain or its cost is still within
     `budget`, which every merge lowers: w, m, P and origin (n,) of what is left, in the order of their
@@ -94,7 +93,7 @@ def merge_greedily(w, m, P, components, budget):
     return _by_component(n, w, means, entries, name, into)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def _bound_costs(i, j, n, w, cost, rounding, table, row):
     """Bounds on the costs of the merge of i and j with each of the first n, written to row; those of i
     become infinite in the table."""
@@ -127,7 +126,7 @@ def _below(limit, row, n, listed):
     return k
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def _price(i, listed, k, w, means, entries, log_det, near, room, row):
     """Costs of merging component i with each of the first k of those listed, written to their places
     in row."""
@@ -144,7 +143,7 @@ def _price(i, listed, k, w, means, entries, log_det, near, room, row):
         row[listed[r]] = costs[r]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _close_gaps(n, w, means, entries, log_det, table, least, nearest, name):
     """Moves the components that are left to the first places, in their order; how many they are."""
     place, at, left = np.full(n, -1), np.empty(n, np.int64), 0
@@ -191,7 +190,7 @@ def first_least(row, n):
     return 0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def _by_component(n, w, means, entries, name, into):
     """Undoes `by_entry` for the first n components; origin from the chain of merges `into`."""
     d = len(means)

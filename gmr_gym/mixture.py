@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from gmr_gym.kernels import uncounted
+from gmr_gym.kernels import kernel, uncounted
+from gmr_gym.validation import doubles, refuse_unsound, sound
 
 LOG_2PI = float(np.log(2 * np.pi))
 
@@ -26,45 +26,38 @@ class Mixture(NamedTuple):
 def mixture(w, m, P) -> Mixture:
     """Checked Mixture from array-likes w (n,), m (n, d), P (n, d, d), copied to float64.
 
-    Raises ValueError naming the argument when a shape does not fit, a number is not finite,
-    a weight is negative or a covariance is not symmetric positive definite.
+    Raises ValueError as `checked` does, and where there is no component or none weighs anything.
     """
-    w, m, P = (np.array(a, float) for a in (w, m, P))
+    w, m, P = (doubles(name, a).copy() for name, a in (("w", w), ("m", m), ("P", P)))
     if w.ndim != 1 or len(w) == 0:
         raise ValueError(f"w must have shape (n,) with n >= 1, got {w.shape}")
-    if m.ndim != 2 or len(m) != len(w):
-        raise ValueError(f"m must have shape (n, d) with n = len(w) = {len(w)}, got {m.shape}")
-    if P.shape != (*m.shape, m.shape[1]):
-        raise ValueError(f"P must have shape {(*m.shape, m.shape[1])} to fit m, got {P.shape}")
-    if not (np.isfinite(w).all() and (w >= 0).all() and w.sum() > 0):
+    p = checked(Mixture(w, m, P), "")
+    if not w.sum() > 0:
         raise ValueError("w must be finite and non-negative with a positive sum")
-    if not np.isfinite(m).all():
-        raise ValueError("m must be finite")
-    for i, covariance in enumerate(P):
-        check_covariance(f"P[{i}]", covariance)
-    return Mixture(w, m, P)
+    return p
 
 
 def gaussian(m, P) -> Mixture:
     """Mixture of one component: mean m (d,), covariance P (d, d); checked as in `mixture`."""
-    return mixture([1.0], np.asarray(m, float)[None], np.asarray(P, float)[None])
+    return mixture([1.0], [m], [P])
 
 
-def check_covariance(name: str, P: np.ndarray) -> None:
-    """Raise ValueError naming the argument unless P (d, d) is symmetric positive definite."""
-    if P.ndim != 2 or P.shape[0] != P.shape[1]:
-        raise ValueError(f"{name} must be a square matrix, got shape {P.shape}")
-    if not np.isfinite(P).all():
-        raise ValueError(f"{name} must be finite")
-    if not np.allclose(P, P.T, rtol=1e-9, atol=1e-12 * np.abs(P).max()):
-        raise ValueError(f"{name} must be symmetric, got {P.tolist()}; pass (P + P.T) / 2")
+def checked(p: Mixture, name: str = "p") -> Mixture:
+    """The mixture, of any number of components, none at all and those of weight zero included, in arrays that
+    kernels take: itself where it has such, else a copy in float64.
+
+    Raises ValueError naming the argument when something is masked or no real number, a shape does not fit,
+    a number is not finite, a weight is negative or a covariance is not symmetric positive definite.
+    """
+    at = f"{name}." if name else ""
     try:
-        np.linalg.cholesky(P)
-    except np.linalg.LinAlgError:
-        least = np.linalg.eigvalsh(P)[0]
-        raise ValueError(
-            f"{name} must be positive definite, but its least eigenvalue is {least:.3g}"
-        ) from None
+        w, m, P = p
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a Mixture (w, m, P), got {type(p).__name__}") from None
+    w, m, P = doubles(f"{at}w", w), doubles(f"{at}m", m), doubles(f"{at}P", P)
+    if not (w.ndim == 1 and m.ndim == 2 and P.ndim == 3 and sound(w, m, P)):
+        refuse_unsound(at, w, m, P)
+    return p if isinstance(p, Mixture) and w is p.w and m is p.m and P is p.P else Mixture(w, m, P)
 
 
 def normalised(p: Mixture) -> Mixture:
@@ -84,21 +77,37 @@ def joined(parts: Sequence[Mixture]) -> Mixture:
 
 def moments(p: Mixture) -> tuple[np.ndarray, np.ndarray]:
     """Mean (d,) and covariance (d, d) of the normalised mixture (D'Ortenzio, eqs. 12, 21, 22)."""
-    _, m, P = match(p.w, p.m, p.P, np.zeros(len(p.w), np.int64), 1)
-    return m[0], P[0]
+    return _moments(checked(p))
 
 
 def collapsed(p: Mixture) -> Mixture:
     """The one Gaussian with the total weight, mean and covariance of the mixture."""
-    mean, covariance = moments(p)
+    p = checked(p)
+    mean, covariance = _moments(p)
     return Mixture(np.array([p.w.sum()]), mean[None], covariance[None])
+
+
+def _moments(p):
+    if len(p.w) == 0:
+        raise ValueError("p has no component, and a mixture of none has no moments")
+    _, m, P = match(*p, np.zeros(len(p.w), np.int64), 1)
+    return m[0], P[0]
 
 
 def matched(p: Mixture, group: np.ndarray, count: int) -> Mixture:
     """Moment match of each of `count` groups: group (n,) holds the group of every component, -1 for
     none (Zhang, eqs. 4-5). Components that all weigh nothing are matched as if of equal weight.
 
-    Raises ValueError for a group beyond the count."""
+    Raises ValueError for a mixture that is not `checked`, and for a group that is not of every component or
+    beyond the count."""
+    p, group = checked(p), np.asarray(group)
+    if group.shape != p.w.shape or group.dtype.kind != "i":
+        raise ValueError(f"group must hold an integer for each of {len(p.w)} components, got {group!r}")
+    return match_groups(p, np.require(group, np.int64, "CAW"), count)
+
+
+def match_groups(p: Mixture, group: np.ndarray, count: int) -> Mixture:
+    """`matched` for a mixture made here."""
     if group.max(initial=-1) >= count:
         raise ValueError(f"group names group {group.max()}, but there are only {count}")
     return Mixture(*match(p.w, p.m, p.P, group, count))
@@ -106,10 +115,13 @@ def matched(p: Mixture, group: np.ndarray, count: int) -> Mixture:
 
 def log_density(p: Mixture, x: np.ndarray) -> np.ndarray:
     """Log of the mixture at the points x (k, d), shape (k,); the weights are not normalised."""
+    p, x = checked(p), doubles("x", x)
+    if x.ndim != 2 or x.shape[1] != p.m.shape[1]:
+        raise ValueError(f"x must have shape (k, {p.m.shape[1]}), got {x.shape}")
     return _log_density(p.w, p.m, p.P, x)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def match(w, m, P, group, count):
     n, d = m.shape
     w_out, m_out, P_out = np.zeros(count), np.zeros((count, d)), np.zeros((count, d, d))
@@ -139,7 +151,7 @@ def match(w, m, P, group, count):
     return w_out, m_out, P_out
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def rescaled(w):
     """The weights w (n,) divided by their sum."""
     whole = pairwise_sum(w)
@@ -190,7 +202,7 @@ def cholesky_into(L, S):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def root_determinants(P):
     """sqrt|P[i]| (n,) of positive definite matrices (n, d, d)."""
     n, d = P.shape[:2]
@@ -227,7 +239,7 @@ def log_gaussian_scale(L):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _log_density(w, m, P, x):
     n, d = m.shape
     terms = np.empty((len(x), n))

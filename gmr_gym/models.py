@@ -9,6 +9,8 @@ from gmr_gym.mixture import Mixture
 from gmr_gym.modes import check_switching
 from gmr_gym.radar import Radar, radar
 
+LEAST_DENSITY = float(np.finfo(float).tiny)  # of clutter; less has lost digits, or its inverse is infinite
+
 
 class Model(NamedTuple):
     """All that a tracker may know before the first scan; `model` checks one."""
@@ -25,11 +27,7 @@ class Model(NamedTuple):
     @property
     def motion(self) -> Motion:
         """The one motion; ValueError where there are several, for trackers that know no modes."""
-        if len(self.motions) > 1:
-            raise ValueError(
-                f"this tracker knows one motion and the model has {len(self.motions)}: choose one with "
-                "modes, such as imm-pda, imm-mht or mmg"
-            )
+        check_one_motion(self)
         return self.motions[0]
 
 
@@ -62,11 +60,7 @@ def model(
         raise ValueError(f"prior weights sum to {prior.w.sum():.6g}; pass normalised(prior)")
     check_probability("detection_probability", detection_probability)
     check_probability("gate_probability", gate_probability)
-    if not 0 < clutter_density < float("inf"):
-        raise ValueError(
-            f"clutter_density must be positive and finite, got {clutter_density}; where there is no "
-            "clutter pass a very small density, so that a second detection has an explanation"
-        )
+    check_density("clutter_density", clutter_density)
     if switching is None and len(motions) > 1:
         raise ValueError(f"switching must be given for {len(motions)} motions")
     return Model(
@@ -85,10 +79,29 @@ def told_by(model: Model, update: str) -> Model:
     return model._replace(sensor=radar(sensor.deviations, sensor.H.shape[1], update))
 
 
+def check_one_motion(model: Model) -> None:
+    """Raise ValueError if there are several motions, for trackers that know no modes."""
+    if len(model.motions) > 1:
+        raise ValueError(
+            f"this tracker knows one motion and the model has {len(model.motions)}: choose one with modes, "
+            "such as imm-pda, imm-mht or mmg"
+        )
+
+
 def check_probability(name: str, value: float) -> None:
     """Raise ValueError naming the argument unless value lies in (0, 1]."""
     if not 0 < value <= 1:
         raise ValueError(f"{name} must lie in (0, 1], got {value}")
+
+
+def check_density(name: str, value: float) -> None:
+    """Raise ValueError naming the argument unless value is a finite density of clutter, and no less than what
+    can be divided by."""
+    if not LEAST_DENSITY <= value < np.inf:
+        raise ValueError(
+            f"{name} must be positive and finite, {LEAST_DENSITY:.3g} or more, got {value}; where there is "
+            "no clutter pass a very small density, so that a second detection has an explanation"
+        )
 
 
 def _checked_mode_prior(mode_prior, modes: int) -> np.ndarray:

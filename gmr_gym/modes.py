@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.kalman import Motion, predict
-from gmr_gym.mixture import Mixture, joined, matched
+from gmr_gym.mixture import Mixture, joined, match_groups
 from gmr_gym.reduction import Reduced
 
 
@@ -102,7 +102,7 @@ def _grouped(posterior, group):
     used, into = np.unique(group[alive], return_inverse=True)
     origin = np.full(len(group), -1)
     origin[alive] = into
-    return matched(posterior, origin, len(used)), origin
+    return match_groups(posterior, origin, len(used)), origin
 
 
 # ---- a bank of filters in every hypothesis ----
@@ -140,14 +140,14 @@ def mixed(bank: Bank, switching: np.ndarray) -> Bank:
     r, n = bank.w.shape
     joint = switching[:, :, None] * bank.w  # mode now, mode before, hypothesis
     into = np.tile(np.arange(r * n).reshape(r, 1, n), (1, r, 1))
-    return banked(matched(_tiled(bank, joint), into.ravel(), r * n), r)
+    return banked(match_groups(_tiled(bank, joint), into.ravel(), r * n), r)
 
 
 def fused(bank: Bank) -> Mixture:
     """One Gaussian per hypothesis, its modes matched in weight, mean and covariance: the IMM's output
     (n hypotheses)."""
     r, n = bank.w.shape
-    return matched(flat(bank), np.tile(np.arange(n), r), n)
+    return match_groups(flat(bank), np.tile(np.arange(n), r), n)
 
 
 def merged(bank: Bank, origin: np.ndarray, count: int) -> Bank:
@@ -159,7 +159,7 @@ def merged(bank: Bank, origin: np.ndarray, count: int) -> Bank:
     """
     r = len(bank.w)
     group = np.where(origin < 0, -1, origin + count * np.arange(r)[:, None]).ravel()
-    return banked(matched(flat(bank), group, r * count), r)
+    return banked(match_groups(flat(bank), group, r * count), r)
 
 
 def leave_alone(bank: Bank, _: np.ndarray) -> Bank:

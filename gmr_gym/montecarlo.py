@@ -63,7 +63,7 @@ def run(
     """
     sweep = _Sweep(scenario, trackers, runs, seed, folder, progress, jobs, backend, scheduler)
     tasks, files = sweep.tasks(), sweep.files()
-    results = {task: blocks.load(file, _kind(scenario)) for task, file in files.items() if file.exists()}
+    results = dict(blocks.load_all(files, _kind(scenario)))
     if folder is not None:
         blocks.check_folder(Path(folder))
     results.update(_computed(sweep, tasks, results, files))
@@ -103,9 +103,8 @@ def run_shard(
     Path(folder).mkdir(parents=True, exist_ok=True)  # for `merge`, where this shard has nothing to do
     # not the first n-th for all: in a sweep of many small parts the first machine had the most to do
     mine = [task for task, file in files.items() if (int(file.name[:8], 16) + task[1] // BLOCK) % n == i - 1]
-    there = {task for task in mine if files[task].exists()}
-    for task in there:
-        blocks.load(files[task], _kind(scenario))  # a damaged one is found now, not after all is merged
+    # a damaged one is found now, not after all is merged
+    there = {task for task, _ in blocks.load_all({task: files[task] for task in mine}, _kind(scenario))}
     for _ in _computed(sweep, mine, there, files):
         pass
     return sum(file.exists() for file in files.values()), len(files)
@@ -203,9 +202,8 @@ def _computed(sweep: _Sweep, tasks: list, there: Container, files: Mapping) -> I
         kept = (
             f"kept in {sweep.folder}: the same again goes on from there" if files else "lost without a folder"
         )
-        raise workers.WorkersLost(
-            f"{error}; {finished} of {len(tasks)} blocks of runs are done and {kept}. Fewer jobs, or more "
-            "memory for each worker, may help"
+        raise type(error)(
+            f"{error}; {finished} of {len(tasks)} blocks of runs are done and {kept}{error.advice}"
         ) from error
 
 

@@ -7,19 +7,19 @@ A track is there or is not; if it is, it is one Gaussian. Existences are no shar
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from gmr_gym.kalman import Sensor, posterior_into, predict
+from gmr_gym.kalman import Sensor, predict
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, cholesky_into, joined, matched, take
 from gmr_gym.multitarget import Account, Clutter, Population, nothing
 from gmr_gym.phd import log_ratios, posteriors
 from gmr_gym.reduction import capping
+from gmr_gym.update import posterior_into
 
 TOLERANCE = 1e-6  # relative, of the messages of one round to those of the next
 ROUNDS = 1000  # of messages, at most
 # a track that is certain to be detected is missed with this probability: something must explain an empty gate
 LEAST_MISS = 1e-100
-CERTAIN = 600.0  # log of odds: more changes no probability, and less than e^709 is a number
 
 
 class MultiBernoulli(NamedTuple):
@@ -79,13 +79,12 @@ def update(
     miss = np.maximum(1.0 - tracks.w * detection_probability, LEAST_MISS)
     track, detection = np.nonzero(seen > -np.inf)
     log_psi = seen[track, detection] - np.log(miss[track]) - log_unowned[detection]
-    psi = np.exp(np.minimum(log_psi, CERTAIN))
-    claimed, missed, unclaimed = marginals(track, detection, psi, len(tracks.w), len(z))
+    claimed, missed, unclaimed = marginals(track, detection, log_psi, len(tracks.w), len(z))
     found = np.zeros(seen.shape)
     found[track, detection] = claimed
     absent = missed * tracks.w * (1.0 - detection_probability) / miss
     C = sensor.look(tracks, expected, S, z).C
-    old = Mixture(*absorbed(absent, found, tracks.m, tracks.P, expected, S, C, z))
+    old = Mixture(*absorbed(absent, found, tracks.m, tracks.P, expected, S, C, *sensor, z))
 
     exists = unclaimed * -np.expm1(-log_unowned)
     new = np.flatnonzero((exists >= least) & (exists > 0))
@@ -93,7 +92,7 @@ def update(
     born = unclaimed[new] * np.exp(appeared[:, new] - log_unowned[new])
     C = sensor.look(undetected, at, spread, z).C
     parts = posteriors(
-        np.zeros(len(at)), born, undetected.m, undetected.P, at, spread, C, z[new], 0.0
+        np.zeros(len(at)), born, undetected.m, undetected.P, at, spread, C, *sensor, z[new], 0.0
     )  # without a miss, these are the positive entries of `born`, row by row
     fresh = matched(Mixture(*parts[:3]), np.nonzero(born > 0)[1], len(new)) if len(new) else nothing(d)
     posterior = MultiBernoulli(
@@ -127,8 +126,8 @@ def account(belief: MultiBernoulli, clutter: Clutter, naming: float = 0.5) -> Ac
     return Account(tracks.m[surest], existence, label[surest], float(everyone.w.sum()), everyone, clutter)
 
 
-@njit(cache=True, error_model="numpy")
-def absorbed(absent, found, m, P, expected, S, C, z):
+@kernel
+def absorbed(absent, found, m, P, expected, S, C, H, R, z):
     """Each track i one Gaussian again, by its moments, after it was absent with probability absent (n,) and
     had each detection with found (n, k). With the innovations nu_j, K of S and C = H P, beta their shares:
 
@@ -139,7 +138,7 @@ def absorbed(absent, found, m, P, expected, S, C, z):
     (n, d), (k, p) = m.shape, z.shape
     w_out, m_out, P_out = np.empty(n), m.copy(), P.copy()
     L, K, W, P_hit = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty((d, d))
-    nu, spread = np.empty(p), np.empty((p, p))
+    nu, spread, L_noise = np.empty(p), np.empty((p, p)), np.zeros((p, p))
     for i in range(n):
         hit = 0.0
         nu[:], spread[:] = 0.0, 0.0
@@ -158,7 +157,7 @@ def absorbed(absent, found, m, P, expected, S, C, z):
                         off = (z[j, r] - expected[i, r] - nu[r]) * (z[j, s] - expected[i, s] - nu[s])
                         spread[r, s] += found[i, j] / w_out[i] * off
         cholesky_into(L, S[i])
-        posterior_into(P_hit, K, W, L, P[i], C[i])
+        posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H, R)
         missed = absent[i] / w_out[i]
         for r in range(p):
             for s in range(r + 1):
@@ -175,43 +174,42 @@ def absorbed(absent, found, m, P, expected, S, C, z):
     return w_out, m_out, P_out
 
 
-@njit(cache=True, error_model="numpy")
-def marginals(track, detection, psi, n, k):
+@kernel
+def marginals(track, detection, log_psi, n, k):
     """Marginal probabilities that a track has a detection (e,), a track none (n,) and a detection no track
     (k,), by loopy belief propagation (Williams and Lau 2014): exact where the e pairs
     close no loop.
 
-    psi (e,) is how much likelier than a track missed and a detection of no track is the pair of track (e,)
-    and detection (e,). No pair may occur twice."""
-    e = len(psi)
+    log_psi (e,) is the logarithm of how much likelier than a track missed and a detection of no track is the
+    pair of track (e,) and detection (e,); messages are logarithms too, for where there is hardly any clutter
+    psi is beyond floating point. No pair may occur twice."""
+    e = len(log_psi)
     by_track, first_track = _grouped(track, n)
     by_detection, first_detection = _grouped(detection, k)
-    to_track, to_detection, value = np.ones(e), np.empty(e), np.empty(e)
+    to_track, to_detection, value = np.zeros(e), np.empty(e), np.empty(e)
+    missed, unclaimed = np.zeros(n), np.zeros(k)
     for _ in range(ROUNDS):
         for a in range(e):
-            value[a] = psi[a] * to_track[a]
-        _others(to_detection, value, by_track, first_track)
+            value[a] = log_psi[a] + to_track[a]
+        _others(to_detection, missed, value, by_track, first_track)
         for a in range(e):
-            to_detection[a] = psi[a] / (1.0 + to_detection[a])
+            to_detection[a] = log_psi[a] - to_detection[a]
         change = 0.0
-        _others(value, to_detection, by_detection, first_detection)
+        _others(value, unclaimed, to_detection, by_detection, first_detection)
         for a in range(e):
-            message = 1.0 / (1.0 + value[a])
-            change = max(change, abs(message - to_track[a]) / message)
-            to_track[a] = message
+            change = max(change, abs(to_track[a] + value[a]))
+            to_track[a] = -value[a]
         if change <= TOLERANCE:
             break
-    missed, unclaimed = np.ones(n), np.ones(k)
     for a in range(e):
-        missed[track[a]] += psi[a] * to_track[a]
-        unclaimed[detection[a]] += to_detection[a]
-    claimed = np.empty(e)
+        value[a] = log_psi[a] + to_track[a]
+    _others(to_detection, missed, value, by_track, first_track)
     for a in range(e):
-        claimed[a] = psi[a] * to_track[a] / missed[track[a]]
-    return claimed, 1.0 / missed, 1.0 / unclaimed
+        value[a] = np.exp(value[a] - missed[track[a]])
+    return value, np.exp(-missed), np.exp(-unclaimed)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _grouped(group, count):
     """Members (e,) in order of their group, and where each group begins (count + 1,)."""
     first = np.zeros(count + 1, np.int64)
@@ -226,18 +224,27 @@ def _grouped(group, count):
     return member, first
 
 
-@njit(cache=True, error_model="numpy")
-def _others(out, value, member, first):
-    """Sum over all others of the same group, into out (e,)."""
+@kernel
+def _others(out, whole, value, member, first):
+    """log(1 + sum of exp) of the values of all others of the same group, into out (e,), and of all of each
+    group, into whole (groups,)."""
+    share = np.empty(len(value))
     for g in range(len(first) - 1):
-        total = 0.0
-        for b in range(first[g], first[g + 1]):
-            total += value[member[b]]
+        top, surest, second = 0.0, -1, 0.0
         for b in range(first[g], first[g + 1]):
             a = member[b]
-            out[a] = total - value[a]
-            if value[a] > 0.5 * total:  # one at most, but for rounding: the difference would lose the others
-                out[a] = 0.0
-                for c in range(first[g], first[g + 1]):
-                    if c != b:
-                        out[a] += value[member[c]]
+            if value[a] > top:
+                top, surest, second = value[a], a, top
+            else:
+                second = max(second, value[a])
+        whole[g], rest = np.exp(-top), np.exp(-second)
+        for b in range(first[g], first[g + 1]):
+            a = member[b]
+            share[a] = np.exp(value[a] - top)
+            whole[g] += share[a]
+            rest += np.exp(value[a] - second) if a != surest else 0.0
+        for b in range(first[g], first[g + 1]):
+            a = member[b]
+            # of the largest: the sum less itself would lose the others
+            out[a] = top + np.log(whole[g] - share[a]) if a != surest else second + np.log(rest)
+        whole[g] = top + np.log(whole[g])

@@ -9,8 +9,9 @@ import numpy as np
 
 from gmr_gym.association import unit_ball
 from gmr_gym.kalman import Motion, Sensor
-from gmr_gym.mixture import Mixture, check_covariance, log_density
-from gmr_gym.models import check_probability
+from gmr_gym.mixture import Mixture, checked, log_density
+from gmr_gym.models import check_density, check_probability
+from gmr_gym.validation import check_covariance
 
 
 class Clutter(NamedTuple):
@@ -27,10 +28,15 @@ class Clutter(NamedTuple):
         """Number of false detections in a scan."""
         return float(self.uniform + self.gaussians.w.sum() + self.ellipses.w.sum())
 
+    @property
+    def volume(self) -> float:
+        """Of the box, m^p."""
+        return np.prod(self.high - self.low)
+
     def density(self, z: np.ndarray) -> np.ndarray:
         """kappa(z) (k,), per unit of the detections' space, at detections z (k, p): Gaussians are not cut off
         at the box, and the uniform part is taken to go on beyond it, so that nothing has no explanation."""
-        kappa = np.full(len(z), self.uniform / np.prod(self.high - self.low))
+        kappa = np.full(len(z), self.uniform / self.volume)
         if len(self.gaussians.w):
             kappa += np.exp(log_density(self.gaussians, z))
         for w, m, P in zip(*self.ellipses, strict=True):
@@ -95,9 +101,9 @@ def population(
         raise ValueError(f"sensor.H has {sensor.H.shape[1]} columns, but the motion has {d} states")
     check_probability("detection_probability", detection_probability)
     check_probability("survival_probability", survival_probability)
+    births = checked(births, "births")
     if births.m.shape[1] != d:
         raise ValueError(f"births have {births.m.shape[1]} states, but the motion has {d}")
-    check_intensity("births", births)
     if not 0 <= spawn_weight < np.inf:
         raise ValueError(f"spawn_weight must be an expected number, got {spawn_weight}")
     spread = np.eye(d) if spawn_covariance is None else np.array(spawn_covariance, float)
@@ -109,28 +115,22 @@ def population(
         raise ValueError(
             f"clutter must be over a finite box of {len(sensor.H)} sides, got {clutter.low} to {clutter.high}"
         )
-    check_intensity("clutter.gaussians", clutter.gaussians)
-    check_intensity("clutter.ellipses", clutter.ellipses)
+    clutter = clutter._replace(
+        gaussians=checked(clutter.gaussians, "clutter.gaussians"),
+        ellipses=checked(clutter.ellipses, "clutter.ellipses"),
+    )
     if not 0 < clutter.uniform < np.inf:
         raise ValueError(
             "clutter.uniform must be positive and finite, got "
             f"{clutter.uniform}: a detection far from all else needs an explanation"
         )
+    with np.errstate(all="ignore"):
+        density = clutter.uniform / clutter.volume
+    check_density("clutter.uniform over the volume of its box", density)
     return Population(
         motion, sensor, float(detection_probability), float(survival_probability), births,
         float(spawn_weight), spread, clutter,
     )  # fmt: skip
-
-
-def check_intensity(name: str, p: Mixture) -> None:
-    """Raise ValueError naming the argument unless the weights of p are non-negative, all of it finite and its
-    covariances positive definite."""
-    if not (np.isfinite(p.w).all() and (p.w >= 0).all()):
-        raise ValueError(f"{name} must have finite non-negative weights, got {p.w.tolist()}")
-    if not np.isfinite(p.m).all():
-        raise ValueError(f"{name} must have finite means")
-    for i, covariance in enumerate(p.P):
-        check_covariance(f"{name}.P[{i}]", covariance)
 
 
 def uniform_clutter(low, high, expected: float) -> Clutter:

@@ -4,16 +4,16 @@ pass. Nothing is unpickled, and no framework is needed."""
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
-from zipfile import BadZipFile, ZipFile
-from zlib import error as BadStream
 
 import numpy as np
-from numba import njit
+
+from gmr_gym import archive
+from gmr_gym.kernels import kernel
 
 FORMAT = "gmr_gym thresholds 1"
 ACTIVATIONS = ("tanh", "relu")
 MOST_LAYERS, MOST_UNITS = 8, 4096  # a file that asks for more is none of ours
-MOST_BYTES = 2**26  # nor is one that unpacks to more
+MOST_SIGNAL = 1e300  # what a unit could sum to; of more the sum might be no number
 
 
 class Network(NamedTuple):
@@ -49,37 +49,31 @@ def save(file: Path | str, network: Network) -> None:
     layers: dict[str, Any] = {}
     for i, (W, b) in enumerate(zip(network.weights, network.biases, strict=True)):
         layers |= {f"weights_{i}": W, f"biases_{i}": b}
-    with Path(file).open("wb") as stream:
-        np.savez(
-            stream, format=FORMAT, features=network.features, parameters=network.parameters,
-            mean=network.mean, deviation=network.deviation, reach=network.reach,
-            activation=network.activation, squashed=network.squashed, **layers,
-        )  # fmt: skip
+    archive.save(Path(file), {
+        "format": FORMAT, "features": network.features, "parameters": network.parameters,
+        "mean": network.mean, "deviation": network.deviation, "reach": network.reach,
+        "activation": network.activation, "squashed": network.squashed, **layers,
+    })  # fmt: skip
 
 
 def load(file: Path | str, features: Sequence[str], parameters: Sequence[str]) -> Network:
     """The network in a file, for these features and any of these parameters. Raises ValueError naming the
     file and what is wrong with it: no such file, truncated, foreign or of another version, other features,
-    unknown parameters, shapes that do not fit, numbers of another kind or not finite."""
+    unknown parameters, shapes that do not fit, numbers of another kind or not finite, or so large that a sum
+    of them might not be."""
     file = Path(file)
     try:
-        with ZipFile(file) as packed:
-            size = sum(part.file_size for part in packed.infolist())
-        if size > MOST_BYTES:
-            raise ValueError(f"it unpacks to {size} bytes")
-        with np.load(file, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-    except (
-        OSError, ValueError, TypeError, EOFError, KeyError, BadZipFile, BadStream, MemoryError, RuntimeError,
-    ) as error:  # fmt: skip
+        arrays = archive.load(file)
+    except ValueError as error:
         raise ValueError(f"{file} is no policy that can be read: {error}") from None
+    arrays.pop(archive.DIGEST, None)  # a policy of another program's may have none
     try:
         return _checked(arrays, tuple(features), tuple(parameters))
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def forward(features, layout, numbers):
     """Actions (n, j) for features (n, k) of a `Network.packed`."""
     curved, squashed, sizes = layout[0] > 0, layout[1] > 0, layout[2:]
@@ -162,12 +156,27 @@ def _checked(
     if not (arrays["deviation"] > 0).all() or not arrays["reach"] > 0:
         raise ValueError("deviation and reach must be positive")
     numbers = {name: np.asarray(arrays[name], float) for name in shapes}
+    _check_sums(numbers, depth, activation)
     return Network(
         names, sets, numbers["mean"], numbers["deviation"], float(numbers["reach"]), activation,
         bool(squashed),
         tuple(numbers[f"weights_{i}"] for i in range(depth)),
         tuple(numbers[f"biases_{i}"] for i in range(depth)),
     )  # fmt: skip
+
+
+def _check_sums(numbers: dict[str, np.ndarray], depth: int, activation: str) -> None:
+    """Raise ValueError naming the weights of a layer in which some features could make a sum overflow."""
+    signal = np.full(len(numbers["mean"]), numbers["reach"])
+    for i in range(depth):
+        with np.errstate(over="ignore"):
+            signal = np.abs(numbers[f"biases_{i}"]) + np.abs(numbers[f"weights_{i}"]) @ signal
+        if not (signal <= MOST_SIGNAL).all():
+            raise ValueError(
+                f"weights_{i} with biases_{i} must sum to at most {MOST_SIGNAL:g} of whatever reaches them, "
+                f"but unit {signal.argmax()} could come to {signal.max():g}"
+            )
+        signal = np.ones(len(signal)) if activation == "tanh" else signal
 
 
 def _names(array: np.ndarray) -> tuple[str, ...]:

@@ -1,115 +1,35 @@
-"""Tables on a screen, progress on long work, and the files a command leaves behind."""
+"""The screen, progress on long work, and the files a command leaves behind."""
 
+import codecs
 import csv
 import json
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import contextmanager
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table as Grid
 
 from gmr_gym.crowd import ManyScenario
 from gmr_gym.crowd_runs import CrowdRuns
+from gmr_gym.crowd_summary import compared
 from gmr_gym.metrics import lost_at
 from gmr_gym.montecarlo import Runs
 from gmr_gym.simulate import Scenario
-from gmr_gym.summary import Figure, errors
-
-HEADINGS = {
-    "track_loss": "lost, %", "rmse_own": "RMSE own, m", "rmse_common": "RMSE common, m",
-    "error_capped": "capped error, m", "error_own": "error own, m", "error_common": "error common, m",
-    "velocity_rmse_own": "velocity RMSE, m/s", "anees_own": "ANEES", "nci_own": "NCI, dB",
-    "inclination_own": "inclination, dB", "components": "components",
-    "gate_area": "gate area, m² (volume, m³)",
-    "time_per_scan": "time a scan, ms", "time_worst": "longest, ms",
-    "rmse_all": "RMSE all, m", "velocity_rmse_all": "velocity RMSE all, m/s",
-    "velocity_rmse_common": "velocity RMSE common, m/s",
-    "level_rmse_own": "level RMSE own, m", "level_rmse_common": "level RMSE common, m",
-    "level_velocity_rmse_own": "level velocity RMSE own, m/s",
-    "level_velocity_rmse_common": "level velocity RMSE common, m/s", "nci_all": "NCI all, dB",
-    "nci_common": "NCI common, dB", "inclination_all": "inclination all, dB",
-    "inclination_common": "inclination common, dB",
-    **{f"{axis}_rmse_{over}": f"{axis} RMSE {over}, m" for axis in "xyz" for over in ("own", "common")},
-    "sight_bias_own": "bias along the line of sight, m", "position_anees_own": "ANEES of position",
-    "gate_volume": "gate volume, m³",
-    "ospa": "OSPA, m", "gospa": "GOSPA, m", "localisation": "localisation, m²", "missed": "missed, m²",
-    "false": "false, m²", "cardinality_bias": "named less there", "cardinality_error": "number wrong by",
-    "wasserstein": "Wasserstein, m", "density_error": "clutter wrong by",
-}  # fmt: skip
-LEFT_TO_FILES = {"rmse_common", "error_own", "inclination_own"}  # a screen is only so wide
-SCALE = {"track_loss": 100, "time_per_scan": 1e3, "time_worst": 1e3}
-
+from gmr_gym.summary import errors
+from gmr_gym.tables import plain
+from gmr_gym.writing import whole
 
 RUN_COLUMNS = (
     "tracker", "run", "lost_at_scan", "rmse_m", "error_m", "velocity_rmse_mps", "components", "gate_area_m2",
 )  # fmt: skip
 # means over scans
 CROWD_FIELDS = [field for field in CrowdRuns._fields if field not in ("seconds", "density_error")]
-CROWD_COLUMNS = ("tracker", "run", *CROWD_FIELDS)
-
-
-def grid(title: str, rows: dict[str, dict[str, Figure]]) -> Grid:
-    """A table of the main figures with their intervals, one row per tracker."""
-    metrics = [metric for metric in next(iter(rows.values())) if metric not in LEFT_TO_FILES]
-    table = _empty_grid(title, metrics)
-    for tracker, figures in rows.items():
-        table.add_row(tracker, *(_shown(metric, figures[metric]) for metric in metrics))
-    return table
-
-
-def comparison(title: str, record: dict[str, Any], metrics: Sequence[str]) -> Grid:
-    """A table of `table_record`: our figure, and under it the printed one with its verdict."""
-    table = _empty_grid(title, metrics)
-    for row in record["rows"]:
-        cells = []
-        for metric in metrics:
-            cell = row["metrics"][metric]
-            figure = Figure(*(np.nan if cell[key] is None else cell[key] for key in Figure._fields))
-            text = _shown(metric, figure)
-            if "paper" in cell:
-                text += f"\npaper {cell['paper'] * SCALE.get(metric, 1):.4g} {cell.get('verdict', '')}"
-            cells.append(text)
-        table.add_row(row["tracker"], *cells)
-    return table
-
-
-def claims_grid(records: list[dict[str, Any]]) -> Grid:
-    """What a paper says, by table and set of runs: the number, its interval and the verdict."""
-    table = _titled_grid(
-        "what the paper says", ["table", "runs", "claim", "measure", "value", "holds above", "verdict"]
-    )
-    for record in records:
-        figure = Figure(*(np.nan if record[key] is None else record[key] for key in Figure._fields))
-        table.add_row(
-            record["table"], record["runs"], record["claim"], record["measure"],
-            _shown("", figure), f"{record['threshold']:g}", record["verdict"],
-        )  # fmt: skip
-    return table
-
-
-def _empty_grid(title: str, metrics: Sequence[str]) -> Grid:
-    return _titled_grid(title, ["", *(HEADINGS.get(metric, metric) for metric in metrics)])
-
-
-def _titled_grid(title: str, headings: list[str]) -> Grid:
-    terminal = Console().is_terminal
-    style = box.SIMPLE_HEAD if terminal else box.ASCII2
-    table = Grid(title=title, title_justify="left", show_lines=terminal, box=style)
-    for heading in headings:
-        table.add_column(heading)
-    return table
-
-
-def _shown(metric: str, figure: Figure) -> str:
-    scaled = (SCALE.get(metric, 1) * number for number in figure)
-    value, low, high = (f"{number:.3g}" if abs(number) < 1000 else f"{number:.0f}" for number in scaled)
-    return value if np.isnan(figure.low) else f"{value} [{low}, {high}]"
+CROWD_COLUMNS = ("tracker", "run", *CROWD_FIELDS, "wasserstein_undefined")
 
 
 def write_runs(file: Path, scenario: Any, results: dict[str, Any]) -> None:
@@ -135,13 +55,15 @@ def _run_figures(scenario: Scenario, runs: Runs) -> list[list]:
 
 
 def _crowd_run_figures(scenario: ManyScenario, runs: CrowdRuns) -> list[list]:
-    return [getattr(runs, field).mean(axis=1).tolist() for field in CROWD_FIELDS]
+    """Means over scans, of the Wasserstein distance over those at which it is defined."""
+    undefined = np.isnan(runs.wasserstein).mean(axis=1)
+    means = runs._replace(wasserstein=compared(runs.wasserstein)[:, None])
+    return [*(getattr(means, field).mean(axis=1).tolist() for field in CROWD_FIELDS), undefined.tolist()]
 
 
 def write_rows(file: Path, header: Sequence[str], rows: Iterable[Sequence]) -> None:
     """A CSV file; floats keep all their digits."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with file.open("w", newline="") as stream:
+    with whole(file) as partial, partial.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)
@@ -149,8 +71,8 @@ def write_rows(file: Path, header: Sequence[str], rows: Iterable[Sequence]) -> N
 
 def write_json(file: Path, record: dict[str, Any]) -> None:
     """Plain data as JSON."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps(record, indent=1) + "\n")
+    with whole(file) as partial:
+        partial.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 def write_csv(file: Path, record: dict[str, Any]) -> None:
@@ -165,8 +87,26 @@ def write_csv(file: Path, record: dict[str, Any]) -> None:
     write_rows(file, ("table", "tracker", "metric", *keys), rows)
 
 
+def spell_out(*streams: Any) -> None:
+    """Has the streams show in plain letters what their encoding lacks, where they would raise."""
+    for stream in streams:
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors=SPELLED)
+
+
+def _spelled(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return plain(error.object[error.start : error.end]), error.end
+
+
+SPELLED = "gmr_gym.spelled"
+codecs.register_error(SPELLED, _spelled)
+
+
 def console() -> Console:
     """Wide and plain where the output is no terminal."""
+    spell_out(sys.stdout)
     screen = Console()
     return screen if screen.is_terminal else Console(width=240)
 

@@ -9,14 +9,15 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from gmr_gym.kalman import Sensor, posterior_into, predict
-from gmr_gym.mixture import Mixture, cholesky_into, joined, log_gaussian_scale, mahalanobis_squared, matched
+from gmr_gym.kalman import Sensor, predict
+from gmr_gym.kernels import kernel
+from gmr_gym.mixture import Mixture, checked, cholesky_into, joined, log_gaussian_scale, mahalanobis_squared
 from gmr_gym.multitarget import Account, Clutter, Population, nothing
 from gmr_gym.reducers import reducer
-from gmr_gym.reduction import Reduced, capping, check_reduced
+from gmr_gym.reduction import Reduced, at_least_one, capping, check_reduced, grouped, through
 from gmr_gym.tracker import check_limits
+from gmr_gym.update import posterior_into
 
 # a pair of component and detection that would weigh less, were there clutter alone beside it, is beyond
 # the gate: all such pairs together are the rounding error of 1
@@ -68,7 +69,7 @@ def update(
     expected, S = sensor.gates(p)
     C = sensor.look(p, expected, S, z).C
     w, m, P, parent, false = _updated(
-        *p, expected, S, C, z, np.log(kappa), detection_probability, prune_weight
+        *p, expected, S, C, *sensor, z, np.log(kappa), detection_probability, prune_weight
     )
     return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent]), false
 
@@ -79,9 +80,10 @@ def vo_ma(p: Mixture, components: int, distance: float = 4.0) -> Reduced:
     (Vo and Ma 2006, Table II). Raises ValueError for a negative distance."""
     if not distance >= 0:
         raise ValueError(f"distance must be a squared distance, got {distance}")
+    p, components = checked(p), at_least_one(components)
     group, count = _near(*p, distance)
-    capped, place = capping(matched(p, group, count), components)
-    return capped, np.where(group < 0, -1, place[group])
+    capped, place = capping(grouped(p, group, count), components)
+    return capped, through(group, place)
 
 
 def reduction_named(name: str, components: int, merging: float) -> Callable[[Mixture], Reduced]:
@@ -140,8 +142,8 @@ def check_filter(
     check_reduced(reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
 
 
-@njit(cache=True, error_model="numpy")
-def _updated(w, m, P, expected, S, C, z, log_kappa, detection_probability, least):
+@kernel
+def _updated(w, m, P, expected, S, C, H, R, z, log_kappa, detection_probability, least):
     table = log_ratios(w, expected, S, z, log_kappa, detection_probability)
     n, k = table.shape
     top = np.zeros(k)  # the logarithm of clutter over itself
@@ -160,11 +162,11 @@ def _updated(w, m, P, expected, S, C, z, log_kappa, detection_probability, least
     for i in range(n):
         for j in range(k):
             table[i, j] /= total[j]
-    found = posteriors((1.0 - detection_probability) * w, table, m, P, expected, S, C, z, least)
+    found = posteriors((1.0 - detection_probability) * w, table, m, P, expected, S, C, H, R, z, least)
     return *found, false / total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def log_ratios(w, expected, S, z, log_kappa, detection_probability):
     """log of w P_D N(z; H m, S) / kappa(z) (n, k), minus infinity where that is negligible."""
     n, (k, p) = len(w), z.shape
@@ -188,8 +190,8 @@ def log_ratios(w, expected, S, z, log_kappa, detection_probability):
     return out
 
 
-@njit(cache=True, error_model="numpy")
-def posteriors(missed, found, m, P, expected, S, C, z, least):
+@kernel
+def posteriors(missed, found, m, P, expected, S, C, H, R, z, least):
     """The components that weigh anything, and at least `least`, of those of weights missed (n,), as they
     are, and found (n, k), each conditioned on its detection; then the parent of each."""
     n, d = m.shape
@@ -202,6 +204,7 @@ def posteriors(missed, found, m, P, expected, S, C, z, least):
     w_out, m_out, P_out = np.empty(count), np.empty((count, d)), np.empty((count, d, d))
     parent = np.empty(count, np.int64)
     L, K, W, P_hit = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty((d, d))
+    L_noise = np.zeros((p, p))
     at = 0
     for i in range(n):
         conditioned = False
@@ -211,7 +214,7 @@ def posteriors(missed, found, m, P, expected, S, C, z, least):
                 continue
             if j >= 0 and not conditioned:
                 cholesky_into(L, S[i])
-                posterior_into(P_hit, K, W, L, P[i], C[i])
+                posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H, R)
                 conditioned = True
             w_out[at], parent[at] = weight, i
             for r in range(d):
@@ -225,7 +228,7 @@ def posteriors(missed, found, m, P, expected, S, C, z, least):
     return w_out, m_out, P_out, parent
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _near(w, m, P, distance):
     """Groups (n,) of `vo_ma`, numbered from that of the heaviest, -1 for a weight of zero; their number."""
     n, d = m.shape

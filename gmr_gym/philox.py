@@ -9,9 +9,8 @@ thirty-two so that products fit; the compiler makes loops of it that fill eight 
 import math
 
 import numpy as np
-from numba import njit
 
-from gmr_gym.kernels import uncounted
+from gmr_gym.kernels import kernel, uncounted
 
 ROUNDS = 10
 MULTIPLIERS = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
@@ -23,7 +22,7 @@ FEW = 10.0  # a Poisson rate below which multiplying uniforms is faster, and abo
 
 
 # inlined as source: a loop with a call in it would not be turned into vectors
-@njit(inline="always")
+@kernel(inline="always")
 def block(c0, c1, c2, c3, k0, k1):
     """The four words of a counter of four under a key of two, all of them as uint64 below 2**32."""
     for _ in range(ROUNDS):
@@ -33,7 +32,7 @@ def block(c0, c1, c2, c3, k0, k1):
     return c0, c1, c2, c3
 
 
-@njit(inline="always")
+@kernel(inline="always")
 def uniform(a, b):
     """Two words as a number in [0, 1), a multiple of 2**-53."""
     return np.float64(np.int64(((a << HALF) | b) >> np.uint64(11))) * 2.0**-53
@@ -84,7 +83,7 @@ def points_into(z, n, low, high, centre, key, stream, at, words):
                 flat[p * i + c + 1] = start + side * uniform(np.uint64(w2[i]), np.uint64(w3[i]))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def words_for(n):
     """Room for the words of n points, for `points_into` to write to: many scans share it."""
     return np.empty((4, n + LANES), np.uint32)

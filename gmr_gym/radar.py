@@ -16,6 +16,7 @@ import numpy as np
 from gmr_gym import spherical as kernels
 from gmr_gym.kalman import Look
 from gmr_gym.mixture import Mixture
+from gmr_gym.points import present
 
 CONVERSIONS = ("raw", "debiased", "unbiased", "modified-unbiased", "decorrelated", "debiased-at-prediction")
 UPDATES = (*CONVERSIONS, "extended", "unscented", "cubature")
@@ -97,12 +98,14 @@ class Converted(NamedTuple):
 def spherical(x: np.ndarray) -> np.ndarray:
     """Range, azimuth and elevation (..., 3) of positions (..., 3); azimuth in (-pi, pi]. The radar's own
     position, which has no direction, is at 0, 0, 0."""
-    return kernels.spherical_of(np.ascontiguousarray(x, float).reshape(-1, 3)).reshape(np.shape(x))
+    x = np.ascontiguousarray(present(x), float)
+    return kernels.spherical_of(x.reshape(-1, 3)).reshape(x.shape)
 
 
 def cartesian(z: np.ndarray) -> np.ndarray:
     """Positions (..., 3) of detections (..., 3) (Li, eq. 2)."""
-    return kernels.cartesian_of(np.ascontiguousarray(z, float).reshape(-1, 3)).reshape(np.shape(z))
+    z = np.ascontiguousarray(present(z), float)
+    return kernels.cartesian_of(z.reshape(-1, 3)).reshape(z.shape)
 
 
 def check_deviations(deviations) -> np.ndarray:
@@ -124,8 +127,8 @@ def check_deviations(deviations) -> np.ndarray:
 
 def check_detections(z, name: str = "z") -> np.ndarray:
     """The detections (k, 3) as floats; ValueError naming the row whose range is not positive or whose
-    elevation lies beyond a right angle."""
-    z = np.ascontiguousarray(z, float)
+    elevation lies beyond a right angle. A row of which anything is masked is absent."""
+    z = np.ascontiguousarray(present(z), float)
     if z.ndim != 2 or z.shape[1] != 3:
         raise ValueError(f"{name} must have shape (k, 3): range, azimuth, elevation; got {z.shape}")
     row = kernels.first_wrong(z)

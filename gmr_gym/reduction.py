@@ -3,21 +3,27 @@
 Every reducer takes a Mixture and returns (Mixture, origin): origin (n,) is the output index that
 each input component flowed into, -1 where it was dropped. Merging keeps the total weight, mean and
 covariance; pruning and capping lower the weight and leave rescaling to `normalised`. A component
-of weight zero is always dropped.
+of weight zero is always dropped, and nothing stays nothing. Raises ValueError for a mixture that
+is not `checked`.
 """
 
 from dataclasses import dataclass
 from numbers import Real
 
 import numpy as np
-from numba import njit
 
+from gmr_gym.kernels import kernel
 from gmr_gym.merge_cost import cost_of_all
 from gmr_gym.merging import merge_greedily
-from gmr_gym.mixture import Mixture, matched, moments, root_determinants
+from gmr_gym.mixture import Mixture, checked, match_groups, moments, root_determinants
+from gmr_gym.validation import sound
 
 Reduced = tuple[Mixture, np.ndarray]
 ANY = 2**62  # components: more than there ever are
+TOO_FAR = (
+    "components lie too far apart: over more than some 1e8 standard deviations, the covariance of their "
+    "merge is lost in rounding"
+)
 
 
 def runnalls(p: Mixture, components: int) -> Reduced:
@@ -45,7 +51,7 @@ class Greedy:
     loss_bound: float = -1.0  # alpha; negative for Runnalls, who stops at `components`
 
     def __call__(self, p: Mixture) -> Reduced:
-        *merged, origin = merge_by_cost(*p, self.components, self.loss_bound)
+        *merged, origin = merge_by_cost(*checked(p), self.components, self.loss_bound)
         return Mixture(*merged), origin
 
 
@@ -58,37 +64,55 @@ def greedy(components: int | None, loss_bound: float) -> Greedy:
 
 def capping(p: Mixture, components: int) -> Reduced:
     """The `components` heaviest, the earlier first among equals (D'Ortenzio, section 3.3)."""
-    return _kept(p, among_heaviest(p.w, at_least_one(components)) & (p.w > 0))
+    p, components = checked(p), at_least_one(components)
+    return _kept(p, among_heaviest(p.w, components) & (p.w > 0))
 
 
 def prune(p: Mixture, weight: float) -> Reduced:
     """Drops what weighs less than `weight` (gamma; D'Ortenzio, section 3.4), never the heaviest."""
-    return _heavier(p, p.w, weight)
+    p = checked(p)
+    return _kept(p, heavier(p.w, p.w, weight))
 
 
 def prune_density(p: Mixture, density: float) -> Reduced:
     """Drops what has w / sqrt|P| below `density` (gamma~, in units of 1 / sqrt|P|: s^2/m^4 for a
     planar position and velocity), never the heaviest (D'Ortenzio, eq. 16)."""
-    return _heavier(p, p.w / root_determinants(p.P), density)
+    p = checked(p)
+    return _kept(p, heavier(p.w, p.w / root_determinants(p.P), density))
 
 
 def heaviest(p: Mixture, weight: float, most: int) -> Reduced:
     """What weighs at least `weight`, and of that no more than the `most` heaviest: `prune` and
     `capping` in one, for the hypotheses that are to enter a reduction."""
+    return entering(checked(p), weight, most)
+
+
+def entering(p: Mixture, weight: float, most: int) -> Reduced:
+    """`heaviest` for a mixture made here."""
     return _kept(p, among_heaviest(p.w, most) & heavier(p.w, p.w, weight))
 
 
 def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
     """Joining: merges the pair with the least d^2 = wi wj / (wi + wj) (mi - mj)' P^-1 (mi - mj), P
     the covariance of the whole mixture, while more than `components` remain or d^2 is below
-    `distance` (Salmond 1990, section 4.1)."""
-    return _merged(p, _joining(p.w / p.w.sum(), whitened(p), at_least_one(components), distance))
+    `distance` (Salmond 1990, section 4.1). Raises ValueError for a negative distance."""
+    components = at_least_one(components)
+    if not distance >= 0:
+        raise ValueError(f"distance must be a squared distance, got {distance}")
+    q, place = weighing(p)
+    if len(q.w) <= (components if distance == 0 else 1):
+        return q, place
+    return _merged(q, place, _joining(q.w / q.w.sum(), whitened(q), components, distance))
 
 
 def west(p: Mixture, components: int) -> Reduced:
     """Merges the lightest component with its nearest neighbour, distances measured by the
     covariance of the whole mixture, until `components` remain (West 1993, section 3)."""
-    return _merged(p, _lightest_first(p.w, whitened(p), at_least_one(components)))
+    components = at_least_one(components)
+    q, place = weighing(p)
+    if len(q.w) <= components:
+        return q, place
+    return _merged(q, place, _lightest_first(at_unit(q.w), whitened(q), components))
 
 
 def total_merge_cost(p: Mixture) -> float:
@@ -97,7 +121,8 @@ def total_merge_cost(p: Mixture) -> float:
     Departs: D'Ortenzio, eq. 14 divides by the total weight; kept undivided it is the sum of the
     costs B of any way of merging down to one, whatever the weights sum to.
     """
-    return float(cost_of_all(*p)[0])
+    q, _ = weighing(p)
+    return float(cost_of_all(*q)[0]) if len(q.w) else 0.0
 
 
 def check_reduced(reduced, n: int) -> None:
@@ -114,7 +139,11 @@ def check_reduced(reduced, n: int) -> None:
 def whitened(p: Mixture) -> np.ndarray:
     """Means (n, d) in coordinates where the whole mixture has unit covariance."""
     mean, P = moments(p)
-    return np.linalg.solve(np.linalg.cholesky(P), (p.m - mean).T).T.copy()
+    try:
+        L = np.linalg.cholesky(P)
+    except np.linalg.LinAlgError:
+        raise ValueError(TOO_FAR) from None
+    return np.linalg.solve(L, (p.m - mean).T).T.copy()
 
 
 def at_least_one(count: int, name: str = "components") -> int:
@@ -127,8 +156,32 @@ def at_least_one(count: int, name: str = "components") -> int:
     return int(count)
 
 
-def _heavier(p: Mixture, measure: np.ndarray, threshold: float) -> Reduced:
-    return _kept(p, heavier(p.w, measure, threshold))
+def weighing(p: Mixture) -> Reduced:
+    """The checked mixture without what weighs nothing: itself, where all of it weighs something."""
+    p = checked(p)
+    kept = p.w > 0
+    return (p, np.arange(len(kept))) if kept.all() else _kept(p, kept)
+
+
+def at_unit(w: np.ndarray) -> np.ndarray:
+    """The weights w (n,) times the power of two, which rounds nothing, that brings the largest just below 1:
+    products of tiny ones do not underflow."""
+    return np.ldexp(w, -np.frexp(w.max())[1])
+
+
+def grouped(p: Mixture, group: np.ndarray, count: int) -> Mixture:
+    """Moment match of each of `count` groups of a checked mixture; none of them empty.
+
+    Raises ValueError where the covariance of one has drowned in the distance between its members."""
+    q = match_groups(p, group, count)
+    if not sound(*q):
+        raise ValueError(TOO_FAR)
+    return q
+
+
+def through(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Origin (n,) of a reduction of what another has left."""
+    return np.append(second, -1)[first]
 
 
 def _kept(p: Mixture, kept: np.ndarray) -> Reduced:
@@ -136,23 +189,23 @@ def _kept(p: Mixture, kept: np.ndarray) -> Reduced:
     return Mixture(*selected), origin
 
 
-def _merged(p: Mixture, group: np.ndarray) -> Reduced:
-    """Moment match of each group of components: group (n,) holds the index of a member, or -1."""
-    used = np.unique(group[group >= 0])
-    origin = np.where(group < 0, -1, np.searchsorted(used, group))
-    return matched(p, origin, len(used)), origin
+def _merged(p: Mixture, place: np.ndarray, group: np.ndarray) -> Reduced:
+    """Moment match of each group of components: group (n,) holds the index of a member. The origin is of the
+    mixture that p is left of by place."""
+    used, origin = np.unique(group, return_inverse=True)
+    return grouped(p, origin, len(used)), through(place, origin)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def merge_by_cost(w, m, P, components, loss_bound):
     """`adaptive`, or `runnalls` for a negative bound: w, m, P and origin (n,) of what is left."""
+    w, m, P, alive = selected_by(w, m, P, heavier(w, w, 0.0))
+    if len(w) <= 1 or (loss_bound < 0.0 and len(w) <= components):
+        return w, m, P, alive
     # at a bound of 1 the rounding of the sum must not spare the last merge
     budget = np.inf if loss_bound == 1.0 else -1.0
     if 0.0 <= loss_bound < 1.0:
         budget = loss_bound * cost_of_all(w, m, P)[0]
-    w, m, P, alive = selected_by(w, m, P, heavier(w, w, 0.0))
-    if len(w) == 1 or (loss_bound < 0.0 and len(w) <= components):
-        return w, m, P, alive
     w, m, P, origin = merge_greedily(w, m, P, components, budget)
     for i in range(len(alive)):
         if alive[i] >= 0:
@@ -160,20 +213,22 @@ def merge_by_cost(w, m, P, components, loss_bound):
     return w, m, P, alive
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def heavier(w, measure, threshold):
-    """Which components (n,) have a weight and a measure of at least the threshold: the heaviest if none."""
+    """Which components (n,) have a weight and a measure of at least the threshold: the heaviest if none,
+    should it weigh anything."""
     n, found, first = len(w), False, 0
     kept = np.zeros(n, np.bool_)
     for i in range(n):
         kept[i] = measure[i] >= threshold and w[i] > 0.0
         found |= kept[i]
         first = i if w[i] > w[first] else first
-    kept[first] |= not found
+    if not found and n > 0:
+        kept[first] = w[first] > 0.0
     return kept
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def among_heaviest(w, most):
     """Which components (n,) are the `most` heaviest, the earlier first among equals."""
     n = len(w)
@@ -207,7 +262,7 @@ def among_heaviest(w, most):
     return kept
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def selected_by(w, m, P, kept):
     """Components that are kept, and the place (n,) of each, -1 where it is not."""
     n, d = m.shape
@@ -228,14 +283,13 @@ def selected_by(w, m, P, kept):
     return w_out, m_out, P_out, origin
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _joining(w, y, components, distance):
     """Groups (n,) of Salmond's joining from the weights and whitened means y (n, d)."""
     n, d = y.shape
-    w, y, group = w.copy(), y.copy(), np.where(w > 0, np.arange(n), -1)
-    alive = np.nonzero(w > 0)[0]
+    w, y, group, alive = w.copy(), y.copy(), np.arange(n), np.arange(n)
     while len(alive) > 1:
-        best, first, second = np.inf, 0, 0
+        best, first, second = np.inf, alive[0], alive[1]
         for a in range(1, len(alive)):
             for b in range(a):
                 i, j = alive[a], alive[b]
@@ -252,14 +306,13 @@ def _joining(w, y, components, distance):
     return group
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _lightest_first(w, y, components):
     """Groups (n,) of West's merging from the weights and whitened means y (n, d)."""
-    w, y, group = w.copy(), y.copy(), np.where(w > 0, np.arange(len(w)), -1)
-    alive = np.nonzero(w > 0)[0]
+    w, y, group, alive = w.copy(), y.copy(), np.arange(len(w)), np.arange(len(w))
     while len(alive) > components:
         lightest = alive[w[alive].argmin()]
-        best, nearest = np.inf, lightest
+        best, nearest = np.inf, alive[0] if alive[0] != lightest else alive[1]
         for i in alive:
             d2 = ((y[i] - y[lightest]) ** 2).sum()
             if i != lightest and d2 < best:
@@ -269,7 +322,7 @@ def _lightest_first(w, y, components):
     return group
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _join(i, j, w, y, group):
     y[i] = (w[i] * y[i] + w[j] * y[j]) / (w[i] + w[j])
     w[i] += w[j]

@@ -4,9 +4,8 @@ detection among it."""
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from gmr_gym.kernels import ZERO, uncounted
+from gmr_gym.kernels import ZERO, kernel, uncounted
 from gmr_gym.mixture import cholesky_into
 from gmr_gym.philox import normals_into, pair, points_into, poisson, words_for
 
@@ -27,7 +26,7 @@ class View(NamedTuple):
     region_high: np.ndarray  # (2,), m
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def hear_all(heard, key, R):
     """Adds to what a sensor would say of T scans (T, p) the noise of covariance R (p, p) that goes with the
     key (2,). Returns for every scan two numbers (T,) in [0, 1): the target is detected if the first is below
@@ -51,7 +50,7 @@ def hear(heard, key, t, L, normal):
     return pair(key, DETECTION, ZERO, at)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def factor(R):
     """Lower factor L (p, p) of the covariance R = L L'."""
     L = np.zeros_like(R)
@@ -59,7 +58,7 @@ def factor(R):
     return L
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def scan_into(z, view, key, t, centre, target, detected, slot):
     """Scan t of the episode that has the key (2,), by a linear sensor whose View is placed at centre (p,),
     zeros where it stands fast: its k detections, one a row of z (capacity, p), among them that of the target
@@ -88,7 +87,7 @@ def scan_by(z, view, key, t, centre, target, detected, slot, words):
     return insert_into(z, k, place, target)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(nogil=True)
 def scans_into(first, last, R, z, *given):
     """One scan of each of the episodes from `first` to before `last` of n, by a sensor of noise R (p, p), to
     z (n, capacity, p). What is given is the rest of what `_scans_into` takes."""
@@ -173,7 +172,7 @@ def clutter_into(z, view, key, t, centre, words):
 
 
 # said, or it would be compiled as its callers are
-@njit(cache=True, error_model="numpy", _nrt=True)  # type: ignore[call-overload]
+@kernel(_nrt=True)
 def ground_into(z, view, key, t, centre, slot):
     """What a window at centre (2,) shows of the clutter of scan t that stands fast on a region's ground, one
     point a row of z (capacity, 2); returns how many, always less than the rows, and how many of them rank
@@ -211,7 +210,7 @@ def ground_into(z, view, key, t, centre, slot):
     return k, place
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _sort(z, ranks, k):
     """Puts the first k rows of z (capacity, 2) in the order of their ranks (Shell 1959)."""
     gap = k

@@ -1,8 +1,8 @@
 """Keys of many episodes at once: NumPy's SeedSequence, compiled."""
 
 import numpy as np
-from numba import njit
 
+from gmr_gym.kernels import kernel
 from gmr_gym.philox import HALF, WORD
 
 POOL = 4  # words of 32 bits
@@ -13,7 +13,7 @@ LEFT, RIGHT = np.uint64(0xCA01F9DD), np.uint64(0x4973F715)
 FOLD, OVER = np.uint64(16), WORD + np.uint64(1)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def keys_of(seeds):
     """What `simulate.key_of` says of each of the seeds (n,), int64 and not negative: keys (n, 2)."""
     pool, keys = np.zeros(POOL, np.uint64), np.empty((len(seeds), 2), np.uint32)
@@ -36,7 +36,7 @@ def keys_of(seeds):
     return keys
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _hashed(word, factor, multiplier):
     """The word hashed by a factor, and the next factor."""
     following = (factor * multiplier) & WORD

@@ -12,8 +12,8 @@ import joblib
 PACKAGE = "gmr_gym"
 # of the package's source, what only looks at runs and has no part in them
 LOOKERS = (
-    "cli.py", "commands.py", "crowd_summary.py", "curves.py", "output.py", "summary.py", "sweeps.py",
-    "watch.py", "reproduce", "envs",
+    "cli.py", "commands.py", "crowd_summary.py", "curves.py", "output.py", "records.py", "summary.py",
+    "sweeps.py", "tables.py", "watch.py", "reproduce", "envs",
 )  # fmt: skip
 
 

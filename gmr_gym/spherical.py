@@ -4,15 +4,15 @@ Arrays are of float64; nothing is checked here. `radar` says what is what, and c
 """
 
 import numpy as np
-from numba import njit
 
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import cholesky_into
 
 RAW, DEBIASED, UNBIASED, MODIFIED_UNBIASED, DECORRELATED, DEBIASED_AT = range(6)
 EXTENDED, UNSCENTED, CUBATURE = range(6, 9)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def first_wrong(z):
     """The first row (k, 3) that no radar would say, -1 for none: range, elevation or what is not finite."""
     for i in range(len(z)):
@@ -21,7 +21,7 @@ def first_wrong(z):
     return -1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def spherical_of(x):
     """(n, 3) of positions (n, >= 3)."""
     out = np.empty((len(x), 3))
@@ -33,7 +33,7 @@ def spherical_of(x):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def cartesian_of(z):
     """Positions (k, 3) (Li, eq. 2)."""
     out = np.empty((len(z), 3))
@@ -46,12 +46,12 @@ def cartesian_of(z):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wrapped_angle(angle):
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def settled_of(z):
     """Points (k, 3) with azimuths wrapped, and which of them have a range and an elevation (k,)."""
     out, possible = z.copy(), np.empty(len(z), np.bool_)
@@ -61,7 +61,7 @@ def settled_of(z):
     return out, possible
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def log_stretch_of(z):
     """log(r^2 cos t) (k,): the volume in space that a unit of range, azimuth and elevation fills."""
     least = 1e-300
@@ -71,13 +71,13 @@ def log_stretch_of(z):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def density_of(density, at):
     """Density per m^3 at positions (n, 3) of what has a density per m rad^2."""
     return density * np.exp(-log_stretch_of(spherical_of(at)))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def jacobian_of(z):
     """Derivatives (k, 3, 3) of position by range, azimuth and elevation (Li, eqs. 3-5)."""
     J = np.empty((len(z), 3, 3))
@@ -90,7 +90,7 @@ def jacobian_of(z):
     return J
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def inverse_jacobian_of(z):
     """Derivatives (k, 3, 3) of range, azimuth and elevation by position."""
     J = np.empty((len(z), 3, 3))
@@ -104,14 +104,14 @@ def inverse_jacobian_of(z):
     return J
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def shrinking_of(deviations):
     """What averaging over both angles leaves of each coordinate (3,)."""
     lb, lt = np.exp(-(deviations[1] ** 2) / 2), np.exp(-(deviations[2] ** 2) / 2)
     return np.array([lb * lt, lb * lt, lt])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def scatter_of(z, noise, spread):
     """Covariance (k, 3, 3) of positions whose range, azimuth and elevation scatter with deviations `noise`
     about a middle, averaged over middles of mean z (k, 3) and deviations `spread`, (k, 3), or (1, 3) for all.
@@ -138,19 +138,19 @@ def scatter_of(z, noise, spread):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _product(V, N, Vt, Nt, Vb, Nb):
     """(V + N) (Vt + Nt) (Vb + Nb) - N Nt Nb."""
     return V * (Vt + Nt) * (Vb + Nb) + N * Vt * (Vb + Nb) + N * Nt * Vb
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _averages(noise, spread):
     """What averaging leaves of a squared mean, of twice the angle, and what is lost of either."""
     return np.exp(-(noise**2)), -np.expm1(-(noise**2)), np.exp(-2 * spread**2), -np.expm1(-2 * spread**2)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _angle(c, s, averages):
     """Covariance and product of means of cosine and cosine, sine and sine, cosine and sine of an angle whose
     own are c and s."""
@@ -166,7 +166,7 @@ def _angle(c, s, averages):
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def raw_of(z, noise):
     A = jacobian_of(z) * noise
     R = np.zeros((len(z), 3, 3))
@@ -178,13 +178,13 @@ def raw_of(z, noise):
     return cartesian_of(z), R
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def debiased_of(z, noise):
     D, x = shrinking_of(noise), cartesian_of(z)
     return x - D * (D - 1) * x, scatter_of(z, noise, noise.reshape(1, 3))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def unbiased_of(z, noise):
     D, x = shrinking_of(noise), cartesian_of(z)
     R = scatter_of(z, noise, np.zeros((1, 3)))
@@ -194,18 +194,18 @@ def unbiased_of(z, noise):
     return x / D, R
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def modified_unbiased_of(z, noise):
     return shrinking_of(noise) * cartesian_of(z), scatter_of(z, noise, np.zeros((1, 3)))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def decorrelated_of(z, noise, at, spread):
     D = shrinking_of(noise)
     return cartesian_of(z) / D, scatter_of(at, noise, spread) / (D.reshape(3, 1) * D)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def debiased_at_of(z, noise, at, spread):
     x, middle, D = cartesian_of(z), cartesian_of(at), shrinking_of(noise)
     out = np.empty((len(at), len(z), 3))
@@ -214,14 +214,14 @@ def debiased_at_of(z, noise, at, spread):
     return out, scatter_of(at, noise, spread)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def gates_of(m, P, noise):
     """Predicted positions (n, 3) and the covariances (n, 3, 3) of converted detections about them."""
     at = np.ascontiguousarray(m[:, :3])
     return at, P[:, :3, :3] + scatter_of(spherical_of(at), noise, np.zeros((1, 3)))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def look_of(update, m, P, z, noise):
     """What a `Look` holds, of the scan z (k, 3) by Gaussians of means m (n, d) and covariances P (n, d, d),
     by the update of that place in `radar.UPDATES`."""
@@ -234,16 +234,21 @@ def look_of(update, m, P, z, noise):
         raise ValueError("a predicted position is that of the radar itself, where there is no direction")
     if update >= EXTENDED:
         expected = place
-        C, S = _linearised(expected, C) if update == EXTENDED else _by_points(expected, m, P, C, update)
+        if update == EXTENDED:
+            C, S, H = _linearised(expected, C)
+            own = np.zeros((n, 3, 3))
+        else:
+            C, S, H, own = _by_points(expected, m, P, C, update)
         points = np.empty((n, k, 3))
         for i in range(n):
             for r in range(3):
                 S[i, r, r] += noise[r] ** 2
+                own[i, r, r] += noise[r] ** 2
             points[i] = z
             for j in range(k):
                 points[i, j, 1] = expected[i, 1] + wrapped_angle(z[j, 1] - expected[i, 1])
-        return expected, S, C, points, R, np.zeros(k)
-    S, D, scale = P_at, shrinking_of(noise), np.ones(3)
+        return expected, S, C, points, R, np.zeros(k), H, own
+    S, D, scale, own = P_at, shrinking_of(noise), np.ones(3), np.zeros((1, 3, 3))
     if update == RAW:
         points[0], R = raw_of(z, noise)
     elif update == DEBIASED:
@@ -258,16 +263,17 @@ def look_of(update, m, P, z, noise):
     else:
         spread = _spread_of(place, P_at)
         if update == DECORRELATED:
-            points[0], scatter = decorrelated_of(z, noise, place, spread)
+            points[0], own = decorrelated_of(z, noise, place, spread)
             scale = 1 / D
         else:
-            points, scatter = debiased_at_of(z, noise, place, spread)
-        S = P_at + scatter
+            points, own = debiased_at_of(z, noise, place, spread)
+        S = P_at + own
     # what a conversion stretches, its clutter fills
-    return at, S, C, points, R, log_stretch_of(z) + np.log(scale).sum()
+    log_stretch = log_stretch_of(z) + np.log(scale).sum()
+    return at, S, C, points, R, log_stretch, np.expand_dims(np.eye(3, m.shape[1]), 0), own
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _spread_of(place, P):
     """Deviations (n, 3) of range, azimuth and elevation, to first order, of positions of covariances P."""
     J = inverse_jacobian_of(place)
@@ -280,12 +286,14 @@ def _spread_of(place, P):
     return np.sqrt(out)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _linearised(expected, PH):
     """Covariances of what is expected with the state (n, 3, d) and with itself (n, 3, 3), to first order
-    about the prediction; PH (n, 3, d) the position's covariance with the state."""
+    about the prediction, and its derivatives by the state (n, 3, d); PH (n, 3, d) the position's covariance
+    with the state."""
     J = inverse_jacobian_of(expected)
-    C, S = np.zeros(PH.shape), np.zeros((len(PH), 3, 3))
+    C, S, H = np.zeros(PH.shape), np.zeros((len(PH), 3, 3)), np.zeros(PH.shape)
+    H[:, :, :3] = J
     for i in range(len(PH)):
         for r in range(3):
             for c in range(PH.shape[2]):
@@ -296,19 +304,20 @@ def _linearised(expected, PH):
                 for k in range(3):
                     S[i, r, c] += C[i, r, k] * J[i, c, k]
                 S[i, c, r] = S[i, r, c]
-    return C, S
+    return C, S, H
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _by_points(expected, m, P, PH, update):
     """The same by points of the position, the radar sees nothing else: cubature (Arasaratnam and Haykin
     2009), or unscented with kappa = 3 - n = 0 raised to 1, so that the middle counts (Julier and Uhlmann
-    1997). `expected` is the middle's, and becomes the points' mean."""
+    1997). `expected` is the middle's, and becomes the points' mean. In place of derivatives there is the
+    regression on the state, and then the covariance (n, 3, 3) of what it leaves."""
     n, d = m.shape
     reach, weight, middle_weight = np.sqrt(3.0), 1 / 6, 0.0
     if update == UNSCENTED:
         reach, weight, middle_weight = 2.0, 1 / 8, 1 / 4
-    C, S = np.zeros((n, 3, d)), np.zeros((n, 3, 3))
+    C, S, H, left = np.zeros((n, 3, d)), np.zeros((n, 3, 3)), np.zeros((n, 3, d)), np.zeros((n, 3, 3))
     L, x, steps, W = np.zeros((3, 3)), np.empty((6, 3)), np.empty((6, 3)), np.empty(3)
     cross = np.empty((3, 3))
     for i in range(n):
@@ -346,5 +355,27 @@ def _by_points(expected, m, P, PH, update):
             for a in range(3):
                 for b in range(3):
                     C[i, a, c] += cross[a, b] * W[b]
+        _regressed(H[i], left[i], off, shift, reach * L, weight, middle_weight)
         expected[i] += shift
-    return C, S
+    return C, S, H, left
+
+
+@kernel
+def _regressed(H, left, off, shift, steps, weight, middle_weight):
+    """The linear regression H (3, >= 3) of points off (6, 3) from the middle's on their positions, which are
+    plus and then minus the columns of the lower `steps` (3, 3), and the covariance (3, 3) of what is `left`
+    about their mean `shift`: what is odd in the step is explained, what is even is not."""
+    even = np.empty(3)
+    for j in range(2, -1, -1):
+        for a in range(3):
+            total = (off[j, a] - off[3 + j, a]) / 2
+            for b in range(j + 1, 3):
+                total -= H[a, b] * steps[b, j]
+            H[a, j] = total / steps[j, j]
+            even[a] = (off[j, a] + off[3 + j, a]) / 2 - shift[a]
+        for a in range(3):
+            for b in range(3):
+                left[a, b] += 2 * weight * even[a] * even[b]
+    for a in range(3):
+        for b in range(3):
+            left[a, b] += middle_weight * shift[a] * shift[b]

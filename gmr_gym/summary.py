@@ -10,6 +10,9 @@ from gmr_gym.montecarlo import Runs
 from gmr_gym.simulate import Scenario
 
 CONFIDENCE = 0.95
+# runs, below which none is judged: of so many normal errors an interval of 99 % by their own deviation leaves
+# the mean out more than twice as often as it says (Student's t)
+FEWEST = 23
 
 
 class Figure(NamedTuple):
@@ -25,6 +28,13 @@ def kept(scenario: Scenario, runs: Runs) -> np.ndarray:
     return lost_at(runs.off_target, scenario.patience) < 0
 
 
+def in_common(own: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Of each tracker the runs (runs,) that it and all others kept. One that lost every run has none, and no
+    say in those of the others: with it there would be nothing to compare."""
+    some = [mine for mine in own.values() if mine.any()]
+    return {name: np.logical_and.reduce([mine, *some]) for name, mine in own.items()}
+
+
 def errors(scenario: Scenario, runs: Runs) -> tuple[np.ndarray, np.ndarray]:
     """Position error (m) and velocity error (m/s), Euclidean, each (runs, T)."""
     error = runs.x - runs.truth
@@ -36,14 +46,14 @@ def errors(scenario: Scenario, runs: Runs) -> tuple[np.ndarray, np.ndarray]:
 
 def summary(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
     """One row of figures per tracker; `_own` is over the runs the tracker itself kept, `_common`
-    over the runs that no tracker of the table lost:
+    over the runs that all trackers of the table kept that kept any:
 
     track_loss (share of runs), rmse and error (position, m: root mean square and mean Euclidean),
     velocity_rmse_own (m/s), anees_own (1 is credible), nci_own and inclination_own (dB),
     components, gate_area (m^2) and time_per_scan (s, median) over all runs and scans.
     """
     own = {name: kept(scenario, runs) for name, runs in results.items()}
-    common = np.logical_and.reduce(list(own.values()))
+    common = in_common(own)
     rows = {}
     for name, runs in results.items():
         position, velocity = errors(scenario, runs)
@@ -56,9 +66,9 @@ def summary(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[s
         rows[name] = {
             "track_loss": proportion(int((~mine).sum()), len(mine)),
             "rmse_own": _root(mean((position[mine] ** 2).mean(axis=1))),
-            "rmse_common": _root(mean((position[common] ** 2).mean(axis=1))),
+            "rmse_common": _root(mean((position[common[name]] ** 2).mean(axis=1))),
             "error_own": mean(position[mine].mean(axis=1)),
-            "error_common": mean(position[common].mean(axis=1)),
+            "error_common": mean(position[common[name]].mean(axis=1)),
             "velocity_rmse_own": _root(mean((velocity[mine] ** 2).mean(axis=1))),
             "anees_own": mean(consistency[mine]),
             "nci_own": Figure(float(index[defined].mean()) if defined.any() else np.nan),

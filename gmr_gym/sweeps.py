@@ -21,6 +21,7 @@ class Sweep(NamedTuple):
     backend: str
     scheduler: str | None
     shard: tuple[int, int] | None  # which part of how many
+    blocks: Path  # the folder in which finished blocks of runs are kept
 
 
 def shard_of(text: str | None, out: Path | None) -> tuple[int, int] | None:
@@ -35,13 +36,13 @@ def shard_of(text: str | None, out: Path | None) -> tuple[int, int] | None:
     return int(part), int(parts)
 
 
-def say_what_is_left(out: Path, there: int, total: int) -> None:
+def say_what_is_left(blocks: Path, there: int, total: int) -> None:
     """After a shard: how many blocks of runs are in the folder, and what to do for the rest."""
     if there < total:
         rest = f"{total - there} are left to other shards; `gmr-gym merge` brings their folders together"
     else:
         rest = "none is left: the same command without --shard finds every one"
-    console().print(f"{there} of {total} blocks of runs are in {out / BLOCKS}, {rest}", highlight=False)
+    console().print(f"{there} of {total} blocks of runs are in {blocks}, {rest}", highlight=False)
 
 
 def merge_results(folders: Sequence[Path], into: Path) -> None:

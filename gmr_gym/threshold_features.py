@@ -4,11 +4,11 @@ from math import log
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.association import Gates, gate_size, volumes
 from gmr_gym.hypotheses import MOST
 from gmr_gym.kalman import innovation
+from gmr_gym.kernels import kernel
 from gmr_gym.merge_cost import cost_of_all
 from gmr_gym.mixture import root_determinants
 from gmr_gym.models import Model
@@ -71,7 +71,7 @@ def told(model: Model) -> np.ndarray:
     ])  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def observe(w, m, P, detection, log_density, S, H, R, log_odds, known, kept, given_up, work):
     """FEATURES (k,) of a scan's full posterior w, m, P, each within +-BOUND, the cost of merging everything,
     and how many hypotheses have a detection, of log N(z; H m, S) `log_density`. S are the covariances of the

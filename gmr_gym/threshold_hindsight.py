@@ -7,8 +7,8 @@ judged, so it does not bias what is learned (asymmetric actor-critic, Pinto et a
 baselines, Mao et al. 2019)."""
 
 import numpy as np
-from numba import njit
 
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import cholesky_into, mahalanobis_squared
 from gmr_gym.simulate import Episode, Scenario
 from gmr_gym.threshold_features import BOUND
@@ -42,7 +42,7 @@ def ahead(scenario: Scenario, episode: Episode) -> np.ndarray:
     return np.column_stack([np.log10(0.1 + away) - 0.5, 2 * share - 1, np.full(T, noise)])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def hindsight(w, m, P, H, size, x, left, strayed, foreseen):
     """HINDSIGHT (9,), each within +-BOUND, of the full posterior, whose gates have that size, and the true
     state x (d,); `left` scans are to come with this one, and `foreseen` (3,) is the scan's row of `ahead`."""

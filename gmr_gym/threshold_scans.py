@@ -6,10 +6,10 @@ and the posterior that waits for its thresholds.
 
 import numba
 import numpy as np
-from numba import njit
 
 from gmr_gym.hypotheses import MOST, expand_scan, odds
 from gmr_gym.instances import SCANS
+from gmr_gym.kernels import kernel
 from gmr_gym.reduction import among_heaviest, heavier, selected_by
 from gmr_gym.scans import View, scan_into
 from gmr_gym.simulate import Episode, Scenario, capacity, viewed
@@ -112,7 +112,7 @@ def stepped(
     together(step, [(episodes, share, thresholds, price, steps, observations) for share in shares])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(nogil=True)
 def step(episodes, rows, thresholds, price, steps, observations):
     for i in rows:
         e = episodes[i]
@@ -130,7 +130,7 @@ def step(episodes, rows, thresholds, price, steps, observations):
             look(e, w, m, P, estimate, observations[i])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def score(e, estimate, thresholds, price, out):
     """What the estimate (d,) of the scan at which the episode stands is worth; a loss sends it to the end."""
     # the sensor sees positions
@@ -153,7 +153,7 @@ def score(e, estimate, thresholds, price, out):
         e.t += left
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def look(e, w, m, P, estimate, observation):
     """The scan at which the episode stands, expanded from the belief w, m, P; the window is centred by the
     estimate (d,), and the features go to the observation (k,)."""

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from gmr_gym.hypotheses import MOST, merge_costs, reduce_scan
+from gmr_gym.kernels import kernel
 from gmr_gym.merge_cost import cost_of_all
+from gmr_gym.points import check_unmasked
 
 
 class Thresholds(NamedTuple):
@@ -32,6 +33,7 @@ def decoded(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = PA
     """The thresholds that an action (k,) in [-1, 1] stands for, one of `parameters` each, on a logarithmic
     scale over RANGES; the others are those of `rest`. Raises ValueError for another shape, and for a number
     that is not finite or outside the box."""
+    check_unmasked("action", action)
     action = np.array(action, float)
     if action.shape != (len(parameters),):
         raise ValueError(
@@ -48,6 +50,7 @@ def check_actions(actions: np.ndarray, n: int, parameters: Sequence[str], used: 
     """Actions (n, k) as floats; ValueError for another shape, and for what `decoded` refuses in one that is
     `used` (n,)."""
     shape = n, len(parameters)
+    check_unmasked("actions", actions)
     try:
         actions = np.array(actions, order="C").astype(float, casting="same_kind")
     except (TypeError, ValueError):
@@ -71,7 +74,7 @@ def places(parameters: Sequence[str]) -> np.ndarray:
     return np.array([Thresholds._fields.index(name) for name in parameters])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def decode(actions, places, rest):
     """`decoded` for actions (n, k) that set the thresholds at `places` (k,): rows (n, 4)."""
     out = np.empty((len(actions), len(rest)))
@@ -109,7 +112,7 @@ def check_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
     return tuple(parameters)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def adapt(w, m, P, thresholds, cost, gated):
     """The posterior pruned, merged adaptively and pruned again (D'Ortenzio, Adaptive) by thresholds (4,),
     where merging all of it costs `cost` and `gated` of its Gaussians were updated. Returns w, m and P of what

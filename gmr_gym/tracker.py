@@ -11,6 +11,7 @@ from gmr_gym.association import Gates
 from gmr_gym.mixture import Mixture
 from gmr_gym.models import Model, told_by
 from gmr_gym.multitarget import Population
+from gmr_gym.points import check_points
 
 GROUP, CROWD_GROUP = "gmr_gym.trackers", "gmr_gym.crowd_trackers"
 ALL = 10**9  # hypotheses, for what costs no more than they are many
@@ -65,8 +66,10 @@ def make_tracker(name: str, model: Model | Population, **parameters) -> Any:
     """
     known = _entry_points(CROWD_GROUP if isinstance(model, Population) else GROUP)
     base, _, number = name.rpartition("-")
+    twice = None
     if name not in known and base in known and number.isdigit():
-        name, parameters = base, {"components": int(number), **parameters}
+        twice = parameters.get("components")
+        name, parameters = base, {**parameters, "components": int(number)}
     many = isinstance(model, Population)
     if name not in known and {name, base} & _entry_points(GROUP if many else CROWD_GROUP).keys():
         kind = "one target, and here there are many" if many else "many targets, and here there is one"
@@ -87,6 +90,8 @@ def make_tracker(name: str, model: Model | Population, **parameters) -> Any:
             raise ValueError(
                 f"tracker {name!r} takes no parameter {parameter!r}; it takes {', '.join(takes) or 'none'}"
             )
+    if twice is not None:
+        raise ValueError(f"components is given twice, as {number} in the name and as {twice!r}")
     try:
         tracker = factory(model, **parameters)
     except TypeError as error:  # text where a number belongs
@@ -97,18 +102,9 @@ def make_tracker(name: str, model: Model | Population, **parameters) -> Any:
 
 
 def check_scan(z, p: int) -> np.ndarray:
-    """The detections as a float array (k, p), (0, p) for an empty scan; ValueError when the shape
-    does not fit, for what is no number and for one that is not finite."""
-    try:
-        z = np.asarray(z)
-        z = z.astype(float, order="C", casting="same_kind") if z.size else np.empty((0, p))
-    except (TypeError, ValueError):
-        raise ValueError(f"z must be numbers of shape (k, {p}), one detection a row") from None
-    if z.ndim != 2 or z.shape[1] != p:
-        raise ValueError(f"z must have shape (k, {p}), one detection a row, got {z.shape}")
-    if not np.isfinite(z).all():
-        raise ValueError(f"z must be finite; row {np.argmin(np.isfinite(z).all(axis=1))} is not")
-    return z
+    """The detections as floats (k, p), (0, p) for an empty scan, without those masked; ValueError as in
+    `points.check_points`: so no scan that a tracker takes holds a coordinate beyond +-1e15."""
+    return check_points(z, p)
 
 
 def check_limits(prune_weight: float, most: int, hopeless: float = np.inf) -> None:

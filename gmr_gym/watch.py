@@ -4,16 +4,21 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from gmr_gym import crowd
 from gmr_gym.crowd import ManyScenario
 from gmr_gym.crowd_runs import accounts
-from gmr_gym.envs.render import Canvas
+from gmr_gym.envs.render import INKS, PAPER, Canvas
 from gmr_gym.envs.render_crowd import CrowdCanvas
 from gmr_gym.multitarget import ManyTracker
 from gmr_gym.play import play
 from gmr_gym.simulate import Scenario, draw
 from gmr_gym.tracker import Tracker
+from gmr_gym.writing import whole
+
+COLOURS = 64  # of a .gif
+TINTS = 1.0, 0.8, 0.6, 0.4, 0.2  # shares of an ink in a pixel at an edge of what it draws
 
 
 def film(
@@ -39,8 +44,8 @@ def film(
         frames.append(frame)
         if progress:
             progress(len(frames), total)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    write(out, frames)
+    with whole(out) as partial:
+        write(partial, frames)
 
 
 def _single(scenario, tracker, seed: int, title: str) -> Iterator[tuple[np.ndarray | None, int]]:
@@ -65,10 +70,31 @@ def _gif(out: Path, frames: list) -> None:
     from PIL import Image
 
     # one palette for the whole film: colours do not flicker and the file stays small
-    palette = Image.fromarray(frames[-1]).quantize(64)
-    plain = Image.Dither.NONE
-    first, *rest = (Image.fromarray(frame).quantize(palette=palette, dither=plain) for frame in frames)
-    first.save(out, save_all=True, append_images=rest, duration=120, loop=0, optimize=True)
+    numbers = [frame.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32) for frame in frames]
+    there = np.zeros(1 << 24, bool)
+    for number in numbers:
+        there[number] = True
+    every = np.flatnonzero(there)
+    colours = np.stack([every >> 16, every >> 8 & 255, every & 255], axis=1)
+    palette = _palette(colours)
+    nearest = np.zeros(1 << 24, np.uint8)
+    nearest[every] = cKDTree(palette).query(colours)[1]
+    first, *rest = (Image.fromarray(nearest[number]) for number in numbers)
+    for image in (first, *rest):
+        image.putpalette(palette.tobytes())
+    first.save(out, save_all=True, append_images=rest, duration=120, loop=0)
+
+
+def _palette(colours: np.ndarray) -> np.ndarray:
+    """At most COLOURS (m, 3) for the colours (n, 3): the inks, however little they cover, as they are and
+    as their edges fade into paper, and what stands for all others, of which each counts once."""
+    from PIL import Image, ImageColor
+
+    *inks, paper = np.array([ImageColor.getrgb(ink) for ink in (*INKS, PAPER)], float)
+    tints = np.vstack([paper, *(paper + share * (np.array(inks) - paper) for share in TINTS)])
+    row = Image.fromarray(colours.astype(np.uint8)[None])
+    mixed = row.quantize(COLOURS - len(tints)).getpalette()
+    return np.unique(np.vstack([tints.round(), np.array(mixed).reshape(-1, 3)]).astype(np.uint8), axis=0)
 
 
 def _mp4(out: Path, frames: list) -> None:

@@ -8,15 +8,24 @@ import joblib
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from gmr_gym import clusters
-from gmr_gym.clusters import WorkerDied
+from gmr_gym.clusters import Unreachable, WorkerDied
 
 BACKENDS = {"loky": "joblib", "dask": "distributed", "ray": "ray"}  # -> the package that it takes
 ATTEMPTS = 3  # in a row without a single result
+SECONDS = 5.0  # in which the scheduler of a cluster that was lost may come back
 Task = TypeVar("Task")
 
 
 class WorkersLost(RuntimeError):
     """Workers died again and again before anything was finished."""
+
+    advice = ". Fewer jobs, or more memory for each worker, may help"
+
+
+class ClusterLost(WorkersLost):
+    """The scheduler of a cluster that had answered does so no more."""
+
+    advice = ""
 
 
 def check_workers(jobs: int, backend: str, scheduler: str | None) -> None:
@@ -41,29 +50,35 @@ def results(
 
     On this machine `jobs` processes make them, negative numbers counted from -1 for one a core; of a cluster
     all that it has. A call whose worker dies is made again; raises WorkersLost when that has happened
-    ATTEMPTS times in a row without a result.
+    ATTEMPTS times in a row without a result, and ClusterLost where a scheduler is gone for SECONDS.
     """
-    left, attempts = dict(calls), 0
+    left, attempts, seconds = dict(calls), 0, None
     while left:
         try:
-            for task, result in _attempt(left, jobs, backend, scheduler):
+            for task, result in _attempt(left, jobs, backend, scheduler, seconds):
                 attempts = 0
                 del left[task]
                 yield task, result
+        except Unreachable as error:
+            if seconds is None:  # it never answered
+                raise
+            raise ClusterLost(f"the cluster at {scheduler} was lost") from error
         except (TerminatedWorkerError, WorkerDied) as death:
-            attempts += 1
+            attempts, seconds = attempts + 1, SECONDS
             if attempts == ATTEMPTS:
                 reason = str(death).splitlines()[0]
                 raise WorkersLost(f"workers died {ATTEMPTS} times in a row ({reason})") from death
 
 
-def _attempt(calls: Mapping[Task, tuple], jobs: int, backend: str, scheduler: str | None) -> Iterator:
+def _attempt(
+    calls: Mapping[Task, tuple], jobs: int, backend: str, scheduler: str | None, seconds: float | None
+) -> Iterator:
     if not scheduler:
         # joblib starts all it is given, however few the calls; but one it would be itself, and with the call
         # that kills it this process would die
         yield from _parallel(calls, n_jobs=min(joblib.effective_n_jobs(jobs), max(2, len(calls))))
         return
-    with getattr(clusters, backend)(scheduler) as connected:
+    with getattr(clusters, backend)(scheduler, seconds) as connected:
         # all at once: workers that join a cluster on the way find something to do
         yield from _parallel(calls, n_jobs=-1, backend=connected, pre_dispatch="all")
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
-import yaml
 
 ROOT = Path(__file__).parents[1]
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
+yaml = pytest.importorskip("yaml")
 sys.path.insert(0, str(ROOT / "agents"))
 
 from export import network_of  # noqa: E402

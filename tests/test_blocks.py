@@ -4,6 +4,7 @@ import errno
 import os
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from baselines.gm_phd import gm_phd
 from baselines.mht import runnalls
 from baselines.nearest_neighbour import NearestNeighbour
+from gmr_gym import archive
 from gmr_gym.blocks import load, merge, save
 from gmr_gym.crowd_runs import CrowdRuns
 from gmr_gym.montecarlo import BLOCK, Runs, run, run_shard
@@ -126,7 +128,7 @@ def test_a_block_twice_is_kept_once_and_one_that_disagrees_is_told(shards, tmp_p
     name = min(names(into))
     block = load(into / name, Runs)
     off = np.nextafter(block.x, np.inf)
-    np.savez(other / name, **block._replace(x=off)._asdict())
+    save(other / name, block._replace(x=off))
     merged = merge([other], into, *KINDS)
     assert merged.differing == [other / name] and not merged.copied + merged.present + merged.refused
     assert {file: file.read_bytes() for file in into.iterdir()} == before
@@ -151,8 +153,11 @@ def bad(block):
         "an axis too few": fields | {"modes": block.modes[..., 0]},
         "a dimension too few": fields | {"P": block.P[..., 1:]},
         "other dimensions": fields | {"x": block.x[..., 1:], "P": block.P[..., 1:, 1:]},
-        "objects": fields | {"x": np.full(block.x.shape, None)},
         "words": fields | {"x": block.x.astype(str)},
+        "half precision": fields | {"x": block.x.astype(np.float16)},
+        "the other byte order": fields | {"x": block.x.astype(">f8")},
+        "whole numbers": fields | {"P": block.P.astype(int)},
+        "numbers for yes and no": fields | {"off_target": block.off_target.astype(float)},
     }
 
 
@@ -170,7 +175,7 @@ def test_what_is_no_block_is_refused_by_name_and_the_rest_is_merged(shards, tmp_
         with victim.open("wb") as stream:
             np.save(stream, np.zeros(3))
     else:
-        np.savez(victim, **bad(load(victim, Runs))[wrong])
+        archive.save(victim, bad(load(victim, Runs))[wrong])  # with a digest of what is wrong
     for foreign in ("notes.txt", "0123.npz", f"{victim.name}.part"):
         (source / foreign).write_text("")
     (refused,) = (merged := merge([source], into, *KINDS)).refused
@@ -199,11 +204,63 @@ def test_a_disk_that_is_full_is_named_by_the_file_and_keeps_no_part_of_it(shards
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     block = load(next(shards[0].iterdir()), Runs)
-    monkeypatch.setattr(np, "savez", filling)
+    monkeypatch.setattr(archive.np, "savez", filling)
     file = tmp_path / "block.npz"
     with pytest.raises(OSError, match=r"No space left on device: '.*block\.npz'") as caught:
         save(file, block)
     assert caught.value.errno == errno.ENOSPC and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("field", "change"),
+    [
+        ("x", lambda x: x * np.nan),
+        ("x", lambda x: x.astype(np.float16)),
+        ("x", lambda x: np.nextafter(x, np.inf)),
+        ("P", np.negative),
+        ("truth", lambda x: x + 1),
+        ("off_target", np.logical_not),
+        ("seconds", np.zeros_like),
+    ],
+)
+def test_arrays_that_were_written_over_are_found_out_though_their_shapes_and_checksums_fit(
+    shards, tmp_path, field, change
+):
+    file = tmp_path / min(names(shards[0]))
+    file.write_bytes((shards[0] / file.name).read_bytes())
+    arrays = archive.load(file)
+    assert archive.DIGEST in arrays and set(arrays) == {*Runs._fields, archive.DIGEST}
+    np.savez(file, **arrays | {field: change(arrays[field])})
+    with pytest.raises(ValueError, match=r"is not a block of runs \(its digest is not that of its arrays"):
+        load(file, Runs)
+
+
+def test_a_block_without_a_digest_is_refused(shards, tmp_path):
+    file = tmp_path / min(names(shards[0]))
+    np.savez(file, **load(shards[0] / file.name, Runs)._asdict())
+    with pytest.raises(ValueError, match=r"\(it has no digest\); delete it to have it run again"):
+        load(file, Runs)
+
+
+def test_all_blocks_that_are_none_are_named_before_anything_is_run(shards, tmp_path):
+    merge(shards, tmp_path, *KINDS)
+    victims = sorted(tmp_path.iterdir())[:3]
+    for victim in victims:
+        victim.write_bytes(b"")
+    for call in (run, partial(run_shard, shard=(1, 1))):
+        with pytest.raises(ValueError) as refused:
+            call(WORLD, BUILT, RUNS, seed=7, folder=tmp_path)
+        assert all(f"{victim} is not a block of runs" in str(refused.value) for victim in victims)
+
+
+def test_numbers_of_a_tracker_of_ones_own_are_kept_as_the_others_are(shards, tmp_path):
+    file = shards[0] / min(names(shards[0]))
+    block = load(file, Runs)
+    single = block._replace(x=block.x.astype(np.float32), components=block.components.astype(np.int32))
+    save(tmp_path / file.name, single)
+    kept = load(tmp_path / file.name, Runs)
+    assert kept.x.dtype == float and kept.components.dtype == np.int64
+    np.testing.assert_array_equal(kept.x, single.x)
 
 
 @pytest.mark.parametrize("text", ["0/3", "4/3", "2", "2/", "/3", "a/3", "1/3/3", "-1/3", "1.5/3", ""])

@@ -286,6 +286,17 @@ def test_trackers_are_told_of_uniform_clutter_unless_they_are_told_the_truth():
     assert unknown_clutter(clutter_rate=0).population.clutter.uniform > 0
 
 
+def test_a_target_whose_state_is_masked_is_absent():
+    path = np.random.default_rng(0).uniform(-500, 500, (12, 4, 4))
+    masked = np.ma.array(path, mask=np.zeros(path.shape, bool))
+    masked[:3, 1, 0] = masked[8:, 2] = np.ma.masked
+    absent = path.copy()
+    absent[:3, 1] = absent[8:, 2] = np.nan
+    wanted = draw(unknown_clutter(trajectory=absent), 0).x
+    np.testing.assert_array_equal(draw(unknown_clutter(trajectory=masked), 0).x, wanted)
+    np.testing.assert_array_equal(draw(unknown_clutter(trajectory=list(masked)), 0).x, wanted)
+
+
 @pytest.mark.parametrize("columns", [4, 6])
 def test_a_given_trajectory_is_flown_and_told_of_where_it_starts(columns):
     path = np.random.default_rng(columns).uniform(-500, 500, (12, 4, columns))
@@ -450,6 +461,21 @@ def test_bad_action_is_refused_and_costs_nothing(change, message):
     with pytest.raises(ValueError, match=message):
         env.step(change(nobody(env)))
     assert [env.step(nobody(env))[3] for _ in range(3)] == [False, False, True]
+
+
+def test_a_masked_row_of_an_action_is_no_estimate():
+    env, other = make(horizon=2), make(horizon=2)
+    _, info = env.reset(seed=0)
+    other.reset(seed=0)
+    action = nobody(env)
+    action[: len(info["truth"]), 0], action[: len(info["truth"]), 1:] = 1.0, info["truth"]
+    action[9] = 1.0
+    masked = np.ma.array(action, mask=np.zeros(action.shape, bool))
+    masked[9, 3] = np.ma.masked
+    masked.data[9, 3] = np.nan
+    action[9] = 0.0
+    assert env.step(masked)[1] == other.step(action)[1]
+    assert env.step(list(np.ma.masked_all(action.shape)))[1] == other.step(nobody(other))[1]
 
 
 def test_observation_and_info_are_those_of_the_world():

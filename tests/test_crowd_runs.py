@@ -58,7 +58,7 @@ def test_what_is_not_named_is_missed_and_what_is_not_there_is_false():
     none = crowd_once(WORLD, Scripted(WORLD.population, (np.empty((0, 6)),) * 25), 0)
     np.testing.assert_allclose(none.ospa, 100.0)
     np.testing.assert_allclose(none.missed, 5000.0 * none.targets)
-    assert not none.false.any() and not none.wasserstein.any()
+    assert not none.false.any() and np.isnan(none.wasserstein).all()  # a gap, which does not read as perfect
     ghosts = [np.vstack([x, np.full(6, 900.0)]) for x in there(0)]
     more = crowd_once(WORLD, Scripted(WORLD.population, tuple(ghosts)), 0)
     np.testing.assert_allclose(more.false, 5000.0)
@@ -105,9 +105,22 @@ def test_a_row_is_of_means_over_scans_and_runs_and_differences_are_paired():
         assert row["cardinality_bias"].value == pytest.approx((runs.named - runs.targets).mean())
         assert row["cardinality_error"].value == pytest.approx(np.abs(runs.named - runs.targets).mean())
         assert row["time_per_scan"].value == np.median(runs.seconds)
+        assert row["wasserstein_undefined"] == (0, 0, 0)
     (difference,) = crowd_differences(WORLD, results).values()
     a, b = results.values()
     assert difference["ospa"].value == pytest.approx((b.ospa - a.ospa).mean())
+
+
+def test_scans_without_a_wasserstein_distance_are_left_out_and_counted():
+    distance = np.full((3, 4), 20.0)
+    distance[0, :3] = np.nan
+    distance[2] = np.nan
+    blank = CrowdRuns(*(np.zeros((3, 4)) for _ in CrowdRuns._fields))._replace(wasserstein=distance)
+    (row,) = crowd_summary(WORLD, {"one": blank}).values()
+    assert row["wasserstein"].value == 20.0
+    assert row["wasserstein_undefined"].value == pytest.approx(7 / 12)
+    (row,) = crowd_summary(WORLD, {"one": blank._replace(wasserstein=np.full((3, 4), np.nan))}).values()
+    assert np.isnan(row["wasserstein"].value) and row["wasserstein_undefined"].value == 1.0
 
 
 def test_learning_the_clutter_comes_near_to_being_told_it():

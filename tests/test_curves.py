@@ -156,14 +156,19 @@ def test_averages_tell_all_runs_from_those_that_no_tracker_lost(monkeypatch):
         assert row["time_worst"].value == runs.seconds.max()
 
 
-def test_averages_without_a_common_run_are_not_numbers():
+def test_one_that_lost_every_run_has_no_common_one_and_no_say_in_those_of_others():
     error = np.random.default_rng(8).standard_normal((20, SCANS, 4))
     everywhere = np.ones((20, SCANS), bool)
     rows = averages(WORLD, {"lost": runs_of(error, everywhere), "kept": runs_of(error)})
     assert rows["lost"]["track_loss"].value == 1 and rows["kept"]["track_loss"].value == 0
-    for row in rows.values():
-        assert all(np.isnan(row[f"{field}_common"].value) for field in CURVES)
-        assert np.isfinite(row["rmse_all"]).all()
+    for field in CURVES:
+        assert np.isnan(rows["lost"][f"{field}_common"].value)
+        assert rows["kept"][f"{field}_common"] == rows["kept"][f"{field}_all"]
+    assert np.isfinite(rows["lost"]["rmse_all"]).all()
+    apart = np.arange(20) < 10
+    half, other = (np.broadcast_to(those[:, None], (20, SCANS)) for those in (apart, ~apart))
+    rows = averages(WORLD, {"one": runs_of(error, half), "two": runs_of(error, other)})
+    assert all(np.isnan(row["rmse_common"].value) for row in rows.values())  # each kept some, none the same
 
 
 def test_curves_of_no_runs_are_not_numbers():

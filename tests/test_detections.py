@@ -1,5 +1,6 @@
 """Recorded detections survive their files, and trackers run over them at whatever times."""
 
+from datetime import UTC, timedelta, timezone
 from functools import partial
 
 import numpy as np
@@ -22,6 +23,7 @@ from gmr_gym.detections import (
 from gmr_gym.mixture import moments
 from gmr_gym.scenarios.recorded import recorded_flight
 from gmr_gym.simulate import draw, scan
+from gmr_gym.times import seconds
 from gmr_gym.tracker import make_tracker
 
 QUIET = 1e-12  # m^-2, next to no clutter
@@ -300,6 +302,108 @@ def test_a_track_without_any_detection_is_the_prior_carried_forward():
     result = track(Scans(np.arange(1.0, 6.0), [EMPTY] * 5, ("x", "y")), builder("runnalls-3", prior))
     np.testing.assert_allclose(result.x, straight(np.arange(1.0, 6.0), (0, 0, 10, -10)), atol=1e-12)
     assert (np.diff(result.P[:, 0, 0]) > 0).all()
+
+
+START = np.datetime64("2026-11-28T12:34:56.700", "ms")
+HERE = timezone(timedelta(hours=2))
+MILLISECONDS = np.array([0, 100, 200, 300, 1300, 1400])  # of what no float holds a tenth
+
+
+def moments_of(unit):
+    return (START + MILLISECONDS.astype("timedelta64[ms]")).astype(f"datetime64[{unit}]")
+
+
+def stamps(zone=None):
+    utc = [time.replace(tzinfo=UTC) for time in moments_of("us").tolist()]
+    return [time.astimezone(zone) if zone else time.replace(tzinfo=None) for time in utc]
+
+
+GIVEN = {
+    **{unit: moments_of(unit) for unit in ("ms", "us", "ns", "10ms")},
+    "big-endian": moments_of("us").astype(">M8[us]"),
+    "list": list(moments_of("ns")),
+    "objects": np.array([moments_of("ms")[0], *moments_of("ns")[1:]], object),
+    "datetime": stamps(),
+    "array of datetime": np.array(stamps(), object),
+    "utc": stamps(UTC),
+    "zone": stamps(HERE),
+    "seconds": moments_of("ms").astype(int) / 1000,
+}
+
+
+@pytest.mark.parametrize("given", GIVEN)
+def test_the_same_moments_give_the_same_track_however_they_are_given(given, tmp_path):
+    elapsed = MILLISECONDS / 1000
+    x = straight(elapsed)
+    build = builder("runnalls-5", prior_given(straight([-0.1])[0], [5, 5, 2, 2]))
+    wanted = track(seen(elapsed, x), build)
+    times = moments_of("ms").astype(int) / 1000
+    scans = seen(elapsed, x)._replace(times=GIVEN[given])
+    result = track(scans, build)
+    np.testing.assert_array_equal(result.times, times)
+    np.testing.assert_array_equal(result.x, wanted.x)
+    np.testing.assert_array_equal(result.P, wanted.P)
+    np.testing.assert_array_equal(track(from_first_detection(scans), build).x, wanted.x)
+    write_scans(tmp_path / "scans.csv", *scans)
+    np.testing.assert_array_equal(read_scans(tmp_path / "scans.csv").times, times)
+    np.testing.assert_array_equal(filled(scans, 0.1).times[[0, 1, 2, 3, 13, 14]], times)
+
+
+@pytest.mark.parametrize("unit", ["D", "h", "m", "s"])
+def test_coarse_moments_are_seconds_too(unit):
+    times = np.array(["1970-01-02", "1970-01-04"], f"datetime64[{unit}]")
+    assert seconds(times).tolist() == [86400, 3 * 86400]
+
+
+def test_a_prior_time_and_a_period_are_times_too():
+    x = straight(MILLISECONDS / 1000)
+    build = builder("runnalls-5", prior_given(straight([-0.5])[0], [5, 5, 2, 2]))
+    wanted = track(seen(MILLISECONDS / 1000, x), build, 0.1, -0.5)
+    scans = seen(MILLISECONDS, x)._replace(times=moments_of("us"))
+    before = START - np.timedelta64(500, "ms")
+    for period, prior_time in (
+        (0.1, before),
+        (np.timedelta64(100, "ms"), before.astype("M8[ns]")),
+        (timedelta(milliseconds=100), before.astype("M8[us]").item()),
+    ):
+        np.testing.assert_array_equal(track(scans, build, period, prior_time).x, wanted.x)
+
+
+@pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        ([np.datetime64("NaT", "ms"), START], "times must be given in full, but number 0 is NaT"),
+        ([START, START - np.timedelta64(1, "ms")], r"times must increase, but 2026.*699 follows 2026.*700"),
+        ([*stamps()[:1], *stamps(UTC)[1:2]], "times must all have a time zone, or none"),
+        (np.array([1, 2], "timedelta64[M]"), r"times in timedelta64\[M\] have no length in seconds"),
+        ([stamps()[0], 5.0], "times must increase"),
+        (["12:00", "12:01"], r"times must be seconds or datetimes \(datetime64, datetime.datetime\), got"),
+        ([stamps()[0].date(), None], "times must be seconds or datetimes"),
+        ([1j, 2j], "times must be seconds or datetimes"),
+        (np.ma.array([0.0, 1.0], mask=[0, 1]), "times must be given in full, but some of it is masked"),
+    ],
+)
+def test_what_is_no_time_is_refused(times, message):
+    build = builder("nearest-neighbour", prior_given([0, 0, 0, 0], [1, 1, 1, 1]))
+    with pytest.raises(ValueError, match=message):
+        track(Scans(times, [EMPTY] * 2, ("x", "y")), build)
+
+
+def test_a_period_that_is_a_moment_is_refused():
+    with pytest.raises(ValueError, match="period must be seconds or a time difference, got the moment 2026"):
+        filled(Scans([0.0, 1.0], [EMPTY] * 2, ("x", "y")), START)
+
+
+def test_masked_detections_are_absent(tmp_path):
+    z = np.ma.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]], mask=[[0, 0], [1, 0], [1, 1]])
+    write_scans(tmp_path / "scans.csv", [0.0, 1.0], [z, z[1:]], ("x", "y"))
+    assert [points.tolist() for points in read_scans(tmp_path / "scans.csv").z] == [[[1.0, 2.0]], []]
+    assert filled(Scans([0.0, 1.0], [z, z[1:]], ("x", "y")), 1.0).z[0].tolist() == [[1.0, 2.0]]
+    kept = from_first_detection(Scans([0.0, 1.0], [z[1:], z], ("x", "y")))
+    assert len(kept.times) == 1 and kept.times[0] == 1.0
+    assert len(prior_from_first_scan(z, 1.0, 1.0).w) == 1
+    with pytest.raises(ValueError, match="mean must be given in full, but some of it is masked"):
+        prior_given(z[1], [1.0, 1.0])
 
 
 def test_what_does_not_fit_the_trackers_is_refused():

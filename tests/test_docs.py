@@ -39,6 +39,11 @@ def commands(text):
     return [words[1:] for words in lines if words[:1] == ["gmr-gym"] and words[1] in RUN]
 
 
+def without(words, *options):
+    """The words, but for these options and their values."""
+    return [word for i, word in enumerate(words) if not {word, words[i - 1]} & {*options}]
+
+
 def execute(language, title, text, namespace):
     if language == "python":
         if title:
@@ -54,9 +59,9 @@ def execute(language, title, text, namespace):
         (installed / "entry_points.txt").write_text("\n".join([f"[{lines[0]}]", *lines[1:]]))
     elif language == "sh":
         for words in commands(text):
-            # the last of an option counts
-            few = ["--runs", "2", "--jobs", "1"] if words[0] == "evaluate" else []
-            app([*words, *few], standalone_mode=False)
+            if words[0] == "evaluate":
+                words = [*without(words, "--runs", "--jobs"), "--runs", "2", "--jobs", "1"]
+            app(words, standalone_mode=False)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=named)

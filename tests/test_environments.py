@@ -366,6 +366,10 @@ def test_changing_what_was_handed_out_changes_nothing_inside(env_id):
         (np.full(4, np.nan), "action must be finite and within"),
         ([0, 0, 0, np.inf], "action must be finite and within"),
         ([1.1 * EXTENT, 0, 0, 0], "action must be finite and within"),
+        (
+            np.ma.array(np.zeros(4), mask=[0, 0, 1, 0]),
+            "action must be given in full, but some of it is masked",
+        ),
     ],
 )
 def test_bad_action_is_refused_and_costs_nothing(action, message):
@@ -520,7 +524,12 @@ def test_without_clutter_the_scan_is_the_targets_detection_or_nothing():
 @pytest.mark.parametrize(
     ("env_id", "world", "error", "message"),
     [
-        (TURNING, {"cluter_rate": 3}, ValueError, "unknown argument 'cluter_rate'; .*takes clutter_rate, cl"),
+        (
+            TURNING,
+            {"cluter_rate": 3},
+            ValueError,
+            "unknown argument 'cluter_rate'; did you mean 'clutter_r",
+        ),
         (FLIGHT, {"trajectory": [[0, 0]] * 3}, ValueError, "unknown argument 'trajectory'"),
         (TURNING, {"horizon": 101}, ValueError, "horizon must be between 1 and the 100 scans"),
         (TURNING, {"horizon": 0}, ValueError, "horizon must be between 1"),
@@ -539,7 +548,7 @@ def test_without_clutter_the_scan_is_the_targets_detection_or_nothing():
         (TURNING, {"window": (100, -1)}, ValueError, "two positive lengths"),
         (TURNING, {"window": (9, 9), "box": ((0, 0), (1, 1))}, ValueError, "either box .* or window"),
         (FLIGHT, {"segment": "nowhere"}, ValueError, "nowhere"),
-        (JUMP, {"horizon": 5}, ValueError, "unknown argument 'horizon'; .*takes case, clutter_density, "),
+        (JUMP, {"horizon": 5}, ValueError, "unknown argument 'horizon'; .*takes case, .*, render_mode$"),
         (JUMP, {"case": "3"}, ValueError, "case must be one of 1, 2, stress, clear, got '3'"),
         (JUMP, {"process_variance": "one"}, ValueError, "cannot make a scenario of .*process_variance"),
         (RADAR, {"regime": "close"}, ValueError, "regime must be one of near, far, extreme, got 'close'"),
@@ -602,3 +611,26 @@ def test_a_policy_of_many_targets_names_the_surest_where_there_is_no_room_for_al
     surest = np.sort(policy.report.existence)[-2:]
     named = [np.abs(policy.report.x - row[1:]).sum(axis=1).argmin() for row in rows]
     np.testing.assert_allclose(np.sort(policy.report.existence[named]), surest)
+
+
+@pytest.mark.parametrize(
+    ("env_id", "states"),
+    [("gmr_gym/TurningTarget-v0", 4), ("gmr_gym/AgileFlight-v0", 6), ("gmr_gym/AirborneRadar-v0", 6)],
+)
+def test_a_path_of_one_target_with_anything_masked_is_refused(env_id, states):
+    path = np.ma.array(np.ones((5, states)), mask=np.zeros((5, states), bool))
+    path[2, 1] = np.ma.masked
+    with pytest.raises(ValueError, match="trajectory must be given in full, but some of it is masked"):
+        gym.make(env_id, trajectory=path)
+
+
+def test_a_policy_takes_a_masked_row_of_a_scan_for_absent():
+    env = make()
+    policies = [Policy(runnalls(env.scenario.model, 5)) for _ in range(2)]
+    observation, _ = env.reset(seed=0)
+    masked, without = dict(observation), dict(observation)
+    masked["scan"] = np.ma.array(observation["scan"], mask=np.zeros(observation["scan"].shape, bool))
+    masked["scan"][2, 1] = np.ma.masked
+    without["mask"] = observation["mask"].copy()
+    without["mask"][2] = 0
+    np.testing.assert_array_equal(policies[0](masked), policies[1](without))

@@ -169,3 +169,14 @@ def test_summary_of_a_tracker_that_lost_every_run_has_no_errors_to_show():
     row = summary(scenario, {"hopeless": made_up_runs(0, np.ones(6, bool))})["hopeless"]
     assert row["track_loss"].value == 1 and row["components"].value == 3
     assert all(np.isnan(row[key].value) for key in ("rmse_own", "error_common", "anees_own", "nci_own"))
+
+
+def test_of_the_others_it_leaves_the_common_runs_as_they_are():
+    scenario = turning_target(horizon=5)
+    some, all_but = np.arange(20) < 4, np.arange(20) > 14
+    two = {"one": made_up_runs(0, some), "two": made_up_runs(1, all_but)}
+    alone = summary(scenario, two)
+    rows = summary(scenario, {"hopeless": made_up_runs(2, np.ones(20, bool)), **two})
+    for name in two:
+        assert rows[name] == alone[name] and np.isfinite(rows[name]["error_common"].value)
+    assert np.isnan(rows["hopeless"]["error_common"].value)

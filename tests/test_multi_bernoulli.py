@@ -64,7 +64,7 @@ def likelihoods(p, z, people):
 def propagated(psi):
     """`marginals` of a table (n, k), as a table (n, k) and what is without."""
     track, detection = np.nonzero(psi > 0)
-    claimed, missed, unclaimed = marginals(track, detection, psi[track, detection], *psi.shape)
+    claimed, missed, unclaimed = marginals(track, detection, np.log(psi[track, detection]), *psi.shape)
     out = np.zeros(psi.shape)
     out[track, detection] = claimed
     return out, missed, unclaimed
@@ -147,6 +147,22 @@ def test_two_who_want_the_same_detection_are_told_apart_by_their_others(likely):
     assert_close(propagated(psi), enumerated(psi), EXACT)
 
 
+@pytest.mark.parametrize("likely", [1e3, 1e5])
+def test_pairs_beyond_floating_point_are_told_apart(likely):
+    # by hand, a chain: two tracks, each e^likely times as likely to have either of two detections as none,
+    # and a third that may have the last
+    track, detection = np.array([0, 0, 1, 1, 2]), np.array([0, 1, 1, 2, 2])
+    log_psi = np.array([likely, likely + 1, likely + 2, likely, 0.5])
+    claimed, missed, unclaimed = marginals(track, detection, log_psi, 3, 3)
+    # detections of the tracks: (0, 1, none), (0, 1, 2), (0, 2, none), (1, 2, none)
+    w = np.exp([2.0, 2.5, 0.0, 1.0])
+    w /= w.sum()
+    expected = [w[:3].sum(), w[3], w[:2].sum(), w[2:].sum(), w[1]]
+    np.testing.assert_allclose(claimed, expected, atol=EXACT)
+    np.testing.assert_allclose(missed, [0, 0, 1 - w[1]], atol=EXACT)
+    np.testing.assert_allclose(unclaimed, [w[3], w[2], w[0]], atol=EXACT)
+
+
 def test_nothing_to_assign_leaves_all_without():
     claimed, missed, unclaimed = propagated(np.zeros((3, 2)))
     assert not claimed.any() and (missed == 1).all() and (unclaimed == 1).all()
@@ -193,6 +209,25 @@ def test_one_track_and_two_detections_are_bayes():
     np.testing.assert_allclose(false, 1 - detected / total, rtol=1e-5)
 
 
+@pytest.mark.parametrize("kappa", [10.0**power for power in (-300, -270, -200, -100, -10, -3, 0, 6)])
+@pytest.mark.parametrize("existence", [1.0, 0.6])
+def test_one_track_is_bayes_in_clutter_of_any_density(kappa, existence):
+    people, z = told(), np.array([[0.3, 0.0], [21.0, 0.0]])
+    belief = of_tracks([existence], [(0, 0)])
+    posterior, false = multi_bernoulli.update(belief, people.sensor, z, DETECTION, np.full(2, kappa))
+    P = belief.tracks.P[0]
+    S = P[:2, :2] + 9 * np.eye(2)
+    hit = multivariate_normal(cov=S).logpdf(z) + np.log(DETECTION * existence) - np.log(kappa)
+    log_w = np.append(hit, np.log(1 - DETECTION * existence))
+    w = np.exp(log_w - np.logaddexp.reduce(log_w))
+    np.testing.assert_allclose(false, 1 - w[:2], rtol=1e-9, atol=1e-15)
+    absent = w[2] * existence * (1 - DETECTION) / (1 - DETECTION * existence)
+    np.testing.assert_allclose(posterior.tracks.w, [w[:2].sum() + absent], rtol=1e-9)
+    shares = w[:2] / (w[:2].sum() + absent)
+    mean = shares @ (z @ np.linalg.solve(S, P[:2]))
+    np.testing.assert_allclose(posterior.tracks.m[0], mean, rtol=1e-9, atol=1e-12)
+
+
 def test_a_track_and_a_new_target_share_a_detection_as_bayes_has_it():
     people, z = told(), np.array([[3.0, 2.0]])
     undetected = mixture([0.3], [[8.0, 0, 0, 0]], [np.diag([100.0, 100, 9, 9])])
@@ -212,7 +247,7 @@ def test_a_detection_is_of_one_track_or_of_none(seed):
     rng = np.random.default_rng(seed)
     psi = np.where(rng.random((5, 7)) < 0.6, rng.gamma(0.3, 10.0, (5, 7)), 0.0)
     track, detection = np.nonzero(psi)
-    claimed, missed, unclaimed = marginals(track, detection, psi[track, detection], 5, 7)
+    claimed, missed, unclaimed = marginals(track, detection, np.log(psi[track, detection]), 5, 7)
     by_detection = np.bincount(detection, claimed, 7) + unclaimed
     by_track = np.bincount(track, claimed, 5) + missed
     np.testing.assert_allclose(by_detection, 1.0, atol=1e-5)  # as near as its rounds come
@@ -407,7 +442,7 @@ def test_a_track_after_a_scan_is_the_mixture_of_its_pairs_by_its_moments(seed):
     absent, found = rng.random(n), rng.random((n, k)) * (rng.random((n, k)) < 0.7)
     found[-1] = 0.0  # one that had none
     S, C = H @ P @ H.T + R, H @ P
-    got = multi_bernoulli.absorbed(absent, found, m, P, m @ H.T, S, C, z)
+    got = multi_bernoulli.absorbed(absent, found, m, P, m @ H.T, S, C, H, R, z)
     for i in range(n):
         K = C[i].T @ np.linalg.inv(S[i])
         means = [m[i], *(m[i] + K @ (row - H @ m[i]) for row in z)]

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from gmr_gym import archive
 from gmr_gym.network import FORMAT, Network, load, save
 
 FEATURES, PARAMETERS = ("size", "entropy", "spread"), ("alpha", "prune", "components")
@@ -23,8 +24,8 @@ def network(seed=0, units=(5, 4), parameters=("prune", "alpha"), activation="tan
 
 
 def arrays_of(file):
-    with np.load(file) as stored:
-        return dict(stored)
+    """As a program writes them that knows of no digest."""
+    return {name: array for name, array in archive.load(file).items() if name != archive.DIGEST}
 
 
 def plain(network, features):
@@ -84,6 +85,15 @@ def test_single_precision_is_read_as_double(tmp_path):
         ({"weights_7": np.zeros((2, 2))}, "arrays must be"),
         ({"extra": np.zeros(1)}, "arrays must be"),
         ({"biases_0": np.zeros(5000)}, "biases_0 must be at most 4096"),
+        (
+            {"weights_0": np.full((5, 3), 1e308)},
+            "weights_0 with biases_0 must sum to at most",
+        ),
+        (
+            {"weights_2": np.full((2, 4), -1e308)},
+            r"at most 1e\+300 of .* unit 0 could come to inf",
+        ),
+        ({"biases_1": np.array([0, 0, 1e301, 0])}, r"weights_1 .* but unit 2 could come to 1e\+301"),
     ],
 )
 def test_what_is_no_policy_is_refused_by_name(tmp_path, change, message):
@@ -94,6 +104,20 @@ def test_what_is_no_policy_is_refused_by_name(tmp_path, change, message):
     with pytest.raises(ValueError, match=message) as error:
         load(file, FEATURES, PARAMETERS)
     assert str(file) in str(error.value)
+
+
+def test_sums_of_sums_without_bounds_are_refused_and_those_of_tanh_are_not(tmp_path):
+    file = tmp_path / "p.npz"
+    large = {"weights_0": np.full((5, 3), 1e200), "weights_1": np.full((4, 5), 1e200)}
+    for activation in ("relu", "tanh"):
+        save(file, network(activation=activation))
+        np.savez(file, **(arrays_of(file) | large))
+        if activation == "relu":
+            with pytest.raises(ValueError, match="weights_1 with biases_1 must sum to at most"):
+                load(file, FEATURES, PARAMETERS)
+        else:
+            acts = load(file, FEATURES, PARAMETERS)
+            assert np.isfinite(acts(1e308 * np.array([[1.0, -1, 1], [0, 1, -1]]))).all()
 
 
 def test_a_file_that_is_missing_truncated_foreign_or_pickled_is_refused(tmp_path):

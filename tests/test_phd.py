@@ -5,9 +5,12 @@ import pytest
 import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
 
+from baselines.fitted_phd import fitted_phd
 from baselines.gm_cphd import Census, GmCphd, gm_cphd
 from baselines.gm_phd import GmPhd, gm_phd
+from baselines.learning_phd import learning_phd
 from gmr_gym import cardinality, phd
 from gmr_gym.kalman import position_sensor
 from gmr_gym.mixture import Mixture, gaussian, mixture, moments, normalised, take
@@ -344,6 +347,19 @@ def test_nothing_born_and_nothing_there_is_nothing_said(factory):
     assert [said.expected for said in accounts] == [0.0, 0.0] and accounts[-1].x.shape == (0, 4)
 
 
+@pytest.mark.parametrize("factory", [*FILTERS, learning_phd, fitted_phd])
+@pytest.mark.parametrize("name", EVERY)
+def test_births_of_no_weight_are_none(factory, name):
+    births = told().births
+    weightless = factory(told(births=births._replace(w=0.0 * births.w)), reduction=name, prune_weight=0.0)
+    _, accounts = followed(weightless, [np.zeros((3, 2)), []])
+    _, wanted = followed(
+        factory(told(births=nothing(4)), reduction=name, prune_weight=0.0), [np.zeros((3, 2)), []]
+    )
+    for said, none in zip(accounts, wanted, strict=True):
+        assert said.expected == none.expected == 0.0 and said.x.shape == (0, 4)
+
+
 @pytest.mark.parametrize("factory", FILTERS)
 @pytest.mark.parametrize("prune_weight", [0.0, 1e-5])
 def test_a_hundred_scans_of_nothing_stay_finite(factory, prune_weight):
@@ -435,6 +451,30 @@ def test_a_detection_that_clutter_cannot_explain_is_a_target_without_overflow():
     p = gaussian(np.zeros(4), np.eye(4))
     q, false = phd.update(labelled(p), told().sensor, np.zeros((1, 2)), 0.9, np.array([5e-324]), 1e-5)
     assert q.intensity.w.sum() == pytest.approx(1.1, rel=1e-12) and 0 <= false[0] < 1e-300
+
+
+@pytest.mark.parametrize("kappa", [1e-300, 1e-200, 1e-3, 1e6])
+@pytest.mark.parametrize("there", [1.0, 0.4])
+def test_a_lone_target_is_bayes_in_clutter_of_any_density(kappa, there):
+    people, z = told(births=nothing(4)), np.array([[0.3, 0.0], [21.0, 0.0]])
+    p = gaussian(np.zeros(4), np.diag([25.0, 25, 1, 1]))
+    p, number = p._replace(w=np.array([there])), np.array([1 - there, there])
+    S = p.P[0, :2, :2] + 9.0 * np.eye(2)
+    log_hit = np.log(0.9) + multivariate_normal(cov=S).logpdf(z) - np.log(kappa)
+    given = people.sensor, z, 0.9, np.full(2, kappa), 0.0
+    # of one target at most it is one of the detections, or none; or there is no target
+    with np.errstate(divide="ignore"):
+        log_w = np.log([0.1 * there, there, there, 1 - there])
+    log_w[1:3] += log_hit
+    w = np.exp(log_w - np.logaddexp.reduce(log_w))
+    q, after = cardinality.update(labelled(p), number, *given)
+    np.testing.assert_allclose(after[1], w[:3].sum(), rtol=1e-9)
+    np.testing.assert_allclose(q.intensity.w, w[:3][w[:3] > 0], rtol=1e-9)
+    # each detection for itself
+    counted, false = phd.update(labelled(p), *given)
+    each = np.exp(np.log(there) + log_hit - np.logaddexp(np.log(there) + log_hit, 0.0))
+    np.testing.assert_allclose(counted.intensity.w, [0.1 * there, *each], rtol=1e-9)
+    np.testing.assert_allclose(false, 1 - each, rtol=1e-9, atol=1e-15)
 
 
 # ---- cardinality ----
@@ -549,18 +589,21 @@ ONE = mixture([1.0], [np.zeros(2)], [np.eye(2)])
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"births": BIRTH._replace(w=np.array([-0.1]))}, "births must have finite non-negative weights"),
-        ({"births": BIRTH._replace(w=np.array([np.nan]))}, "births must have finite non-negative weights"),
-        ({"births": BIRTH._replace(m=np.full((1, 4), np.nan))}, "births must have finite means"),
+        ({"births": BIRTH._replace(w=np.array([-0.1]))}, "births.w must be finite and non-negative"),
+        ({"births": BIRTH._replace(w=np.array([np.nan]))}, "births.w must be finite and non-negative"),
+        ({"births": BIRTH._replace(m=np.full((1, 4), np.nan))}, "births.m must be finite"),
         ({"births": BIRTH._replace(P=-BIRTH.P)}, r"births.P\[0\] must be positive definite"),
         ({"clutter": EVEN._replace(uniform=np.inf)}, "clutter.uniform must be positive and finite"),
+        ({"clutter": EVEN._replace(uniform=1e-304)}, "clutter.uniform over the volume of its box must"),
+        ({"clutter": uniform_clutter([-1e200] * 2, [1e200] * 2, 5.0)}, "over the volume of its box must"),
+        ({"clutter": uniform_clutter([0.0] * 2, [1e-200] * 2, 5.0)}, "over the volume of its box must"),
         (
             {"clutter": EVEN._replace(high=np.array([np.inf, 1.0]))},
             "clutter must be over a finite box of 2",
         ),
         (
             {"clutter": EVEN._replace(gaussians=ONE._replace(w=np.array([-5.0])))},
-            "clutter.gaussians must have finite non-negative weights",
+            "clutter.gaussians.w must be finite and non-negative",
         ),
         (
             {"clutter": EVEN._replace(ellipses=ONE._replace(P=0 * ONE.P))},

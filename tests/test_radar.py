@@ -315,3 +315,13 @@ def test_a_wrong_radar_is_refused_by_name(wrong, message):
 def test_a_wrong_detection_is_refused_by_row(z, message):
     with pytest.raises(ValueError, match=message):
         radar.check_detections(np.array(z))
+
+
+def test_masked_detections_are_absent():
+    z, deviations = np.array([[1e3, 0.1, 0.2], [2e3, 0.3, -0.4], [3e3, 1.0, 0.0]]), [10.0, 0.01, 0.01]
+    masked = np.ma.array(z, mask=np.eye(3) * [0, 1, 0])
+    for convert in (radar.raw, radar.debiased, radar.unbiased, radar.modified_unbiased):
+        for one, other in zip(convert(masked, deviations), convert(z[[0, 2]], deviations), strict=True):
+            np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(radar.cartesian(masked), radar.cartesian(z[[0, 2]]))
+    np.testing.assert_array_equal(radar.spherical(masked), radar.spherical(z[[0, 2]]))

@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from scipy.stats import norm
+from scipy.stats import t as student
 from test_curves import runs_of
 
 import gmr_gym  # noqa: F401  registers the environments
@@ -16,12 +17,10 @@ from gmr_gym.cli import PAPERS
 from gmr_gym.commands import parsed
 from gmr_gym.curves import CURVES, Curves, curves, errors_of
 from gmr_gym.envs import CROWDS
-from gmr_gym.output import HEADINGS
 from gmr_gym.reproduce import (
     Claim,
     Table,
     dortenzio,
-    drawings,
     judged,
     li,
     lv,
@@ -34,7 +33,8 @@ from gmr_gym.reproduce import (
 from gmr_gym.reproduce.zhang_claims import BOTH, CASE_1, CASE_2, Evidence, Trio, claims, evidence
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
-from gmr_gym.summary import Figure
+from gmr_gym.summary import FEWEST, Figure
+from gmr_gym.tables import HEADINGS
 from gmr_gym.tracker import make_tracker
 
 PAPER_MODULES = {
@@ -67,7 +67,7 @@ WORLD = jump_markov()
 )  # fmt: skip
 def test_a_claim_holds_when_chance_explains_less_than_one_in_a_hundred(value, low, high, wanted):
     claim = Claim("it is much", "share", 0.5, float)
-    record = judged(claim, Figure(value, low, high), table="1", runs="all 5")
+    record = judged(claim, Figure(value, low, high), 100, table="1", runs="all 5")
     assert record["verdict"] == wanted
     assert record["low"] == (None if np.isnan(low) else low)
     told = {key: record[key] for key in ("table", "runs", "claim", "measure", "value", "threshold")}
@@ -76,6 +76,23 @@ def test_a_claim_holds_when_chance_explains_less_than_one_in_a_hundred(value, lo
         "threshold": 0.5,
     }  # fmt: skip
     json.dumps(record, allow_nan=False)
+
+
+def test_nothing_is_judged_by_too_few_runs():
+    claim, far = Claim("it is much", "share", 0.5, float), Figure(0.9, 0.89, 0.91)
+    for runs, said in ((FEWEST - 1, "too few runs"), (FEWEST, "holds")):
+        assert judged(claim, far, runs)["verdict"] == said
+    for runs, printed in ((4, 1000), (1000, 4)):
+        for share in (True, False):
+            assert verdict(far, runs, 0.1, printed, share) == "too few runs"
+    assert verdict(far, FEWEST, 0.1, FEWEST, True) == "above"
+
+
+def test_from_the_fewest_runs_on_a_verdict_errs_at_most_twice_as_often_as_it_says():
+    """Once in a hundred times by the normal; by Student's t, as a bootstrap takes deviations for smaller."""
+    reach = norm.ppf(0.995)
+    errs = {n: 2 * student.sf(reach * np.sqrt((n - 1) / n), n - 1) for n in range(2, 100)}
+    assert min(n for n, often in errs.items() if often <= 0.02) == FEWEST
 
 
 def test_the_verdict_turns_where_chance_no_longer_explains_the_difference():
@@ -388,7 +405,8 @@ def test_a_case_2_without_its_case_1_is_judged_alone(few_resamples):
     assert claims({}) == []
 
 
-def test_claims_are_judged_over_all_runs_and_over_those_that_all_three_kept(few_resamples):
+def test_claims_are_judged_over_all_runs_and_over_those_that_all_three_kept(few_resamples, monkeypatch):
+    monkeypatch.setattr("gmr_gym.reproduce.FEWEST", 13)
     tables = {"1": made_up("1", (1, 2, 3), KEPT, 0), "2": made_up("2", (2, 4, 6), ALSO, 1)}
     records = by_table(claims(tables))
     sets = {name: [entry["runs"] for entry in entries] for name, entries in records.items()}
@@ -520,11 +538,8 @@ def test_zhangs_claims_about_both_cases_have_their_tables():
 def catch_drawings(monkeypatch, *modules):
     """The drawings that these modules would have saved, by the name of their file."""
     saved = {}
-    for drawer in (drawings, *modules):
-        drawing = type("Drawing", (drawer.Drawing,), {
-            "savefig": lambda self, file, **_: saved.update({file.name: self})
-        })  # fmt: skip
-        monkeypatch.setattr(drawer, "Drawing", drawing)
+    for drawer in modules:
+        monkeypatch.setattr(drawer, "save", lambda drawing, file: saved.update({file.name: drawing}))
     return saved
 
 

@@ -13,11 +13,12 @@ from gmr_gym import cli
 from gmr_gym.commands import scenario_of, tracker_of
 from gmr_gym.crowd import draw, scan
 from gmr_gym.crowd_runs import CrowdRuns
-from gmr_gym.output import HEADINGS
+from gmr_gym.multitarget import Account
 from gmr_gym.reproduce import lv
 from gmr_gym.reproduce.lv import REDUCED, TABLES
 from gmr_gym.reproduce.lv_claims import ACROSS, FITTED, PRINTED, RIGHT, UNIFORM, Evidence, claims, evidence
 from gmr_gym.scenarios.lv import unknown_clutter
+from gmr_gym.tables import HEADINGS
 
 WORLD = unknown_clutter()
 RUNS = 40
@@ -36,6 +37,7 @@ def test_evidence_is_of_runs_with_known_scores():
     named[:, :25] = 3  # too many for a quarter of the scans
     named[:, 25:50] = 0
     distance = np.where(named == 1, 10.0, 500.0)
+    distance[:, 25:50] = np.nan
     missed = np.zeros((RUNS, 100))
     missed[:, 28:33] = 5000.0  # one is lost and found again
     missed[:20, 40:] = 10000.0  # both are lost for good
@@ -49,7 +51,8 @@ def test_evidence_is_of_runs_with_known_scores():
     np.testing.assert_allclose(found.off, 0.75)
     np.testing.assert_allclose(found.false, 0.5)
     np.testing.assert_allclose(found.right, 10.0)
-    np.testing.assert_allclose(found.wasserstein, 255.0)
+    np.testing.assert_allclose(found.printed, 130.0)  # as eq. 41 has it, nothing named is no error
+    np.testing.assert_array_equal(found.wasserstein, distance)
     np.testing.assert_allclose(found.density, 0.25)
     np.testing.assert_array_equal(found.lost, np.where(np.arange(RUNS) < 20, 3, 1))
     np.testing.assert_array_equal(found.again, 1)
@@ -64,7 +67,9 @@ def scattered(seed, **means):
     """Evidence about these means, of a deviation of a hundredth."""
     rng = np.random.default_rng(seed)
     numbers = dict.fromkeys(Evidence._fields, 1.0) | means
-    return Evidence(**{name: value + 0.01 * rng.standard_normal(RUNS) for name, value in numbers.items()})
+    numbers = {name: value + 0.01 * rng.standard_normal(RUNS) for name, value in numbers.items()}
+    distance = np.where(rng.random((RUNS, 9)) < 0.5, numbers["wasserstein"][:, None], np.nan)
+    return Evidence(**numbers | {"wasserstein": distance})
 
 
 def verdicts(records, table, runs):
@@ -73,8 +78,8 @@ def verdicts(records, table, runs):
 
 @pytest.mark.parametrize(("better", "wanted"), [(True, "holds"), (False, "fails")])
 def test_the_papers_claims_hold_where_its_numbers_are_better_and_fail_where_they_are_worse(better, wanted):
-    good = {"off": 0.2, "false": 0.1, "wasserstein": 50.0, "ospa": 30.0, "density": 0.4}
-    bad = {"off": 1.2, "false": 2.1, "wasserstein": 350.0, "ospa": 60.0, "density": 1.4}
+    good = {"off": 0.2, "false": 0.1, "printed": 50.0, "wasserstein": 60.0, "ospa": 30.0, "density": 0.4}
+    bad = {"off": 1.2, "false": 2.1, "printed": 350.0, "wasserstein": 360.0, "ospa": 60.0, "density": 1.4}
     own = good | {"right": RIGHT - 4, "again": 0.9} if better else bad | {"right": RIGHT + 4, "again": 0.1}
     found = {"fmm-em": scattered(0, **own), UNIFORM: scattered(1, **bad if better else good)}
     records = claims({"groups": found})
@@ -127,6 +132,22 @@ def test_the_reductions_are_of_one_filter_told_the_true_clutter():
     (table,) = [table for table in TABLES if table.name == "reductions"]
     assert table.settings == {"told": "true"} and len(set(REDUCED)) == len(REDUCED)
     assert {spec.partition(":")[0] for spec in REDUCED} == {"gm-phd"}
+
+
+def test_curves_have_a_gap_where_nothing_is_named_and_no_0():
+    distance = np.full((RUNS, 100), 7.0)
+    distance[:, 40:60] = np.nan  # in no run
+    distance[1:, :20] = np.nan  # but in one
+    runs = runs_with(wasserstein=distance)
+    drawing = lv._by_scan({"one": runs})
+    *_, shown, undefined = (panel.lines[0].get_ydata() for panel in drawing.axes)
+    assert np.isnan(shown[40:60]).all() and np.all(np.delete(shown, np.s_[40:60]) == 7.0)
+    np.testing.assert_allclose(undefined[[0, 30, 50]], [100 * (1 - 1 / RUNS), 0.0, 100.0])
+    said = [Account(np.empty((0, 6)), *[np.zeros(0)] * 2, 0.0, None, None)] * 100
+    panel = lv._episode("one", WORLD, draw(WORLD, 0), said, runs).axes[-1]
+    own, several, none = (line.get_ydata() for line in panel.lines)
+    assert np.isnan(own).all() and len(none) == 100 and np.isnan(several[40:60]).all()
+    assert panel.lines[-1].get_label() == "none at 100 scans"
 
 
 def test_section_seven_is_run_drawn_and_written_by_the_command(tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 """Distances between sets: every assignment tried, the axioms of a metric, and transport by other means."""
 
+from decimal import Decimal, localcontext
 from itertools import combinations, permutations, product
 from math import lcm
 from unittest.mock import patch
@@ -132,6 +133,89 @@ def test_wasserstein_of_equal_sizes_is_the_best_association(seed):
     assert wasserstein(x, y) <= wasserstein(x, y[:3]) + wasserstein(y[:3], y)
 
 
+# far below and far above one another, so that powers leave the range of floats at either end
+WIDE = st.lists(st.integers(0, 60), min_size=1, max_size=3).map(
+    lambda steps: np.array([[10.0 ** (step / 10 - 3), 0.0] for step in steps])
+)
+ORDERS = st.sampled_from([1.0, 2.0, 2.5, 30.0, 155.0, 400.0, 3e4])
+
+
+def root_of_least(costs, order):
+    """(min of the sums of costs) ** (1 / order), of Decimals, each cost a (distance, share)."""
+    with localcontext(prec=60, Emin=-(10**9), Emax=10**9):
+        p = Decimal(order)
+        sums = [sum((w * d**p for d, w in cost if d), Decimal(0)) for cost in costs]
+        return float(min(sums) ** (1 / p)) if min(sums) else 0.0
+
+
+def plans(x, y, distance):
+    """Every assignment of all of the smaller set: distances of its pairs, exactly as `distance` has them."""
+    return [[Decimal(float(distance[pair])) for pair in pairs] for pairs in injections(len(x), len(y))]
+
+
+@settings(derandomize=True, deadline=None, max_examples=100)
+@given(x=WIDE, y=WIDE, cutoff=st.sampled_from([1e-3, 1.0, 100.0, 1e4]), order=ORDERS)
+def test_ospa_of_any_order_is_what_exact_arithmetic_gives(x, y, cutoff, order):
+    most, c = max(len(x), len(y)), Decimal(cutoff)
+    surplus = [(c, Decimal(abs(len(x) - len(y))) / most)]
+    costs = [[(min(d, c), Decimal(1) / most) for d in plan] + surplus for plan in plans(x, y, cdist(x, y))]
+    assert ospa(x, y, cutoff, order) == pytest.approx(root_of_least(costs, order), rel=1e-12)
+
+
+@settings(derandomize=True, deadline=None, max_examples=100)
+@given(x=WIDE, y=WIDE, cutoff=st.sampled_from([1e-3, 1.0, 50.0]), order=ORDERS)
+def test_gospa_of_any_order_is_what_exact_arithmetic_gives(x, y, cutoff, order):
+    if order * np.log(cutoff) > 700:
+        with pytest.raises(ValueError, match="leave cutoff \\*\\* order a float, got order"):
+            gospa(x, y, cutoff, order)
+        return
+    c = Decimal(cutoff)
+    surplus = [(c, Decimal(abs(len(x) - len(y))) / 2)]
+    costs = [[(min(d, c), Decimal(1)) for d in plan] + surplus for plan in plans(x, y, cdist(x, y))]
+    assert gospa(x, y, cutoff, order).total == pytest.approx(root_of_least(costs, order), rel=1e-12)
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(x=WIDE, y=WIDE, order=ORDERS)
+def test_wasserstein_of_any_order_is_what_exact_arithmetic_gives(x, y, order):
+    size = lcm(len(x), len(y))
+    distance = cdist(np.repeat(x, size // len(x), axis=0), np.repeat(y, size // len(y), axis=0))
+    whole = {tuple(sorted(distance[range(size), to])) for to in permutations(range(size))}
+    costs = [[(Decimal(float(d)), Decimal(1) / size) for d in plan] for plan in whole]
+    assert wasserstein(x, y, order) == pytest.approx(root_of_least(costs, order), rel=1e-12)
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(x=SOME, y=SOME, cutoff=st.sampled_from([5.0, 100.0]))
+def test_order_inf_is_what_orders_tend_to(x, y, cutoff):
+    # a share of 1 / lcm or more of the mass goes as far as that
+    assert wasserstein(x, y, 1e6) == pytest.approx(wasserstein(x, y, np.inf), rel=1e-5)
+    assert ospa(x, y, cutoff, 1e6) == pytest.approx(ospa(x, y, cutoff, np.inf), rel=1e-5)
+    if len(x) != len(y):
+        assert ospa(x, y, cutoff, np.inf) == cutoff  # of two sets unequal in size (Schuhmacher, Vo and Vo)
+
+
+def test_high_orders_by_hand():
+    here, there = [[0.006, 0.008]], [[0.0, 0.0]]
+    for order in (155, 400, 1e5, np.inf):
+        assert ospa(here, there, order=order) == pytest.approx(0.01, rel=1e-12)
+        assert ospa(here, there, cutoff=1.0, order=order) == pytest.approx(0.01, rel=1e-12)
+        assert wasserstein(here, there, order=order) == pytest.approx(0.01, rel=1e-12)
+    assert gospa(here, there, cutoff=1.0, order=400) == pytest.approx((0.01, 0.0, 0.0, 0.0), rel=1e-12)
+    # two plans whose costs both vanish beside the cutoff's are told apart
+    assert ospa([[0.0], [0.02]], [[0.017], [0.005]], 1.0, 300) == pytest.approx(0.005 / 2 ** (1 / 300))
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e-160, 1e160, 1e250])
+def test_sets_of_any_size_are_measured(size):
+    x, y, _ = points(1, 3, 3)
+    for distance in (wasserstein, lambda x, y: ospa(x, y, 1e280), lambda x, y: gospa(x, y, 1e150).total):
+        if size < 1:
+            assert distance(size * x, size * y) == pytest.approx(size * distance(x, y), rel=1e-12)
+    assert wasserstein(size * x, size * y) == pytest.approx(size * wasserstein(x, y), rel=1e-12)
+    assert ospa(1e200 * x, 1e200 * y) == 100
+
+
 def test_values_by_hand():
     there = np.array([[0.0, 0.0], [500.0, 0.0]])
     here = np.array([[3.0, 4.0]])
@@ -146,11 +230,13 @@ def test_values_by_hand():
 
 def test_empty_sets():
     two = np.array([[0.0, 0.0], [5.0, 5.0]])
-    assert ospa(NONE, NONE) == 0 == gospa(NONE, NONE).total == wasserstein(NONE, NONE)
+    assert ospa(NONE, NONE) == 0 == gospa(NONE, NONE).total
     assert ospa(two, NONE) == 100 == ospa(NONE, two)
     assert gospa(NONE, two) == pytest.approx((100, 0, 10_000, 0))
     assert gospa(two, NONE) == pytest.approx((100, 0, 0, 10_000))
-    assert wasserstein(two, NONE) == 0 == wasserstein(NONE, two)
+    assert ospa(two, NONE, order=np.inf) == 100 and ospa(NONE, NONE, order=np.inf) == 0
+    # neither is a distance of mass to nowhere, nor is one of nothing 0
+    assert np.isnan([wasserstein(*sets) for sets in ((two, NONE), (NONE, two), (NONE, NONE))]).all()
 
 
 def test_other_dimensions_and_far_coordinates():
@@ -184,8 +270,7 @@ def test_bad_sets_are_refused_by_name(distance, x, y, message):
         ({"cutoff": 0.0}, "cutoff must be positive and finite, got 0"),
         ({"cutoff": np.inf}, "cutoff must be"),
         ({"cutoff": np.nan}, "cutoff must be"),
-        ({"order": 0.5}, "order must be at least 1 and finite, got 0.5"),
-        ({"order": np.inf}, "order must be"),
+        ({"order": 0.5}, "order must be at least 1, got 0.5"),
         ({"order": np.nan}, "order must be"),
     ],
 )
@@ -193,3 +278,25 @@ def test_bad_settings_are_refused_by_name(setting, message):
     for distance in (ospa, gospa, wasserstein) if "order" in setting else (ospa, gospa):
         with pytest.raises(ValueError, match=message):
             distance(NONE, NONE, **setting)
+
+
+@pytest.mark.parametrize("distance", [ospa, gospa, wasserstein])
+def test_masked_positions_are_absent(distance):
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(0, 50, (4, 2)), rng.uniform(0, 50, (5, 2))
+    masked = [np.ma.array(points, mask=np.zeros(points.shape, bool)) for points in (x, y)]
+    masked[0][1, 0] = masked[1][0] = masked[1][4, 1] = np.ma.masked
+    assert distance(*masked) == distance(x[[0, 2, 3]], y[1:4])
+    assert distance(masked[0], y) == distance(x[[0, 2, 3]], y)
+    assert distance(np.ma.masked_all((3, 2)), y) == distance(np.empty((0, 2)), y)
+
+
+@pytest.mark.parametrize(("order", "cutoff"), [(np.inf, 100.0), (155.0, 100.0), (1e3, 2.1)])
+def test_gospa_refuses_an_order_whose_parts_are_no_floats(order, cutoff):
+    with pytest.raises(ValueError, match=rf"got order {order}, cutoff {cutoff}"):
+        gospa([[0.0, 0.0]], NONE, cutoff, order)
+
+
+def test_positions_whose_differences_are_no_floats_are_refused():
+    with pytest.raises(ValueError, match="farther apart than floats reach"):
+        ospa([[1.5e308, 0.0]], [[-1.5e308, 0.0]])

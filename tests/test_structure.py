@@ -1,22 +1,27 @@
-"""Which module may import which: a new arrow is a decision, not an accident."""
+"""Which module may import which, and which versions of what: a new arrow is a decision, not an accident."""
 
 import ast
 import subprocess
 import sys
 from pathlib import Path
+from runpy import run_path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
 NUMERICS = [
-    "mixture", "kalman", "association", "merge_cost", "merging", "reduction", "ise", "ise_pairs", "distances",
-    "models", "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
+    "validation", "mixture", "kalman", "association", "merge_cost", "merging", "reduction", "ise",
+    "ise_pairs", "distances", "models", "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
     "curves", "philox", "scans", "seeds", "simulate", "play", "metrics", "montecarlo", "summary", "tracker",
     "scenarios", "crowd", "crowd_runs", "crowd_summary", "multitarget", "phd", "cardinality",
     "clutter_learning", "multi_bernoulli", "finite_mixture", "gibbs", "hypotheses", "instances",
     "thresholds", "threshold_features", "threshold_hindsight", "threshold_policies", "threshold_scans",
-    "threads", "network", "batch", "blocks", "clusters", "source", "workers",
+    "threads", "network", "archive", "batch", "blocks", "clusters", "kernels", "points", "source", "update",
+    "workers",
 ]  # fmt: skip
+PINS = run_path(str(ROOT / ".ci" / "pins.py"))
 LIBRARY, BASELINES = sorted((ROOT / "gmr_gym").rglob("*.py")), sorted((ROOT / "baselines").glob("*.py"))
 
 
@@ -71,3 +76,28 @@ def test_importing_the_package_registers_environments_and_imports_no_numba():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_how_kernels_are_compiled_stands_in_one_place():
+    assert arrows([*LIBRARY, *BASELINES], "numba.njit", "numba.jit") == ["gmr_gym/kernels.py -> numba.njit"]
+
+
+def test_every_dependency_states_its_lowest_version():
+    for requirement in PINS["declared"](PINS["EXTRAS"]):
+        assert PINS["lowest"](requirement) in requirement.specifier
+
+
+@pytest.mark.parametrize("line", ["numpy", "numpy<3", "numpy>=1,>=2"])
+def test_a_dependency_with_no_lowest_version_or_several_is_told(line):
+    with pytest.raises(ValueError, match=f"{line}.* states [02] lowest versions; state one, by >= or =="):
+        PINS["lowest"](Requirement(line))
+
+
+def test_the_constraints_are_of_all_that_the_tests_need_and_within_every_declared_bound():
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = (Requirement(line) for line in lines if not line.startswith("#"))
+    pinned = {canonicalize_name(pin.name): PINS["lowest"](pin) for pin in pins}
+    assert {canonicalize_name(needed.name) for needed in PINS["declared"](["test"])} <= pinned.keys()
+    for requirement in PINS["declared"](PINS["EXTRAS"]):
+        name = canonicalize_name(requirement.name)
+        assert name not in pinned or pinned[name] in requirement.specifier, f"{name} {pinned[name]}"

@@ -238,6 +238,7 @@ def test_actions_and_thresholds_are_each_others_inverse():
         ([[0.0, 0.0]], r"got \(1, 2\)"),
         ([0.0, np.nan], r"action must be finite and within \[-1, 1\], got \[0.0, nan\]"),
         ([1.001, 0.0], r"within \[-1, 1\]"),
+        (np.ma.array([0.0, 0.0], mask=[True, False]), "action must be given in full"),
     ],
 )
 def test_bad_actions_are_refused(action, message):

@@ -3,6 +3,7 @@
 import json
 import pickle
 import warnings
+from functools import partial
 from importlib.util import find_spec
 
 import gymnasium as gym
@@ -22,7 +23,7 @@ from gmr_gym.play import play
 from gmr_gym.simulate import draw
 from gmr_gym.threshold_features import BOUND
 from gmr_gym.threshold_policies import Constant, Schedule
-from gmr_gym.thresholds import Thresholds, encoded
+from gmr_gym.thresholds import Thresholds, decoded, encoded
 
 SURE = Instance("sure", "turning-target", 0, 0.5, 20.0, 0.95, 5.0, 5.0, 3.0)
 LOST = SURE._replace(instance_id="lost", clutter_rate=500.0, detection_probability=0.1)
@@ -69,6 +70,66 @@ def test_both_checks_pass_without_a_warning(parameters):
             from stable_baselines3.common.env_checker import check_env as check_for_sb3
 
             check_for_sb3(gym.make(TUNING, parameters=parameters))
+
+
+def test_the_picture_is_of_the_tracker_under_its_thresholds(tmp_path):
+    """As the harness plays `adaptive`; pictures that nobody asked for change nothing."""
+    env = ReductionTuningEnv(instances=table(tmp_path, SURE), components=40, render_mode="rgb_array")
+    with pytest.raises(RuntimeError, match=r"call reset\(\) before render"):
+        env.render()
+    reports, _ = played(SURE, adaptive(world(SURE).model, 40, *decoded(ACTION, env.parameters)[:2]), 3)
+    env.reset(seed=3)
+    pictures = [env.render()]
+    (line,) = env._canvas._canvas.figure.axes[1].lines
+    assert line.get_ydata().tolist() == [2]  # a miss, and the one detection in the gate
+    for t in range(12):
+        _, _, _, _, info = env.step(ACTION)
+        env.foreseen(ACTION)
+        if t not in (2, 7, 11):
+            continue
+        pictures.append(env.render())
+        strip, plane = env._canvas._canvas.figure.axes[::-1]
+        assert strip.lines[0].get_ydata()[-1] == len(reports[t].mixture.w) == info["components"]
+        estimates = next(line for line in plane.lines if line.get_label() == "estimate").get_xydata()
+        np.testing.assert_array_equal(estimates, [report.x[0, :2] for report in reports[: t + 1]])
+        gates, kept = plane.collections
+        np.testing.assert_array_equal(gates.get_offsets(), reports[t].gates.z)
+        np.testing.assert_array_equal(kept.get_offsets(), reports[t].mixture.m[:, :2])
+    assert {picture.shape for picture in pictures} == {(640, 640, 3)}
+    env.reset()
+    env.render()
+    env.step(ACTION)
+    assert env.render().shape == (640, 640, 3)
+    env.close()
+
+
+def test_pictures_change_nothing_of_what_is_played(tmp_path):
+    file = table(tmp_path, SURE)
+    watched = gym.make(TUNING, instances=file, render_mode="rgb_array")
+    for env in (watched, gym.make(TUNING, instances=file)):
+        env.reset(seed=1)
+        rewards = []
+        for _ in range(5):
+            rewards.append(env.step(ACTION)[1])
+            if env is watched:
+                env.render()
+        if env is watched:
+            wanted = rewards
+    assert rewards == wanted
+
+
+def test_an_unknown_keyword_is_named_with_the_nearest_and_all_there_are():
+    for make in (
+        ReductionTuningEnv,
+        partial(gym.make, TUNING),
+        partial(gym.make_vec, TUNING, 2, vectorization_mode="vector_entry_point"),
+    ):
+        with pytest.raises(
+            ValueError, match=r"'prise'; did you mean 'price'\? .* parameters, instances, price"
+        ):
+            make(prise=1.0)
+    with pytest.raises(ValueError, match="render_mode must be one of"):
+        ReductionTuningEnv(render_mode="ascii")
 
 
 @pytest.mark.parametrize(

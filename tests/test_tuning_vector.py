@@ -143,6 +143,8 @@ def test_what_cannot_be_is_refused(table):
     ):
         with pytest.raises(ValueError, match=message):
             envs.step(actions)
+    with pytest.raises(ValueError, match="actions must be given in full"):
+        envs.step(np.ma.masked_all((2, 2)))
     envs.step(np.zeros((2, 2)))  # a refused action has changed nothing
 
 

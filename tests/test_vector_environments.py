@@ -12,7 +12,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import gmr_gym  # noqa: F401  registers the environments
-from gmr_gym.envs import TRACKING
+from gmr_gym.envs import TRACKING, TUNING
 from gmr_gym.envs.vector import TrackingVectorEnv
 
 TURNING, FLIGHT, AGILE, JUMP, RADAR = (
@@ -244,6 +244,16 @@ def test_unseeded_environments_differ_from_one_another():
     assert not np.isin(scans[0][:50], scans[1:]).any()
 
 
+@pytest.mark.parametrize("env_id", [TURNING, TUNING])
+def test_environments_side_by_side_say_that_they_are_not_drawn(env_id):
+    with pytest.raises(ValueError, match="side by side are not drawn, make a single one to look at: ren"):
+        gym.make_vec(env_id, 2, vectorization_mode="vector_entry_point", render_mode="rgb_array")
+    envs = gym.make_vec(env_id, 2, vectorization_mode="vector_entry_point")
+    assert envs.metadata["render_modes"] == []
+    with pytest.raises(NotImplementedError, match="side by side are not drawn, make a single one to look at"):
+        envs.render()
+
+
 def test_wrong_arguments_are_refused_by_name():
     for wrong, message in (
         ({"num_envs": 0}, "num_envs must be at least 1"),
@@ -271,6 +281,7 @@ def test_wrong_arguments_are_refused_by_name():
         (np.zeros(4), r"actions must have shape \(2, 4\), got \(4,\)"),
         ([["a"] * 4] * 2, "actions must be numbers"),
         (np.full((2, 4), np.nan), "actions must be finite and within"),
+        (np.ma.array(np.zeros((2, 4)), mask=np.eye(2, 4)), "actions must be given in full"),
         (np.array([[0.0] * 4, [2e7, 0, 0, 0]]), r"got \[20000000.0, 0.0, 0.0, 0.0\] in row 1"),
     ):
         with pytest.raises(ValueError, match=message):

@@ -1,8 +1,11 @@
 """Workers of this machine and of a Dask cluster: the same bits, and nothing lost where one is killed."""
 
 import importlib
+import json
 import os
 import signal
+import subprocess
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,13 +19,13 @@ import pytest
 from baselines.gm_phd import gm_phd
 from baselines.mht import runnalls
 from baselines.nearest_neighbour import NearestNeighbour
-from gmr_gym import montecarlo, source, workers
+from gmr_gym import clusters, montecarlo, source, workers
 from gmr_gym.cli import app
 from gmr_gym.crowd_runs import CrowdRuns
 from gmr_gym.montecarlo import BLOCK, Runs, run
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.lv import unknown_clutter
-from gmr_gym.workers import ATTEMPTS, WorkersLost, check_workers
+from gmr_gym.workers import ATTEMPTS, ClusterLost, WorkersLost, check_workers
 
 WORLD = turning_target(horizon=8, clutter_rate=20)
 NEAREST = {"nearest": NearestNeighbour(WORLD.model)}
@@ -147,6 +150,64 @@ def test_what_is_done_when_the_last_process_dies_is_kept_and_the_same_call_goes_
     found = run(WORLD, dying(tmp_path, 0), 4 * BLOCK, folder=blocks)
     np.testing.assert_array_equal(found["nearest"].seconds[: 2 * BLOCK], first.seconds)
     assert_same(found, run(WORLD, NEAREST, 4 * BLOCK))
+
+
+@pytest.fixture
+def started(tmp_path):
+    """Starts a part of a Dask cluster as a process of its own."""
+    pytest.importorskip("distributed")
+    processes = []
+
+    def start(part, *words):
+        command = [sys.executable, "-m", f"distributed.cli.dask_{part}", *words, "--no-dashboard"]
+        environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+        processes.append(subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL))
+        return processes[-1]
+
+    yield start
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+def test_a_scheduler_that_dies_is_said_in_one_line_and_what_is_finished_is_kept(
+    started, tmp_path, monkeypatch, capfd
+):
+    monkeypatch.setattr(workers, "SECONDS", 1.0)
+    monkeypatch.setattr(clusters, "SECONDS", 0.5)
+    file, blocks = tmp_path / "scheduler.json", tmp_path / "blocks"
+    scheduler = started("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file))
+    while not file.exists():
+        time.sleep(0.05)
+    address = json.loads(file.read_text())["address"]
+    on_it = partial(run, WORLD, NEAREST, RUNS, folder=blocks, backend="dask", scheduler=address)
+    with pytest.raises(OSError, match=rf"the cluster at {address} has no worker after 0\.5 s"):
+        on_it()
+    started("worker", address, "--nthreads", "1", "--no-nanny")
+    monkeypatch.setattr(clusters, "SECONDS", 30)
+    killed = []
+
+    def kill(done, total):
+        if done:
+            scheduler.kill()
+            killed.append(time.monotonic())
+
+    message = rf"^the cluster at {address} was lost; [1-4] of 5 blocks .* kept in {blocks}: .* from there$"
+    with pytest.raises(ClusterLost, match=message) as lost:
+        on_it(progress=kill)
+    assert time.monotonic() - killed[0] < 10
+    assert capfd.readouterr().err == ""
+    assert f"; {len(list(blocks.iterdir()))} of 5 blocks" in str(lost.value)
+    assert_same(run(WORLD, NEAREST, RUNS, folder=blocks), run(WORLD, NEAREST, RUNS))
+
+
+def test_a_cluster_that_never_answered_is_not_called_lost():
+    dask = pytest.importorskip("dask")
+    with (
+        dask.config.set({"distributed.comm.timeouts.connect": "500ms"}),
+        pytest.raises(OSError, match=r"no cluster answers at tcp://127\.0\.0\.1:9: Timed out .* 0.5 s"),
+    ):
+        run(WORLD, NEAREST, 1, backend="dask", scheduler="tcp://127.0.0.1:9")
 
 
 def test_an_error_of_the_tracker_is_raised_as_it_is_and_not_tried_again(tmp_path):

@@ -8,6 +8,7 @@ import numpy as np
 from gmr_gym.crowd import Crowd, ManyScenario, draw, scan
 from gmr_gym.envs.episodic import EXTENT, EpisodicEnv
 from gmr_gym.metrics import gospa, ospa
+from gmr_gym.points import absent
 from gmr_gym.simulate import Scan, capacity
 
 SURE = 0.5  # existence from which a row counts as an estimate
@@ -36,7 +37,8 @@ class CrowdEnv(EpisodicEnv):
     ## Action space
     `Box((targets, 1 + d), float64)`: a row for each estimate, its existence in [0, 1] and its state within
     +-1e7. A row counts as an estimate when its existence is at least 0.5; the others must be finite all the
-    same. More targets than rows cannot be submitted: `targets` is the most that can be said to be there.
+    same. A row of which anything is masked is none. More targets than rows cannot be submitted: `targets` is
+    the most that can be said to be there.
 
     ## Reward
     Minus the GOSPA distance (or OSPA) of the estimated positions to the true ones, with the scenario's cutoff
@@ -119,6 +121,8 @@ class CrowdEnv(EpisodicEnv):
         return {"truth": np.where(present[:, None], x, 0.0), "present": present}
 
     def _checked(self, action) -> np.ndarray:
+        if (hidden := absent(action)) is not None:
+            action = np.where(hidden.reshape(-1, 1), 0.0, np.ma.getdata(action))
         rows = super()._checked(action)
         if not ((rows[:, 0] >= 0) & (rows[:, 0] <= 1)).all():
             raise ValueError(f"existence, the first column, must lie in [0, 1], got {rows[:, 0].tolist()}")

@@ -1,5 +1,7 @@
 """What every environment does alike: it draws an episode, emits it scan by scan and shows it."""
 
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from importlib import import_module
 from inspect import signature
 from typing import Any
@@ -7,35 +9,74 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from gmr_gym.points import check_unmasked
 from gmr_gym.simulate import Scan
 
 ORIGIN = np.int16  # of the indices of targets in info
 EXTENT = 1e7  # m and m/s: no coordinate, velocity or estimate in any scenario comes near
 
 
-class EpisodicEnv(gym.Env):
-    """An environment that draws a whole episode at `reset` and emits a scan of it at every step. A subclass
-    declares its spaces, scores, and says by the methods at the end what its episodes are and look like."""
+class DrawnEnv(gym.Env):
+    """An environment that can be looked at. A subclass says whether there is anything to be seen, and draws
+    it on the canvas that it makes."""
 
     metadata = {  # noqa: RUF012, gymnasium declares it so
         "render_modes": ["rgb_array", "human"],
         "render_fps": 10,
     }
 
-    def __init__(self, scenario: str, render_mode: str | None, world: dict[str, Any]):
+    def __init__(self, render_mode: str | None):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(
                 f"render_mode must be one of {self.metadata['render_modes']}, got {render_mode!r}"
             )
-        self.scenario: Any = _build(scenario, world)
         self.render_mode = render_mode
+        self._canvas: Any = None
+
+    def render(self):
+        """The current scan as an image (height, width, 3), or in a window for "human"."""
+        if self.render_mode is None:
+            gym.logger.warn("render() needs a render_mode: pass render_mode='rgb_array' to make()")
+            return None
+        if not self._has_begun():
+            raise RuntimeError("call reset() before render(): nothing has been seen yet")
+        if self._canvas is None:
+            self._canvas = self._new_canvas(on_screen=self.render_mode == "human")
+        return self._drawn_on(self._canvas)
+
+    def close(self):
+        """Close the window, if one is open."""
+        if self._canvas is not None:
+            self._canvas.close()
+            self._canvas = None
+
+    def _has_begun(self) -> bool:
+        """Whether an episode has been begun."""
+        raise NotImplementedError
+
+    def _new_canvas(self, on_screen: bool) -> Any:
+        """What draws episodes; it is imported when something is drawn."""
+        raise NotImplementedError
+
+    def _drawn_on(self, canvas: Any) -> np.ndarray | None:
+        """The picture of the current scan, None where it is shown in a window."""
+        raise NotImplementedError
+
+
+class EpisodicEnv(DrawnEnv):
+    """An environment that draws a whole episode at `reset` and emits a scan of it at every step. A subclass
+    declares its spaces, scores, and says by the methods at the end what its episodes are and look like."""
+
+    def __init__(self, scenario: str, render_mode: str | None, world: dict[str, Any]):
+        super().__init__(render_mode)
+        check_keywords(world, [*settings(scenario), *keywords(type(self))])
+        self.scenario: Any = make_scenario(scenario, world)
         self._position = list(self.scenario.position)
         self._capacity: int  # rows of a scan
         self._episode: Any
         self._estimates: list[np.ndarray]
         self._t = self.scenario.horizon  # no episode is running
         self._shown = -1  # the scan last emitted
-        self._canvas: Any = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Scan 1 of a new episode. `seed` alone decides it; without one the stream goes on."""
@@ -43,23 +84,6 @@ class EpisodicEnv(gym.Env):
         self._episode = self._drawn(seed if seed is not None else int(self.np_random.integers(2**63)))
         self._t, self._estimates = 0, []
         return self._emit()
-
-    def render(self):
-        """The current scan as an image (height, width, 3), or in a window for "human"."""
-        if self.render_mode is None:
-            gym.logger.warn("render() needs a render_mode: pass render_mode='rgb_array' to make()")
-            return None
-        if self._shown < 0:
-            raise RuntimeError("call reset() before render(): nothing has been seen yet")
-        if self._canvas is None:
-            self._canvas = self._new_canvas(on_screen=self.render_mode == "human")
-        return self._canvas.draw(self._episode, self._seen(self._shown), self._shown, self._estimates)
-
-    def close(self):
-        """Close the window, if one is open."""
-        if self._canvas is not None:
-            self._canvas.close()
-            self._canvas = None
 
     def _emit(self):
         """Observation and info of scan t, empty past the last; shown where someone watches."""
@@ -83,6 +107,7 @@ class EpisodicEnv(gym.Env):
         """The action as floats; RuntimeError where no episode is running, ValueError for a wrong shape."""
         if self._t >= self.scenario.horizon:
             raise RuntimeError("call reset() before step(): no episode is running")
+        check_unmasked("action", action)
         try:
             action = np.array(action)
             if action.dtype != float:
@@ -105,21 +130,43 @@ class EpisodicEnv(gym.Env):
         """What info tells of the targets at scan t."""
         raise NotImplementedError
 
-    def _new_canvas(self, on_screen: bool) -> Any:
-        """What draws episodes; it is imported when something is drawn."""
-        raise NotImplementedError
+    def _has_begun(self) -> bool:
+        return self._shown >= 0
+
+    def _drawn_on(self, canvas: Any) -> np.ndarray | None:
+        return canvas.draw(self._episode, self._seen(self._shown), self._shown, self._estimates)
 
 
-def _build(scenario: str, world: dict[str, Any]) -> Any:
-    """What "module:function" returns for the keywords in `world`; ValueError for one that it does not take,
+def make_scenario(scenario: str, world: Mapping[str, Any]) -> Any:
+    """What "module:function" returns for the settings in `world`; ValueError for one that it does not take,
     or that is of the wrong kind."""
-    module, _, function = scenario.partition(":")
-    factory = getattr(import_module(module), function)
-    takes = list(signature(factory).parameters)
-    for name in world:
-        if name not in takes:
-            raise ValueError(f"unknown argument {name!r}; this environment takes {', '.join(takes)}")
+    check_keywords(world, settings(scenario))
     try:
-        return factory(**world)
+        return _factory(scenario)(**world)
     except TypeError as error:  # text or a fraction where a number of another kind belongs
         raise ValueError(f"cannot make a scenario of {world}: {error}") from None
+
+
+def settings(scenario: str) -> list[str]:
+    """Names of the settings that "module:function" takes."""
+    return list(signature(_factory(scenario)).parameters)
+
+
+def keywords(environment: type) -> list[str]:
+    """Names of the keywords that an environment takes itself."""
+    takes = signature(environment).parameters.values()
+    return [each.name for each in takes if each.kind is not each.VAR_KEYWORD and each.name != "scenario"]
+
+
+def check_keywords(given: Iterable[str], takes: Sequence[str]) -> None:
+    """ValueError for a keyword that is none of those taken, with the nearest, if one is near, and all."""
+    for name in given:
+        if name not in takes:
+            near = get_close_matches(name, takes, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise ValueError(f"unknown argument {name!r}; {hint}this environment takes {', '.join(takes)}")
+
+
+def _factory(scenario: str) -> Callable:
+    module, _, function = scenario.partition(":")
+    return getattr(import_module(module), function)

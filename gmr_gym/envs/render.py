@@ -13,6 +13,8 @@ from gmr_gym.simulate import Episode, Scan, Scenario
 from gmr_gym.tracker import Report
 
 INK, CLUTTER, TRUTH, ESTIMATE, HYPOTHESIS = "#222222", "#9aa0a6", "#1a7f37", "#c5221f", "#1967d2"
+GATES, PAPER = "#d0d7de", "#ffffff"
+INKS = INK, CLUTTER, TRUTH, ESTIMATE, HYPOTHESIS, GATES
 
 
 class Sheet:
@@ -49,8 +51,8 @@ class Canvas:
 
     def __init__(self, scenario: Scenario, on_screen: bool = False, title: str = ""):
         self.scenario = scenario
-        self._title = title
-        self._counts: list[int] = []
+        self.title = title
+        self._counts: list[float] = []
         self._sheet = Sheet(on_screen)
         self.figure = self._sheet.figure
 
@@ -95,7 +97,7 @@ class Canvas:
         if np.isfinite(gates.size):
             # the shadow of an ellipsoid is the ellipse of the block of its covariance
             shapes = gates.S[:, :2, :2] * gates.size
-            outlines = ellipses(axes, gates.z[:, :2], shapes, edgecolors="#d0d7de", linewidths=0.8)
+            outlines = ellipses(axes, gates.z[:, :2], shapes, edgecolors=GATES, linewidths=0.8)
             axes.add_collection(outlines)
         at = list(self.scenario.position[:2])
         opacity = np.clip(np.sqrt(p.w / p.w.max()), 0.04, 1)
@@ -114,7 +116,7 @@ class Canvas:
             axes.locator_params(axis="x", nbins=4)  # labels of six figures under a narrow box would overlap
         axes.set_xlabel("x, m")
         axes.set_ylabel("y, m")
-        axes.set_title(f"{self._title}  t = {(t + 1) * self.scenario.period:g} s", loc="left")
+        axes.set_title(f"{self.title}  t = {(t + 1) * self.scenario.period:g} s", loc="left")
         axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
 
     def _view(self, estimate):
@@ -137,11 +139,12 @@ class Canvas:
 
     def _strip(self, t, count):
         del self._counts[t:]
+        self._counts += [np.nan] * (t - len(self._counts))  # scans that nobody had drawn
         self._counts.append(count)
         strip = self.figure.add_axes((0.11, 0.07, 0.86, 0.12))
         strip.step(np.arange(1, len(self._counts) + 1), self._counts, where="mid", color=HYPOTHESIS)
         strip.set_xlim(0, self.scenario.horizon + 1)
-        strip.set_ylim(0, max(10, 1.1 * max(self._counts)))
+        strip.set_ylim(0, max(10, 1.1 * np.nanmax(self._counts)))
         strip.set_xlabel("scan")
         strip.set_ylabel("hypotheses")
 

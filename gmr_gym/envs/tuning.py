@@ -10,6 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from gmr_gym.envs.episodic import DrawnEnv, check_keywords, keywords
 from gmr_gym.envs.tracking import STRAYED
 from gmr_gym.instances import Instance, world
 from gmr_gym.instances import instances as table_of
@@ -27,7 +28,7 @@ ONE = np.zeros(1, np.int64)  # the one row of a batch of one
 _world = cache(world)
 
 
-class ReductionTuningEnv(gym.Env):
+class ReductionTuningEnv(DrawnEnv):
     """A Gaussian-mixture MHT whose reduction thresholds are set scan by scan.
 
     ## Description
@@ -64,10 +65,9 @@ class ReductionTuningEnv(gym.Env):
     "extrapolation", or a CSV file as `gmr_gym.instances.instances` reads it. `price`: of a unit of work.
     `components`: the limit of hypotheses where it is not one of the parameters. `hindsight`: whether what
     only a simulation knows, `gmr_gym.threshold_hindsight.HINDSIGHT`, stands behind the features: for critics
-    that learn, never for policies.
+    that learn, never for policies. `render_mode`: "rgb_array" or "human": the scan last reduced, with what
+    was kept of its hypotheses; after `reset` scan 1, with all of them.
     """
-
-    metadata = {"render_modes": []}  # noqa: RUF012, gymnasium declares it so
 
     def __init__(
         self,
@@ -76,7 +76,11 @@ class ReductionTuningEnv(gym.Env):
         price: float = PRICE,
         components: int = PAPER.components,
         hindsight: bool = False,
+        render_mode: str | None = None,
+        **unknown,
     ):
+        super().__init__(render_mode)
+        check_keywords(unknown, keywords(type(self)))
         self.parameters, self.price = check_parameters(parameters), checked_price(price)
         self._rest = rest_of(components)
         self.instances = table_of(instances)
@@ -84,6 +88,7 @@ class ReductionTuningEnv(gym.Env):
         self._width = self.observation_space.shape[0]
         self._draws = Draws(self.instances)
         self._state = np.zeros(1, EPISODE)
+        self._reduced: list[Thresholds] = []  # by which scans were reduced, where someone watches
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Features of scan 1 of a new episode, of the instance options["instance_id"] or, where none is
@@ -93,6 +98,9 @@ class ReductionTuningEnv(gym.Env):
         self.instance_id, self._scenario, self._episode = self._draws.next(seed, self, options or {})
         begin(self._state[0], self._scenario, self._episode, STRAYED)
         observation, _ = self._stepped(PAPER)
+        self._reduced = []
+        if self.render_mode == "human":
+            self.render()
         return observation, {"instance_id": self.instance_id}
 
     def step(self, action):
@@ -110,6 +118,10 @@ class ReductionTuningEnv(gym.Env):
             "components": components,
             "thresholds": thresholds._asdict(),
         }
+        if self.render_mode is not None:
+            self._reduced.append(thresholds)
+        if self.render_mode == "human":
+            self.render()
         return observation, reward, terminated, truncated, info
 
     def foreseen(self, action, scans: int = 1) -> float:
@@ -117,7 +129,7 @@ class ReductionTuningEnv(gym.Env):
         episode. Nothing is changed by it. It sees the truth and the detections to come: for bounds on what
         any policy can reach, not for policies."""
         ahead = copy(self)
-        ahead._state = self._state.copy()
+        ahead._state, ahead.render_mode = self._state.copy(), None
         total = 0.0
         for _ in range(scans):
             _, reward, terminated, truncated, _ = ahead.step(action)
@@ -130,6 +142,17 @@ class ReductionTuningEnv(gym.Env):
         observation, steps = np.zeros((1, self._width), np.float32), np.zeros(1, STEP)
         stepped(self._state, ONE, np.array([thresholds], float), self.price, steps, observation)
         return observation[0], steps[0]
+
+    def _has_begun(self) -> bool:
+        return bool(self._state["scans"][0])
+
+    def _new_canvas(self, on_screen: bool):
+        from gmr_gym.envs.render_tuning import TuningCanvas
+
+        return TuningCanvas(self._scenario, on_screen)
+
+    def _drawn_on(self, canvas):
+        return canvas.draw(self._scenario, self._episode, self._reduced)
 
 
 class Draws:

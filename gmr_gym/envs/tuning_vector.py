@@ -8,9 +8,10 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from gmr_gym.envs.episodic import check_keywords, keywords
 from gmr_gym.envs.tracking import STRAYED
 from gmr_gym.envs.tuning import PRICE, Draws, checked_price, rest_of, spaces_of
-from gmr_gym.envs.vector import autoreset_of, seeds_of
+from gmr_gym.envs.vector import UNDRAWN, autoreset_of, check_not_drawn, seeds_of
 from gmr_gym.instances import instances as table_of
 from gmr_gym.reduction import at_least_one
 from gmr_gym.threshold_scans import EPISODE, STEP, begin, stepped
@@ -28,7 +29,7 @@ class ReductionTuningVectorEnv(VectorEnv):
     takes no heed of the action and shows scan 1 of the next, or "SameStep", in which the last step does, with
     `final_obs` and `final_info` of what it was, or "Disabled", in which nothing more happens there until
     `reset` begins all episodes anew. `copy`: whether observations are arrays of their own at every
-    step, or one that the next step overwrites.
+    step, or one that the next step overwrites. `render_mode`: none but None.
     """
 
     def __init__(
@@ -41,11 +42,15 @@ class ReductionTuningVectorEnv(VectorEnv):
         hindsight: bool = False,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         copy: bool = True,
+        render_mode: None = None,
+        **unknown,
     ):
+        check_not_drawn(render_mode)
+        check_keywords(unknown, keywords(type(self)))
         num_envs = at_least_one(num_envs, "num_envs")
         mode = autoreset_of(autoreset_mode)
         self.num_envs, self.copy = num_envs, copy
-        self.metadata = {"autoreset_mode": mode}
+        self.metadata = {"render_modes": [], "autoreset_mode": mode}
         self.parameters, self.price = check_parameters(parameters), checked_price(price)
         self._places, self._rest = places(self.parameters), np.array(rest_of(components), float)
         self.instances = table_of(instances)
@@ -97,6 +102,10 @@ class ReductionTuningVectorEnv(VectorEnv):
             self._names[i] = name
             begin(self._state[i], scenario, episode, STRAYED)
         self._stepped(rows, np.tile(self._rest, (self.num_envs, 1)))
+
+    def render(self):
+        """Raises NotImplementedError."""
+        raise NotImplementedError(UNDRAWN)
 
     def _stepped(self, rows: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
         steps = np.zeros(self.num_envs, STEP)

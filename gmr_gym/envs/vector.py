@@ -11,9 +11,10 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numba import config
 
-from gmr_gym.envs.episodic import EXTENT
+from gmr_gym.envs.episodic import EXTENT, check_keywords, keywords, settings
 from gmr_gym.envs.scores import first_beyond, score_into
 from gmr_gym.envs.tracking import TrackingEnv, blank
+from gmr_gym.points import check_unmasked
 from gmr_gym.reduction import at_least_one
 from gmr_gym.scans import label_into, scans_into
 from gmr_gym.seeds import keys_of
@@ -22,6 +23,7 @@ from gmr_gym.threads import together
 
 SHARE = 32  # environments that a thread is worth
 AHEAD = 16  # seeds drawn at a time
+UNDRAWN = "environments side by side are not drawn, make a single one to look at"
 
 
 class TrackingVectorEnv(gym.vector.VectorEnv):
@@ -38,6 +40,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
     `copy`: whether every step hands out arrays of its own; if not, the next one writes over the observation
     and info["origin"], or only what has changed of them: write nothing there.
     `threads`: that make scans; None for as many as numba takes, `NUMBA_NUM_THREADS` or one a core.
+    `render_mode`: none but None.
     """
 
     metadata = {  # noqa: RUF012, gymnasium declares it so
@@ -52,8 +55,11 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         copy: bool = True,
         threads: int | None = None,
+        render_mode: None = None,
         **world,
     ):
+        check_not_drawn(render_mode)
+        check_keywords(world, [*settings(scenario), *keywords(type(self))])
         num_envs = at_least_one(num_envs, "num_envs")
         most: int = config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
         limit = most if threads is None else at_least_one(threads, "threads")
@@ -134,6 +140,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         """The actions as floats (num_envs, d); ValueError for a wrong shape and, but for those `passed` over,
         for a number out of bounds."""
         shape = self.action_space.shape
+        check_unmasked("actions", actions)
         try:
             actions = np.array(actions, order="C")
             if actions.dtype != float:
@@ -223,6 +230,10 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
                 k, place = make_scan(z[i], self.scenario, self._view, self._drawn[i], int(self._t[i]), centre)
             label_into(z[i], mask[i], origin[i], was[i], k, place)
 
+    def render(self):
+        """Raises NotImplementedError."""
+        raise NotImplementedError(UNDRAWN)
+
     def _scans_at_once(self) -> None:
         """The scans of a linear sensor, each thread making those of a share of the environments."""
         sensor, chance = self.scenario.sensor, float(self.scenario.detection_probability)
@@ -254,6 +265,12 @@ def seeds_of(seed: int | Sequence[int | None] | None, n: int) -> list[int | None
     if len(each) != n or not all(s is None or isinstance(s, int | np.integer) for s in each):
         raise ValueError(f"seed must be a whole number or {n} of them, got {seed!r}")
     return [None if s is None else int(s) for s in each]
+
+
+def check_not_drawn(render_mode: str | None) -> None:
+    """ValueError for a mode in which environments side by side would have to be drawn."""
+    if render_mode is not None:
+        raise ValueError(f"{UNDRAWN}: render_mode must be None, got {render_mode!r}")
 
 
 def autoreset_of(mode: AutoresetMode | str) -> AutoresetMode:

@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
-from gmr_gym.summary import CONFIDENCE, Figure, proportion, summary
+from gmr_gym.summary import CONFIDENCE, FEWEST, Figure, proportion, summary
 
+TOO_FEW = "too few runs"
 COLUMNS = ("track_loss", "components", "rmse_own", "error_common", "time_per_scan", "gate_area")
 
 
@@ -65,13 +66,16 @@ class Claim(NamedTuple):
     value: Callable[..., Any]  # of the evidence: the number, or what it is the mean of, run by run
 
 
-def judged(claim: Claim, figure: Figure, **about: str) -> dict[str, Any]:
-    """A claim as plain data: "holds" or "fails" when chance puts the number on the other side of the
-    threshold less than once in a hundred times, else "tie"; "unknown" without an interval."""
+def judged(claim: Claim, figure: Figure, count: int, **about: str) -> dict[str, Any]:
+    """A claim about a figure of so many runs as plain data: "holds" or "fails" when chance puts the number on
+    the other side of the threshold less than once in a hundred times, else "tie"; "unknown" without an
+    interval, and TOO_FEW where so few runs do not tell how often that is."""
     # from the interval's confidence to 99 %, as `verdict` asks
     reach = (figure.high - figure.low) / 2 * ndtri(0.995) / ndtri((1 + CONFIDENCE) / 2)
     if not np.isfinite(reach):
         verdict = "unknown"
+    elif count < FEWEST:
+        verdict = TOO_FEW
     elif abs(figure.value - claim.threshold) <= reach:
         verdict = "tie"
     else:
@@ -90,8 +94,9 @@ def widened(figures: Iterable[Figure], runs: int) -> list[Figure]:
 
 def verdict(figure: Figure, runs: int, printed: float, printed_runs: int, share: bool) -> str:
     """ "agrees" when ours and the printed figure differ by no more than chance allows 99 times in a
-    hundred, else "above" or "below". The printed figure is given the relative sampling error ours would
-    have with as many runs; `share` marks a proportion, whose error is known from the figure itself."""
+    hundred, else "above" or "below"; TOO_FEW where either's runs are too few to judge. The printed
+    figure is given the relative sampling error ours would have with as many runs; `share` marks a proportion,
+    whose error is known from the figure itself."""
     if share:  # pooled: with no event in few runs our own figure knows no error
         pooled = (runs * figure.value + printed_runs * printed) / (runs + printed_runs)
         deviation = np.sqrt(pooled * (1 - pooled) * (1 / runs + 1 / printed_runs))
@@ -100,6 +105,8 @@ def verdict(figure: Figure, runs: int, printed: float, printed_runs: int, share:
         deviation = own * np.hypot(1, printed / figure.value * np.sqrt(runs / printed_runs))
     if not np.isfinite(deviation):
         return "unknown"
+    if min(runs, printed_runs) < FEWEST:
+        return TOO_FEW
     if abs(figure.value - printed) <= ndtri(0.995) * deviation:
         return "agrees"
     return "above" if figure.value > printed else "below"

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure as Drawing
 
 from gmr_gym.montecarlo import Runs
 from gmr_gym.reproduce import Table
+from gmr_gym.reproduce.drawings import save
 from gmr_gym.simulate import Scenario
 from gmr_gym.summary import Figure, kept
 
@@ -97,4 +98,4 @@ def figures(
     paths.legend(fontsize=8)
     components.set(title="(b) hypotheses kept", xlabel="scan")
     gated.set(title="(c) mean detections per gate", xlabel="scan")
-    drawing.savefig(out / "figure-1.png", dpi=120)
+    save(drawing, out / "figure-1.png")

@@ -1,10 +1,18 @@
-"""Drawings that more than one paper's tables ask for."""
+"""Drawings that more than one paper's tables ask for, and how all are kept."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from matplotlib.figure import Figure as Drawing
 
 from gmr_gym.summary import Figure
+from gmr_gym.writing import whole
+
+
+def save(drawing: Drawing, file: Path) -> None:
+    """The drawing as a file of its ending."""
+    with whole(file) as partial:
+        drawing.savefig(partial, dpi=120)
 
 
 def error_against_time(

@@ -15,9 +15,10 @@ from gmr_gym.metrics import nees
 from gmr_gym.montecarlo import Runs
 from gmr_gym.radar import UPDATES
 from gmr_gym.reproduce import Claim, Map, Table, judged, widened
+from gmr_gym.reproduce.drawings import save
 from gmr_gym.scenarios.li import REGIMES
 from gmr_gym.simulate import Scenario
-from gmr_gym.summary import Figure, kept, mean, paired_share, proportion
+from gmr_gym.summary import Figure, in_common, kept, mean, paired_share, proportion
 
 EKF, DCM = "imm-ekf-pda", "imm-dcm-pda"
 OTHERS = tuple(f"imm-pda:update={update}" for update in UPDATES if update not in ("extended", "debiased"))
@@ -63,16 +64,16 @@ def _saved(one: Tracked, against: Tracked, weight: np.ndarray) -> np.ndarray:
 
 def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
     """One row per tracker: share of runs lost; root mean square errors (m) of the position and by axis, over
-    all scans, `_own` over the runs the tracker kept and `_common` over those that no tracker of the table
-    lost; and over the runs it kept mean error along the line of sight (m), normalised error squared of the
+    all scans, `_own` over the runs the tracker kept and `_common` over those that all trackers kept that kept
+    any; and over the runs it kept mean error along the line of sight (m), normalised error squared of the
     position by the dimension, 1 for a credible tracker, and volume (m^3) of the gates by which tracks are
     called lost, the same for every update; time a scan (s)."""
     every = {name: tracked(scenario, runs) for name, runs in results.items()}
-    common = np.logical_and.reduce([one.kept for one in every.values()])
+    common = in_common({name: one.kept for name, one in every.items()})
     rows = {}
     for name, one in every.items():
         runs, row = results[name], {"track_loss": proportion(int((~one.kept).sum()), len(one.kept))}
-        for which, mask in (("own", one.kept), ("common", common)):
+        for which, mask in (("own", one.kept), ("common", common[name])):
             figures = resampled(partial(_rmse, one), mask)
             row |= {f"{error}_{which}": figure for error, figure in zip(ERRORS, figures, strict=True)}
         at = list(scenario.position)
@@ -138,7 +139,9 @@ def claims(evidence: Mapping[str, Mapping[str, Tracked]]) -> list[dict[str, Any]
         figures = resampled(partial(_numbers, table), np.ones(runs, bool))
         figures[4:5] = widened(figures[4:5], runs)
         about = {"table": name, "runs": f"all {runs}"}
-        records += [judged(claim, figure, **about) for claim, figure in zip(CLAIMS, figures, strict=True)]
+        records += [
+            judged(claim, figure, runs, **about) for claim, figure in zip(CLAIMS, figures, strict=True)
+        ]
     return records
 
 
@@ -226,10 +229,10 @@ def figures(
     """Of a regime the paper's Fig. 1, and Figs. 2-4 in one; of every table errors by time."""
     time = scenario.period * np.arange(1, scenario.horizon + 1)
     if table.name in REGIMES:
-        _trajectory(results, time).savefig(out / f"figure-1-{table.name}.png", dpi=120)
+        save(_trajectory(results, time), out / f"figure-1-{table.name}.png")
         two = {name: results[name] for name in (DCM, EKF)}
-        _errors_by_axis(scenario, two, time).savefig(out / f"figures-2-4-{table.name}.png", dpi=120)
-    _errors(scenario, results, time).savefig(out / f"errors-{table.name}.png", dpi=120)
+        save(_errors_by_axis(scenario, two, time), out / f"figures-2-4-{table.name}.png")
+    save(_errors(scenario, results, time), out / f"errors-{table.name}.png")
 
 
 def _trajectory(results: Mapping[str, Runs], time: np.ndarray) -> Drawing:
@@ -315,7 +318,7 @@ def map_figures(entry: Map, rows: Mapping[str, Mapping[str, Figure]], out: Path)
     drawing.suptitle(
         "rings: not worse than the best beyond chance (95 %); in the last panel, beyond chance", size=10
     )
-    drawing.savefig(out / f"{entry.name}.png", dpi=120)
+    save(drawing, out / f"{entry.name}.png")
 
 
 def _edges(centres: np.ndarray) -> np.ndarray:

@@ -12,23 +12,24 @@ from matplotlib.figure import Figure as Drawing
 from gmr_gym.commands import tracker_of
 from gmr_gym.crowd import Crowd, ManyScenario, draw, scan
 from gmr_gym.crowd_runs import CrowdRuns, accounts, density_error, places
-from gmr_gym.crowd_summary import crowd_differences, crowd_summary
+from gmr_gym.crowd_summary import crowd_differences, crowd_summary, mean_where
 from gmr_gym.envs.render import ellipses
 from gmr_gym.metrics import wasserstein
 from gmr_gym.mixture import joined
 from gmr_gym.multitarget import Account, Clutter
 from gmr_gym.reproduce import Table
+from gmr_gym.reproduce.drawings import save
 from gmr_gym.reproduce.lv_claims import FITTED, LEARNED, UNIFORM, claims, evidence
 from gmr_gym.scenarios.lv import ELLIPSE_95
-from gmr_gym.summary import Figure
+from gmr_gym.summary import Figure, mean
 
 __all__ = ["TABLES", "claims", "figures"]
 
 RUNS = 100
 TRACKS = "learning-pmb"
 COLUMNS = (
-    "cardinality_bias", "wasserstein", "ospa", "gospa", "localisation", "missed", "false", "density_error",
-    "time_per_scan",
+    "cardinality_bias", "wasserstein_printed", "wasserstein", "wasserstein_undefined", "ospa", "gospa",
+    "localisation", "missed", "false", "density_error", "time_per_scan",
 )  # fmt: skip
 ALL = (
     UNIFORM, "gm-cphd", *FITTED, "fitted-phd", "fitted-phd:repaired=True", LEARNED, "pmb", TRACKS,
@@ -50,6 +51,15 @@ DRIFT = (
 )
 
 
+def _rows(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> dict[str, dict[str, Figure]]:
+    """The figures of `crowd_summary`, and wasserstein_printed (m): as eq. 41 has it, 0 where either set is
+    empty."""
+    rows = crowd_summary(scenario, results)
+    for name, runs in results.items():
+        rows[name]["wasserstein_printed"] = mean(np.nan_to_num(runs.wasserstein).mean(axis=1))
+    return rows
+
+
 def _table(
     name: str, title: str, trackers: tuple[str, ...], settings: dict[str, Any] | None = None,
     columns: tuple[str, ...] = COLUMNS,
@@ -61,7 +71,7 @@ def _table(
         settings=settings or {},
         trackers={tracker: {} for tracker in trackers},
         runs=RUNS,
-        summarise=crowd_summary,
+        summarise=_rows,
         columns=columns,
         evidence=evidence,
         paired=crowd_differences,
@@ -90,7 +100,7 @@ def figures(
 ) -> None:
     """Means over runs by scan; of the section's own clutter also one episode: Figs. 1-9, and the clutter as
     fitted and as learned."""
-    _by_scan(results).savefig(out / f"by-scan-{table.name}.png", dpi=120)
+    save(_by_scan(results), out / f"by-scan-{table.name}.png")
     if table.name != "groups":
         return
     episode = draw(scenario, 0)
@@ -98,31 +108,34 @@ def figures(
         name: [account for account, _ in accounts(tracker_of(name, scenario), episode)]
         for name in (UNIFORM, "fmm-em", "fmm-em:repaired=True", LEARNED, TRACKS)
     }
-    _tracks(scenario, episode).savefig(out / "figure-1.png", dpi=120)
+    save(_tracks(scenario, episode), out / "figure-1.png")
     errors = _density_errors(scenario, said["fmm-em"])
     # the scan whose fit is best, and the one whose fit is worst
     for figure, t in (("figure-2", int(np.argmin(errors))), ("figure-3", int(np.argmax(errors)))):
-        _fitted(scenario, episode, said["fmm-em"][t], t).savefig(out / f"{figure}.png", dpi=120)
+        save(_fitted(scenario, episode, said["fmm-em"][t], t), out / f"{figure}.png")
     for figure, name in (
         ("figures-4-6-8", UNIFORM), ("figures-5-7-9", "fmm-em"),
         ("figures-5-7-9-repaired", "fmm-em:repaired=True"), ("learning-pmb", TRACKS),
     ):  # fmt: skip
         runs = results[name]
-        _episode(name, scenario, episode, said[name], runs).savefig(out / f"{figure}.png", dpi=120)
-    _intensities(scenario, said).savefig(out / "clutter.png", dpi=120)
+        save(_episode(name, scenario, episode, said[name], runs), out / f"{figure}.png")
+    save(_intensities(scenario, said), out / "clutter.png")
 
 
 def _by_scan(results: Mapping[str, CrowdRuns]) -> Drawing:
-    """Means over runs."""
-    drawing = Drawing(figsize=(10, 9), layout="constrained")
-    panels = drawing.subplots(3, 1, sharex=True)
+    """Means over runs; of the Wasserstein distance over those in which it is defined, and the share of the
+    others."""
+    drawing = Drawing(figsize=(10, 11), layout="constrained")
+    panels = drawing.subplots(4, 1, sharex=True)
     for i, (name, runs) in enumerate(results.items()):
         style = {"lw": 1, "ls": "-" if i < 10 else "--", "label": name}
         time = np.arange(1, runs.ospa.shape[1] + 1)
-        for axes, field in zip(panels, ("named", "ospa", "wasserstein"), strict=True):
-            axes.plot(time, getattr(runs, field).mean(axis=0), **style)
+        undefined = 100 * np.isnan(runs.wasserstein).mean(axis=0)
+        curves = runs.named.mean(axis=0), runs.ospa.mean(axis=0), _by_time(runs.wasserstein), undefined
+        for axes, curve in zip(panels, curves, strict=True):
+            axes.plot(time, curve, **style)
     panels[0].plot(time, runs.targets.mean(axis=0), "k", lw=2, label="there")
-    labels = ("targets named", "OSPA, m", "Wasserstein, m")
+    labels = ("targets named", "OSPA, m", "Wasserstein, m, where defined", "undefined, % of runs")
     for axes, label in zip(panels, labels, strict=True):
         axes.set(ylabel=label, ylim=(0, None))
     panels[0].set_yscale("symlog", linthresh=5)
@@ -130,6 +143,11 @@ def _by_scan(results: Mapping[str, CrowdRuns]) -> Drawing:
     handles = panels[0].get_legend_handles_labels()
     drawing.legend(*handles, fontsize=8, ncols=4, loc="outside upper center")
     return drawing
+
+
+def _by_time(distance: np.ndarray) -> np.ndarray:
+    """Means (T,) over the runs (runs, T) in which there is a distance; a gap where there is none."""
+    return mean_where(distance.T, np.isfinite(distance.T))
 
 
 def _tracks(scenario: ManyScenario, episode: Crowd) -> Drawing:
@@ -198,7 +216,9 @@ def _episode(
         axes.set(ylabel=f"{'xy'[i]}, m")
     own = [_distance(scenario, account, paths[:, t]) for t, account in enumerate(said)]
     distance.plot(time, own, "C1o-", mfc="none", ms=3, lw=0.7, label="this episode")
-    distance.plot(time, runs.wasserstein.mean(axis=0), "k", lw=1, label=f"mean of {len(runs.ospa)} runs")
+    distance.plot(time, _by_time(runs.wasserstein), "k", lw=1, label=f"mean of {len(runs.ospa)} runs")
+    nothing = time[np.isnan(own)]
+    distance.plot(nothing, np.zeros_like(nothing), "kx", ms=4, label=f"none at {len(nothing)} scans")
     distance.set(xlabel="time, s", ylabel="Wasserstein, m", ylim=(0, None))
     distance.legend(fontsize=8)
     return drawing

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure as Drawing
 from gmr_gym.curves import resampled
 from gmr_gym.montecarlo import Runs
 from gmr_gym.reproduce import Table
+from gmr_gym.reproduce.drawings import save
 from gmr_gym.reproduce.maybeck_claims import claims
 from gmr_gym.reproduce.maybeck_numbers import (
     PRINTED,
@@ -24,7 +25,7 @@ from gmr_gym.reproduce.maybeck_numbers import (
     tracked,
 )
 from gmr_gym.simulate import Scenario
-from gmr_gym.summary import Figure, mean, paired_share, proportion
+from gmr_gym.summary import Figure, in_common, mean, paired_share, proportion
 
 __all__ = ["TABLES", "claims", "figures"]
 
@@ -67,15 +68,15 @@ def _printed(role: str) -> dict[str, float]:
 def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
     """One row per tracker: share of runs lost; temporally averaged rms errors of position (m) and velocity
     (m/s), of the whole flight and of its level part, `_own` over the runs the tracker kept, as in Table I,
-    and `_common` over those that no tracker of the table lost; components; gate area (m^2) of runs kept;
+    and `_common` over those that all trackers kept that kept any; components; gate area (m^2) of runs kept;
     time a scan (s)."""
     every = {name: tracked(scenario, runs) for name, runs in results.items()}
-    common = np.logical_and.reduce([one.kept for one in every.values()])
+    common = in_common({name: one.kept for name, one in every.items()})
     rows = {}
     for name, one in every.items():
         runs = results[name]
         rows[name] = {"track_loss": proportion(int((~one.kept).sum()), len(one.kept))}
-        for which, mask in (("own", one.kept), ("common", common)):
+        for which, mask in (("own", one.kept), ("common", common[name])):
             figures = resampled(partial(_errors, one), mask)
             rows[name] |= {f"{error}_{which}": f for error, f in zip(ERRORS.values(), figures, strict=True)}
         rows[name] |= {
@@ -160,18 +161,18 @@ def figures(
     filter bands (Figs. 5-7)."""
     every = {name: tracked(scenario, runs) for name, runs in results.items()}
     epochs = np.arange(1, scenario.horizon + 1)
-    _errors_by_epoch(every, epochs).savefig(out / f"errors-{table.name}.png", dpi=120)
+    save(_errors_by_epoch(every, epochs), out / f"errors-{table.name}.png")
     jerk = _jerk(next(iter(results.values())).truth[0], scenario.period)
     for name, one in every.items():
         if name.startswith("mmae"):
             figure = out / f"probabilities-{table.name}-{name.partition(':')[0]}.png"
-            _probabilities(name, one, epochs, jerk).savefig(figure, dpi=120)
+            save(_probabilities(name, one, epochs, jerk), figure)
     if table.name == "1":
         aggressive = next(iter(every.values()))
         for name, role in zip(every, ROLES, strict=True):
             if role in BANDS:
                 drawing = _bands(name, every[name], aggressive, epochs)
-                drawing.savefig(out / f"{BANDS[role]}.png", dpi=120)
+                save(drawing, out / f"{BANDS[role]}.png")
 
 
 def _jerk(truth: np.ndarray, period: float) -> np.ndarray:

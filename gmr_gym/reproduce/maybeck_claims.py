@@ -70,7 +70,8 @@ def _judged(name: str, about: Sequence[Claim], *tables: Table) -> list[dict]:
     figures = widened(resampled(values, everything), len(everything))
     runs = f"of {len(everything)}"
     return [
-        judged(claim, figure, table=name, runs=runs) for claim, figure in zip(about, figures, strict=True)
+        judged(claim, figure, len(everything), table=name, runs=runs)
+        for claim, figure in zip(about, figures, strict=True)
     ]
 
 

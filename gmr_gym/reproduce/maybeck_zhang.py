@@ -13,7 +13,7 @@ import numpy as np
 from gmr_gym.curves import resampled
 from gmr_gym.montecarlo import Runs
 from gmr_gym.reproduce import Claim, Table, judged, widened
-from gmr_gym.reproduce.drawings import error_against_time
+from gmr_gym.reproduce.drawings import error_against_time, save
 from gmr_gym.reproduce.maybeck import MOST, STICKIER
 from gmr_gym.reproduce.zhang import QUIET
 from gmr_gym.simulate import Scenario
@@ -95,7 +95,7 @@ def claims(tables: Mapping[str, Mapping[str, Outcome]]) -> list[dict]:
         runs = len(next(iter(outcomes.values())).lost)
         measured = widened(resampled(partial(_values, about), np.ones(runs, bool)), runs)
         records += [
-            judged(claim, figure, table=name, runs=f"all {runs}")
+            judged(claim, figure, runs, table=name, runs=f"all {runs}")
             for claim, figure in zip(about, measured, strict=True)
         ]
     return records
@@ -135,7 +135,7 @@ def figures(
     """Error against time."""
     label = f"position error over all runs, m, at most {scenario.cutoff:g} in a scan"
     drawing = error_against_time(rows, "error_capped", label, str)
-    drawing.savefig(out / f"figure-{table.name}.png", dpi=120)
+    save(drawing, out / f"figure-{table.name}.png")
 
 
 def _table(name: str, title: str, env_id: str, settings: dict[str, Any], trackers) -> Table:

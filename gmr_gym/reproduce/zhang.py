@@ -14,10 +14,10 @@ from gmr_gym.dissimilarity import MEASURES
 from gmr_gym.montecarlo import Runs
 from gmr_gym.output import write_rows
 from gmr_gym.reproduce import Table
-from gmr_gym.reproduce.drawings import error_against_time
+from gmr_gym.reproduce.drawings import error_against_time, save
 from gmr_gym.reproduce.zhang_claims import claims, evidence
 from gmr_gym.simulate import Scenario
-from gmr_gym.summary import Figure, kept
+from gmr_gym.summary import Figure, in_common, kept
 
 __all__ = ["TABLES", "claims", "figures"]
 
@@ -80,12 +80,11 @@ def figures(
 ) -> None:
     """The four curves of a table (Figs. 1-2) as a plot and, scan by scan, in a file; for the reductions
     error against time."""
-    common = np.logical_and.reduce([kept(scenario, runs) for runs in results.values()])
-    chosen = dict(zip(SETS, (np.ones(len(common), bool), common), strict=True))
+    common = in_common({name: kept(scenario, runs) for name, runs in results.items()})
     drawn, lines = {}, []
     for name, runs in results.items():
         errors = errors_of(scenario, runs)
-        for which, mask in chosen.items():
+        for which, mask in zip(SETS, (np.ones(len(runs.x), bool), common[name]), strict=True):
             drawn[name, which] = curves(errors, mask)
             scans = np.arange(1, runs.x.shape[1] + 1).tolist()
             columns = [scans, *(curve.tolist() for curve in drawn[name, which])]
@@ -96,7 +95,7 @@ def figures(
         drawing = error_against_time(rows, "rmse_common", label, lambda name: name.partition("=")[2])
     else:
         drawing = _four_curves(drawn)
-    drawing.savefig(out / f"figure-{table.name}.png", dpi=120)
+    save(drawing, out / f"figure-{table.name}.png")
 
 
 def _four_curves(drawn) -> Drawing:

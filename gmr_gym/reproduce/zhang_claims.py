@@ -73,7 +73,7 @@ def _judged(name: str, about: tuple[Claim, ...], tables: list[Evidence]) -> list
 
         figures = resampled(values, mask)
         records += [
-            judged(claim, figure, table=name, runs=f"{which} {mask.sum()}")
+            judged(claim, figure, int(mask.sum()), table=name, runs=f"{which} {mask.sum()}")
             for claim, figure in zip(about, figures, strict=True)
         ]
     return records

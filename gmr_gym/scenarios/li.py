@@ -12,6 +12,7 @@ from gmr_gym.mixture import gaussian
 from gmr_gym.models import Model, check_probability, model
 from gmr_gym.modes import staying
 from gmr_gym.motions import constant_velocity, singer, with_accelerations
+from gmr_gym.points import check_unmasked
 from gmr_gym.radar import WIDEST, modified_unbiased, radar, spherical
 from gmr_gym.scenarios.planar import moving_as_told, shortened
 from gmr_gym.simulate import Scenario, Truth, Window, scripted
@@ -208,6 +209,7 @@ def _straight(start, velocity: np.ndarray, scans: int, period: float) -> np.ndar
 
 def _states(name: str, path, period: float) -> np.ndarray:
     """Positions (T, 3), or with velocities (T, 6), as states (T, 9); what is not given by differences."""
+    check_unmasked(name, path)
     try:
         x = np.array(path, float)
     except (TypeError, ValueError):

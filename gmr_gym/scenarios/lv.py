@@ -76,7 +76,8 @@ def unknown_clutter(
     group_density: a factor on the groups' false detections, which adds to clutter_rate.
     births: what trackers are told, (expected number a scan, (x, y)) each; where left out, 0.02 at the two
     places of the paper, or where the targets of `trajectory` first appear.
-    trajectory: (T, m, 4) or (T, m, 6) states [x, y, vx, vy] or with [ax, ay], nan where a target is absent.
+    trajectory: (T, m, 4) or (T, m, 6) states [x, y, vx, vy] or with [ax, ay], nan or masked where a
+        target is absent.
     told: "uniform", as much clutter as there is but spread evenly, or "true".
 
     Departs: Q has T^2 in the middle where eq. 35 has T^2/2, which is no covariance; states are in the order
@@ -230,11 +231,13 @@ def _births(births, P: np.ndarray) -> Mixture:
 def _states(trajectory) -> np.ndarray:
     """States (T, m, 6) of (T, m, 4) or (T, m, 6), accelerations 0 where not given."""
     try:
-        x = np.array(trajectory, float)
+        given = np.ma.array(trajectory, float)
     except (TypeError, ValueError):
         raise ValueError("trajectory must be numbers of shape (T, m, 4) or (T, m, 6)") from None
+    x = np.array(given.data)
     if x.ndim != 3 or x.shape[2] not in (4, 6) or min(x.shape) < 1:
         raise ValueError(f"trajectory must have shape (T, m, 4) or (T, m, 6), got {x.shape}")
+    x[np.ma.getmaskarray(given).any(axis=2)] = np.nan
     absent = np.isnan(x).all(axis=2)
     if not (np.abs(x[~absent]) <= 1e6).all():
         raise ValueError("trajectory must be finite and within a million of zero, or nan in a whole state")

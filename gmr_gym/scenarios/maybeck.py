@@ -11,6 +11,7 @@ from gmr_gym.metrics import detection_outside_gates
 from gmr_gym.mixture import gaussian
 from gmr_gym.models import Model, check_probability, model
 from gmr_gym.motions import constant_acceleration
+from gmr_gym.points import check_unmasked
 from gmr_gym.scenarios.planar import following_box, moving_as_told, shortened
 from gmr_gym.simulate import Scenario, Truth, scripted
 
@@ -91,6 +92,7 @@ def _switching(told: Model, horizon: int, rng: np.random.Generator) -> Truth:
 
 
 def _states(trajectory) -> np.ndarray:
+    check_unmasked("trajectory", trajectory)
     try:
         x = np.array(trajectory, float)
     except (TypeError, ValueError):

@@ -9,6 +9,7 @@ from gmr_gym.metrics import truth_outside_gates
 from gmr_gym.mixture import gaussian
 from gmr_gym.models import Model, check_probability, model
 from gmr_gym.motions import constant_velocity
+from gmr_gym.points import check_unmasked
 from gmr_gym.simulate import Scenario, Truth, Window, scripted
 
 
@@ -80,6 +81,7 @@ def path(trajectory, period: float) -> tuple[np.ndarray, np.ndarray]:
 
     Raises ValueError for another shape, fewer than three points, or a number that is not finite.
     """
+    check_unmasked("trajectory", trajectory)
     x = np.array(trajectory, float)
     if x.ndim != 2 or x.shape[1] not in (2, 4) or len(x) < 3:
         raise ValueError(f"trajectory must have shape (T, 2) or (T, 4) with T >= 3, got {x.shape}")

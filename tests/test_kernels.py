@@ -1,0 +1,116 @@
+"""Compiled kernels are kept where that can be, and work where it cannot."""
+
+import errno
+import os
+import pickle
+import subprocess
+import sys
+import warnings
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import pytest
+from numba import config
+from numba.core.caching import IndexDataCacheFile
+
+from gmr_gym import kernels
+
+pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
+ROOT = Path(__file__).parents[1]
+SOURCE = """
+from gmr_gym.kernels import kernel
+
+@kernel
+def plus(x):
+    return x + 1
+
+@kernel(nogil=True)
+def twice(x):
+    return 2 * plus(x)
+"""
+PROGRAM = """
+import sys
+from joblib import Parallel, delayed
+from some_kernels import plus, twice
+print(twice(2), Parallel(2)(delayed(plus)(i) for i in range(4)))
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """With the source of two kernels, kept beside it."""
+    (tmp_path / "some_kernels.py").write_text(SOURCE)
+    monkeypatch.setattr(config, "CACHE_DIR", "")
+    kernels.warn_uncached.cache_clear()
+    yield tmp_path
+    kernels.warn_uncached.cache_clear()
+
+
+def imported(folder):
+    """The module as a new process has it."""
+    spec = spec_from_file_location("some_kernels", folder / "some_kernels.py")
+    spec.loader.exec_module(module := module_from_spec(spec))
+    return module
+
+
+def kept(folder, ending):
+    return sorted((folder / "__pycache__").glob(f"*.{ending}"))
+
+
+def nowhere(folder):
+    """The environment in which no folder can be written to, whoever asks: each is below a file."""
+    (folder / "__pycache__").write_text("")
+    below = str(folder / "some_kernels.py" / "below")
+    return {"NUMBA_CACHE_DIR": below, "XDG_CACHE_HOME": below, "HOME": below, "LOCALAPPDATA": below}
+
+
+def test_a_second_start_finds_what_the_first_one_compiled(folder):
+    with warnings.catch_warnings(action="error"):
+        assert imported(folder).twice(2) == 6
+        again = imported(folder)
+        assert again.twice(2) == 6
+    assert sum(again.twice.stats.cache_hits.values()) == 1 and not again.twice.stats.cache_misses
+    flags = {name: value for name, value in again.twice.targetoptions.items() if value is not None}
+    assert flags == {"nopython": True, "error_model": "numpy", "nogil": True}
+
+
+def test_without_a_folder_to_write_to_kernels_work_and_one_line_says_what_to_set(folder):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(folder))), **nowhere(folder)}
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "6 [1, 2, 3, 4]\n"
+    (line,) = done.stderr.splitlines()
+    assert (
+        "UserWarning: compiled kernels cannot be kept" in line and "set NUMBA_CACHE_DIR to a folder" in line
+    )
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", ["emptied", "cut", "overwritten", "another thing"])
+def test_what_is_damaged_is_compiled_again_and_kept_anew(folder, ending, damage):
+    imported(folder).twice(2)
+    for file in kept(folder, ending):
+        whole = file.read_bytes()
+        file.write_bytes({
+            "emptied": b"", "cut": whole[:-20], "overwritten": bytes(len(whole)),
+            "another thing": pickle.dumps([1, 2]),
+        }[damage])  # fmt: skip
+    with warnings.catch_warnings(action="error"):
+        mended, again = imported(folder), None
+        assert mended.twice(2) == 6
+        again = imported(folder)
+        assert again.twice(2) == 6
+    assert not mended.twice.stats.cache_hits and sum(again.twice.stats.cache_hits.values()) == 1
+
+
+@pytest.mark.parametrize("method", ["_save_index", "_save_data"])
+def test_a_full_disk_costs_the_cache_and_not_the_result(folder, monkeypatch, method):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch, pytest.warns(UserWarning, match="NUMBA_CACHE_DIR") as said:
+        patch.setattr(IndexDataCacheFile, method, full)
+        assert imported(folder).twice(2) == 6
+    assert len(said) == 1 and kept(folder, "nbc") == []
+    assert imported(folder).twice(2) == 6 and len(kept(folder, "nbc")) == 2  # with room again
