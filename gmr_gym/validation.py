@@ -6,10 +6,11 @@ comes here first.
 
 import numpy as np
 
+from gmr_gym.kernels import kernel
+
 DOUBLE = np.dtype(float)
 HEAVIEST = 1e300  # of a weight: sums of such do not overflow
 BLOCK = 64  # covariances factored together
-from gmr_gym.kernels import kernel
 
 
 def doubles(name: str, a) -> np.ndarray:
@@ -114,6 +115,8 @@ def _nearly_symmetric(P):
     """Whether every matrix (d, d) of P is symmetric to rounding."""
     for A in P:
         largest = np.abs(A).max()
+        if not largest < np.inf:  # of which everything would be a rounding
+            return False
         for r in range(len(A)):
             for c in range(r):
                 if not abs(A[r, c] - A[c, r]) <= 1e-9 * min(abs(A[r, c]), abs(A[c, r])) + 1e-12 * largest:
