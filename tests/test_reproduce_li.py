@@ -13,12 +13,23 @@ from baselines.imm_pda import ImmPda
 from gmr_gym import cli
 from gmr_gym.association import gate_size
 from gmr_gym.kalman import predict
+from gmr_gym.mixing import MIXINGS
 from gmr_gym.mixture import Mixture
 from gmr_gym.models import told_by
 from gmr_gym.play import play
 from gmr_gym.radar import spherical
 from gmr_gym.reproduce import li
-from gmr_gym.reproduce.li import DCM, EKF, MAPS, SAVED, TABLES, Tracked, claims, map_figures
+from gmr_gym.reproduce.li import (
+    DCM,
+    EKF,
+    MAPS,
+    SAVED,
+    TABLES,
+    UNBIASED,
+    Tracked,
+    claims,
+    map_figures,
+)
 from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.simulate import draw
 from gmr_gym.summary import Figure
@@ -86,6 +97,16 @@ def test_differences_are_over_the_runs_that_neither_lost():
     wanted = [np.sqrt((e[both] ** 2).sum(axis=-1).mean()) for e in (theirs, mine)]
     assert difference["rmse_common"].value == pytest.approx(wanted[0] - wanted[1])
     assert difference["track_loss"].value == 0
+
+
+def test_unbiased_mixing_is_set_against_the_same_tracker_and_the_others_against_the_first():
+    names = EKF, DCM, EKF + UNBIASED, DCM + UNBIASED
+    sizes = dict(zip(names, (5.0, 4.0, 3.0, 1.0), strict=True))
+    results = {name: with_errors(np.full((RUNS, SCANS, 3), size)) for name, size in sizes.items()}
+    rows = TABLE.paired(WORLD, results)
+    wanted = {f"{DCM} - {EKF}": -1.0, f"{names[2]} - {EKF}": -2.0, f"{names[3]} - {DCM}": -3.0}
+    got = {name: row["x_rmse_common"].value for name, row in rows.items()}
+    assert got == pytest.approx(wanted) and set(names) < set(TABLE.trackers)
 
 
 def judged_of(dcm, ekf):
@@ -181,11 +202,13 @@ def flown(tracker, scans):
     return reports
 
 
-def test_with_neither_formula_as_printed_it_is_the_imm_pda_of_what_is_predicted():
+@pytest.mark.parametrize("mixing", MIXINGS)
+def test_with_neither_formula_as_printed_it_is_the_imm_pda_of_what_is_predicted(mixing):
     told = told_by(WORLD.model, "debiased-at-prediction")
     scans = [played.scan.z for played in play(WORLD, ImmPda(told), draw(WORLD, 1))]
     assert min(map(len, scans)) > 1
-    pairs = flown(imm_dcm_pda_printed(WORLD.model, False, False), scans), flown(ImmPda(told), scans)
+    printed = imm_dcm_pda_printed(WORLD.model, False, False, mixing)
+    pairs = flown(printed, scans), flown(ImmPda(told, mixing=mixing), scans)
     for one, other in zip(*pairs, strict=True):
         np.testing.assert_allclose(one.x, other.x, rtol=1e-9, atol=1e-6)
         np.testing.assert_allclose(one.P, other.P, rtol=1e-6)

@@ -22,6 +22,7 @@ from gmr_gym.summary import Figure, in_common, kept, mean, paired_share, proport
 
 EKF, DCM = "imm-ekf-pda", "imm-dcm-pda"
 OTHERS = tuple(f"imm-pda:update={update}" for update in UPDATES if update not in ("extended", "debiased"))
+UNBIASED = ":mixing=unbiased"  # constant velocity mixed into Singer's model with Singer's acceleration
 PRINTED = "imm-dcm-pda-printed"
 AXES = ("x", "y", "z")
 ERRORS = ("rmse", *(f"{axis}_rmse" for axis in AXES))
@@ -90,11 +91,14 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str
 
 
 def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
-    """Every tracker minus the first on the same episodes: track_loss over all runs, the errors (m) over the
-    runs that neither of the two lost."""
-    (reference, against), *others = ((name, tracked(scenario, runs)) for name, runs in results.items())
+    """Every tracker minus the first, or one of unbiased mixing minus the same of augmented, on the same
+    episodes: track_loss over all runs, the errors (m) over the runs that neither of the two lost."""
+    every = {name: tracked(scenario, runs) for name, runs in results.items()}
+    first, *others = every
     rows = {}
-    for name, one in others:
+    for name in others:
+        reference = name.removesuffix(UNBIASED) if name.endswith(UNBIASED) else first
+        one, against = every[name], every[reference]
         figures = resampled(partial(_gain, one, against), one.kept & against.kept)
         lost = paired_share(against.kept.astype(float) - one.kept)
         rows[f"{name} - {reference}"] = {"track_loss": lost} | {
@@ -169,7 +173,7 @@ def _regime(name: str, title: str) -> Table:
         title=title,
         env_id="gmr_gym/AirborneRadar-v0",
         settings={"regime": name},
-        trackers={tracker: {} for tracker in (EKF, DCM, *OTHERS)},
+        trackers={tracker: {} for tracker in (EKF, DCM, *OTHERS, EKF + UNBIASED, DCM + UNBIASED)},
         runs=300,
         summarise=_rows,
         columns=COLUMNS,
