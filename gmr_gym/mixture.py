@@ -47,8 +47,9 @@ def checked(p: Mixture, at: str = "p.") -> Mixture:
     """The mixture, of any number of components, none at all and those of weight zero included, in arrays that
     kernels take: itself where it has such, else a copy in float64.
 
-    Raises ValueError naming the argument, `at` before w, m or P, when something is masked or no real number, a shape does not fit,
-    a number is not finite, a weight is negative or a covariance is not symmetric positive definite.
+    Raises ValueError naming the argument, `at` before w, m or P, when something is masked or no real
+    number, a shape does not fit, a number is not finite, a weight is negative or a covariance is not
+    symmetric positive definite.
     """
     try:
         given_w, given_m, given_P = p
