@@ -101,7 +101,7 @@ def population(
         raise ValueError(f"sensor.H has {sensor.H.shape[1]} columns, but the motion has {d} states")
     check_probability("detection_probability", detection_probability)
     check_probability("survival_probability", survival_probability)
-    births = checked(births, "births")
+    births = checked(births, "births.")
     if births.m.shape[1] != d:
         raise ValueError(f"births have {births.m.shape[1]} states, but the motion has {d}")
     if not 0 <= spawn_weight < np.inf:
@@ -116,8 +116,8 @@ def population(
             f"clutter must be over a finite box of {len(sensor.H)} sides, got {clutter.low} to {clutter.high}"
         )
     clutter = clutter._replace(
-        gaussians=checked(clutter.gaussians, "clutter.gaussians"),
-        ellipses=checked(clutter.ellipses, "clutter.ellipses"),
+        gaussians=checked(clutter.gaussians, "clutter.gaussians."),
+        ellipses=checked(clutter.ellipses, "clutter.ellipses."),
     )
     if not 0 < clutter.uniform < np.inf:
         raise ValueError(
