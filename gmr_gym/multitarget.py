@@ -97,6 +97,8 @@ def population(
     """Checked Population. Raises ValueError naming the argument for a probability outside (0, 1], for shapes
     that do not fit each other, for intensities that are none and for clutter that is nowhere."""
     d = len(motion.F)
+    if not isinstance(sensor, Sensor):
+        raise ValueError(f"sensor must be linear, a Sensor of positions, got a {type(sensor).__name__}")
     if sensor.H.shape[1] != d:
         raise ValueError(f"sensor.H has {sensor.H.shape[1]} columns, but the motion has {d} states")
     check_probability("detection_probability", detection_probability)
