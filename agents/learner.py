@@ -59,9 +59,9 @@ def settings(
     hindsight: bool = True,
 ) -> Settings:  # fmt: skip
     """Settings from a YAML file as rl_zoo3 reads it, the committed one of the algorithm unless given; without
-    `hindsight` the critic sees what the actor sees, as those of tqc and ppo_lstm always do. Steps, and those of
-    a chapter, are rounded up to whole times of collecting. Raises ValueError for an unknown algorithm, and for a
-    file that cannot be read or is without the environment."""
+    `hindsight` the critic sees what the actor sees, as those of tqc and ppo_lstm always do. Steps, and those
+    of a chapter, are rounded up to a multiple of `collected`. Raises ValueError for an unknown algorithm, and
+    for a file that cannot be read or is without the environment."""
     if algorithm not in ALGORITHMS:
         raise ValueError(f"unknown algorithm {algorithm!r}; choose from {', '.join(ALGORITHMS)}")
     file = file or Path(__file__).parent / "hyperparams" / f"{algorithm}.yml"
@@ -74,11 +74,10 @@ def settings(
     if not isinstance(entries, dict) or ENV_ID not in entries:
         raise ValueError(f"{file} must have an entry {ENV_ID}")
     entry = dict(entries[ENV_ID])
-    own = int(float(entry.pop("n_timesteps", 0)))
-    envs = int(entry.pop("n_envs", 1))
-    most, chapter = (
-        -(-n // (unit := collected(algorithm, envs, entry))) * unit for n in (steps or own, chapter)
-    )
+    most, envs = steps or int(float(entry["n_timesteps"])), int(entry.pop("n_envs", 1))
+    entry.pop("n_timesteps", None)
+    unit = collected(algorithm, envs, entry)
+    most, chapter = (-(-n // unit) * unit for n in (most, chapter))
     return Settings(
         algorithm, seed, most, chapter, envs, hyperparameters=entry,
         normalise=dict(entry.pop("normalize", {})), hindsight=hindsight and algorithm in CRITICS, env=env,

@@ -27,9 +27,7 @@ def main(
     seed: Annotated[int, typer.Option(min=0)] = 0,
     steps: Annotated[
         int | None,
-        typer.Option(
-            help="of environments, rounded up to whole rollouts; as the YAML says unless given", min=1
-        ),
+        typer.Option(help="of environments, up to whole rollouts; as the YAML says unless given", min=1),
     ] = None,
     chapter: Annotated[int, typer.Option(help="steps between two states on disk", min=1)] = 65536,
     set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006
