@@ -12,11 +12,14 @@ import typer
 from rich.console import Console
 
 from gmr_gym import detections
+from gmr_gym.blocks import check_folder
 from gmr_gym.commands import (
+    check_writable,
     key_value,
     numbers,
     parsed,
     runs_shown,
+    said,
     scenario_of,
     single_target,
     tracker_of,
@@ -32,8 +35,9 @@ from gmr_gym.reproduce import Map, table_record
 from gmr_gym.reproduce.running import mapped, reproduced, sharded
 from gmr_gym.simulate import draw
 from gmr_gym.summary import differences, summary
-from gmr_gym.sweeps import Sweep, merge_results, say_what_is_left, shard_of
+from gmr_gym.sweeps import BLOCKS, Sweep, merge_results, say_what_is_left, shard_of
 from gmr_gym.tracker import CROWD_GROUP, Tracker, make_tracker, trackers
+from gmr_gym.version import __version__
 from gmr_gym.workers import WorkersLost
 
 PAPERS = {
@@ -76,6 +80,21 @@ Shard = Annotated[str | None, typer.Option("--shard", help="I/N: only every N-th
 Json = Annotated[Path | None, typer.Option("--json", help="also write the figures to this file")]
 
 
+def _version(asked: bool) -> None:
+    if asked:
+        print(f"gmr-gym {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="print the version")
+    ] = False,
+) -> None:
+    pass
+
+
 @app.command("list")
 def list_() -> None:
     """Environments, trackers and papers."""
@@ -115,6 +134,7 @@ def evaluate(
     """Trackers on the same episodes of an environment, with intervals and paired differences."""
     sweep = Sweep(runs, seed, jobs, backend, scheduler, shard_of(shard, out))
     out = out or Path("results/evaluate")
+    check_writable(out / "evaluate.json", json_file)
     world = dict(map(key_value, settings))
     scenario = scenario_of(env_id, world)
     candidates = {spec: tracker_of(spec, scenario) for spec in tracker}
@@ -166,6 +186,7 @@ def reproduce(
     runs = runs or module.TABLES[0].runs
     sweep = Sweep(runs, seed, jobs, backend, scheduler, shard_of(shard, out))
     out = out or Path("results") / paper
+    check_writable(out / f"{paper}.json", json_file)
     if sweep.shard:
         say_what_is_left(out, *sharded((known[name] for name in table or known), sweep, out))
         return
@@ -203,6 +224,7 @@ def merge(
 ) -> None:
     """Brings together what shards of a sweep left on machines that share nothing: the same command without
     its shard, with this folder as its --out, then finds every block of runs."""
+    check_folder(into / BLOCKS)
     merge_results(folders, into)
 
 
@@ -219,6 +241,7 @@ def watch(
     """One episode as a film: clutter, gates, hypotheses, truth and estimates."""
     from gmr_gym.watch import film
 
+    check_writable(out)
     scenario = scenario_of(env_id, dict(map(key_value, settings)))
     if isinstance(scenario, ManyScenario):
         tracker = tracker or "learning-pmb"
@@ -242,6 +265,7 @@ def record(
 ) -> None:
     """One episode's detections in a file, as `track` reads them; of a radar in range and angles, which it
     does not."""
+    check_writable(out, truth)
     scenario = single_target(env_id, dict(map(key_value, settings)))
     tracker = tracker or ("imm-pda" if len(scenario.model.motions) > 1 else "pda")
     episode = draw(scenario, seed)
@@ -272,6 +296,7 @@ def track_(
 ) -> None:
     """Recorded detections in, estimates with their covariances out. Without --prior the track starts
     from the first scan: any of its detections may be the target."""
+    check_writable(out)
     if motion != "constant-velocity":
         raise ValueError(f"unknown model {motion!r}; choose constant-velocity")
     if bool(prior) != bool(prior_deviations):
@@ -320,5 +345,5 @@ def main() -> None:
         WorkersLost,
         gym.error.Error,
     ) as error:
-        Console(stderr=True, soft_wrap=True).print(f"error: {error}", style="red", markup=False)
+        Console(stderr=True, soft_wrap=True).print(f"error: {said(error)}", style="red", markup=False)
         sys.exit(2)

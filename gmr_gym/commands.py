@@ -1,6 +1,8 @@
 """What the commands share: scenarios and trackers by what a user types, and runs under a progress bar."""
 
 import ast
+import errno
+import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
@@ -11,6 +13,7 @@ from typing import Any
 import gymnasium as gym
 from rich.console import Console
 
+from gmr_gym.blocks import check_folder
 from gmr_gym.crowd import ManyScenario
 from gmr_gym.envs import CROWDS, ENVIRONMENTS, TRACKING
 from gmr_gym.envs.episodic import make_scenario
@@ -106,6 +109,21 @@ def runs_shown(label: str, work: Iterable[Work], sweep: Sweep, out: Path) -> Ite
             highlight=False,
         )
         sys.exit(130)
+
+
+def check_writable(*files: Path | None) -> None:
+    """OSError for a file that could not be made, or that is a folder: before the work, without leaving one."""
+    for file in filter(None, files):
+        if file.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(file))
+        check_folder(file.parent)
+
+
+def said(error: BaseException) -> str:
+    """An error as a line for who typed the command: of a file which it is, and what is wrong with it."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"{error.filename}: {error.strerror[0].lower()}{error.strerror[1:]}"
+    return str(error)
 
 
 def _so_far(report, before: int, parts: int, done: int, total: int) -> None:
