@@ -112,7 +112,7 @@ def runs_shown(label: str, work: Iterable[Work], sweep: Sweep, out: Path) -> Ite
 
 
 def check_writable(*files: Path | None) -> None:
-    """OSError for a file that could not be made, or that is a folder: before the work, without leaving one."""
+    """OSError for a file that could not be made, or that is a folder: before the work, and leaving none."""
     for file in filter(None, files):
         if file.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(file))
