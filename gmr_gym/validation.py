@@ -6,10 +6,11 @@ comes here first.
 
 import numpy as np
 
+from gmr_gym.kernels import kernel
+
 DOUBLE = np.dtype(float)
 HEAVIEST = 1e300  # of a weight: sums of such do not overflow
 BLOCK = 64  # covariances factored together
-from gmr_gym.kernels import kernel
 
 
 def doubles(name: str, a, at: str = "") -> np.ndarray:
