@@ -19,17 +19,7 @@ from gmr_gym.models import told_by
 from gmr_gym.play import play
 from gmr_gym.radar import spherical
 from gmr_gym.reproduce import li
-from gmr_gym.reproduce.li import (
-    DCM,
-    EKF,
-    MAPS,
-    SAVED,
-    TABLES,
-    UNBIASED,
-    Tracked,
-    claims,
-    map_figures,
-)
+from gmr_gym.reproduce.li import DCM, EKF, MAPS, SAVED, TABLES, Tracked, claims, map_figures
 from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.simulate import draw
 from gmr_gym.summary import Figure
@@ -97,16 +87,6 @@ def test_differences_are_over_the_runs_that_neither_lost():
     wanted = [np.sqrt((e[both] ** 2).sum(axis=-1).mean()) for e in (theirs, mine)]
     assert difference["rmse_common"].value == pytest.approx(wanted[0] - wanted[1])
     assert difference["track_loss"].value == 0
-
-
-def test_unbiased_mixing_is_set_against_the_same_tracker_and_the_others_against_the_first():
-    names = EKF, DCM, EKF + UNBIASED, DCM + UNBIASED
-    sizes = dict(zip(names, (5.0, 4.0, 3.0, 1.0), strict=True))
-    results = {name: with_errors(np.full((RUNS, SCANS, 3), size)) for name, size in sizes.items()}
-    rows = TABLE.paired(WORLD, results)
-    wanted = {f"{DCM} - {EKF}": -1.0, f"{names[2]} - {EKF}": -2.0, f"{names[3]} - {DCM}": -3.0}
-    got = {name: row["x_rmse_common"].value for name, row in rows.items()}
-    assert got == pytest.approx(wanted) and set(names) < set(TABLE.trackers)
 
 
 def judged_of(dcm, ekf):

@@ -22,7 +22,6 @@ from gmr_gym.summary import Figure, in_common, kept, mean, paired_share, proport
 
 EKF, DCM = "imm-ekf-pda", "imm-dcm-pda"
 OTHERS = tuple(f"imm-pda:update={update}" for update in UPDATES if update not in ("extended", "debiased"))
-UNBIASED = ":mixing=unbiased"  # constant velocity mixed into Singer's model with Singer's acceleration
 PRINTED = "imm-dcm-pda-printed"
 AXES = ("x", "y", "z")
 ERRORS = ("rmse", *(f"{axis}_rmse" for axis in AXES))
@@ -91,14 +90,11 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str
 
 
 def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
-    """Every tracker minus the first, or one of unbiased mixing minus the same of augmented, on the same
-    episodes: track_loss over all runs, the errors (m) over the runs that neither of the two lost."""
-    every = {name: tracked(scenario, runs) for name, runs in results.items()}
-    first, *others = every
+    """Every tracker minus the first on the same episodes: track_loss over all runs, the errors (m) over the
+    runs that neither of the two lost."""
+    (reference, against), *others = ((name, tracked(scenario, runs)) for name, runs in results.items())
     rows = {}
-    for name in others:
-        reference = name.removesuffix(UNBIASED) if name.endswith(UNBIASED) else first
-        one, against = every[name], every[reference]
+    for name, one in others:
         figures = resampled(partial(_gain, one, against), one.kept & against.kept)
         lost = paired_share(against.kept.astype(float) - one.kept)
         rows[f"{name} - {reference}"] = {"track_loss": lost} | {
@@ -173,11 +169,26 @@ def _regime(name: str, title: str) -> Table:
         title=title,
         env_id="gmr_gym/AirborneRadar-v0",
         settings={"regime": name},
-        trackers={tracker: {} for tracker in (EKF, DCM, *OTHERS, EKF + UNBIASED, DCM + UNBIASED)},
+        trackers={tracker: {} for tracker in (EKF, DCM, *OTHERS)},
         runs=300,
         summarise=_rows,
         columns=COLUMNS,
         evidence=_evidence,
+        paired=_differences,
+    )
+
+
+def _mixing(regime: str, tracker: str) -> Table:
+    """Constant velocity mixed into Singer's model without an acceleration, and with Singer's."""
+    return Table(
+        name=f"mixing-{regime}-{tracker.split('-')[1]}",
+        title=f"{tracker} by mixing, {regime}",
+        env_id="gmr_gym/AirborneRadar-v0",
+        settings={"regime": regime},
+        trackers={tracker: {}, f"{tracker}:mixing=unbiased": {}},
+        runs=300,
+        summarise=_rows,
+        columns=COLUMNS,
         paired=_differences,
     )
 
@@ -202,6 +213,7 @@ TABLES = (
         columns=COLUMNS,
         paired=_differences,
     ),
+    *(_mixing(regime, tracker) for regime in REGIMES for tracker in (EKF, DCM)),
 )
 MAPS = (
     Map(
