@@ -117,6 +117,8 @@ def _nearly_symmetric(P):
     """Whether every matrix (d, d) of P is symmetric to rounding."""
     for A in P:
         largest = np.abs(A).max()
+        if not largest < np.inf:  # of which everything would be a rounding
+            return False
         for r in range(len(A)):
             for c in range(r):
                 if not abs(A[r, c] - A[c, r]) <= 1e-9 * min(abs(A[r, c]), abs(A[c, r])) + 1e-12 * largest:

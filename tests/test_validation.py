@@ -115,6 +115,7 @@ BAD = {
     "infinite mean": (changed("m", (5, 0), -np.inf), "p.m must be finite"),
     "nan covariance": (changed("P", (3, 1, 1), np.nan), r"p.P\[3\] must be finite"),
     "nan beside": (changed("P", (3, 0, 1), np.nan), r"p.P\[3\] must be finite"),
+    "infinite beside": (changed("P", (3, 0, 1), -np.inf), r"p.P\[3\] must be finite"),
     "infinite covariance": (changed("P", (0, 0, 0), np.inf), r"p.P\[0\] must be finite"),
     "indefinite": (changed("P", 4, np.diag([1.0, -1, -1, 1])), r"p.P\[4\] must be positive definite"),
     "singular": (changed("P", 2, 0.0), r"p.P\[2\] must be positive definite"),

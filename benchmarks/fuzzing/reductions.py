@@ -31,7 +31,7 @@ def reduction_targets() -> list[Target]:
         "salmond-by": lambda p, components: reduction.salmond(p, 1, 1 / components),
         "prune": lambda p, components: reduction.prune(p, 0.1**components),
         "prune-density": lambda p, components: reduction.prune_density(p, 0.1**components),
-        "heaviest": lambda p, components: reduction.heaviest(p, 0.1**components, components),
+        "heaviest": lambda p, components: reduction.heaviest(p, 0.01, components),
     }
     budgets = {"vo-ma", "heaviest"}
     rest = [
