@@ -30,6 +30,8 @@ from scores import (
 from gmr_gym.instances import instances, world
 from gmr_gym.network import load
 from gmr_gym.output import console, progress, write_json
+from gmr_gym.records import question
+from gmr_gym.summary import CONFIDENCE
 from gmr_gym.tables import grid as table_of
 from gmr_gym.threshold_features import FEATURES
 from gmr_gym.threshold_policies import ByNetwork, Constant, Random
@@ -212,18 +214,19 @@ def main(
         found = comparison.table(table, grid_runs, slow_runs)
         episodes, stem = found.pop("episodes"), Path(table).stem
         records[stem] = found
-        shown = {name: {f: row[f] for f in SCREEN} for name, row in found["competitors"].items()}
-        screen.print(table_of(stem, shown))
-        screen.print(table_of(f"{stem}: minus the best constant, episode by episode", found["against"]))
         text.append(markdown(stem, found))
         places = {name: place(e) for name, e in episodes.items()}
         fronts = found["constants"], found["front"], found["constants_by_instance"]
         draw_fronts(out / f"fronts-{stem}.png", places, *fronts)
         tuned = {name: e for name, e in episodes.items() if name not in ("random", "paper")}
         draw_instances(out / f"instances-{stem}.png", tuned, BEST)
-    write_json(out / "comparison.json", {"env": comparison.env, "seed": seed, "tables": plain(records)})
-    with whole(out / "comparison.md") as partial:
-        partial.write_text("\n\n".join(text) + "\n", encoding="utf-8")
+        asked = question(env=comparison.env, seed=seed)
+        write_json(out / "comparison.json", asked | {"level": CONFIDENCE, "tables": plain(records)})
+        with whole(out / "comparison.md") as partial:
+            partial.write_text("\n\n".join(text) + "\n", encoding="utf-8")
+        shown = {name: {f: row[f] for f in SCREEN} for name, row in found["competitors"].items()}
+        screen.print(table_of(stem, shown))
+        screen.print(table_of(f"{stem}: minus the best constant, episode by episode", found["against"]))
     screen.print(f"written to {out}")
 
 

@@ -2,11 +2,15 @@
 
 A run is a sequence of chapters. Each begins with all environments reset by seeds of its own and with the
 generators of torch and NumPy seeded likewise, and ends with everything on disk: so a run that was stopped
-goes on as if it had not been, to the last bit."""
+goes on as if it had not been, to the last bit.
+
+stable-baselines3 keeps models and what they replay as pickles, which run what is written in them: take up, or
+export from, no folder of a stranger's. What is made to be handed on is the .npz, see `gmr_gym.network`."""
 
 import json
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -42,8 +46,8 @@ class Settings:
 
     algorithm: str
     seed: int
-    steps: int  # of environments, in all
-    chapter: int  # of them in a chapter
+    steps: int  # of environments, in all, a multiple of what the algorithm takes at once
+    chapter: int  # of them in a chapter, likewise
     envs: int
     hyperparameters: dict[str, Any]
     normalise: dict[str, Any]
@@ -56,8 +60,9 @@ def settings(
     hindsight: bool = True,
 ) -> Settings:  # fmt: skip
     """Settings from a YAML file as rl_zoo3 reads it, the committed one of the algorithm unless given; without
-    `hindsight` the critic sees what the actor sees, as those of tqc and ppo_lstm always do. Raises ValueError
-    for an unknown algorithm, and for a file that cannot be read or is without the environment."""
+    `hindsight` the critic sees what the actor sees, as those of tqc and ppo_lstm always do. Steps, and those
+    of a chapter, are rounded up to a multiple of `collected`. Raises ValueError for an unknown algorithm, and
+    for a file that cannot be read or is without the environment."""
     if algorithm not in ALGORITHMS:
         raise ValueError(f"unknown algorithm {algorithm!r}; choose from {', '.join(ALGORITHMS)}")
     file = file or Path(__file__).parent / "hyperparams" / f"{algorithm}.yml"
@@ -70,12 +75,22 @@ def settings(
     if not isinstance(entries, dict) or ENV_ID not in entries:
         raise ValueError(f"{file} must have an entry {ENV_ID}")
     entry = dict(entries[ENV_ID])
-    most = steps or int(float(entry.pop("n_timesteps")))
+    most, envs = steps or int(float(entry["n_timesteps"])), int(entry.pop("n_envs", 1))
     entry.pop("n_timesteps", None)
+    unit = collected(algorithm, envs, entry)
+    most, chapter = (-(-n // unit) * unit for n in (most, chapter))
     return Settings(
-        algorithm, seed, most, chapter, int(entry.pop("n_envs", 1)), hyperparameters=entry,
+        algorithm, seed, most, chapter, envs, hyperparameters=entry,
         normalise=dict(entry.pop("normalize", {})), hindsight=hindsight and algorithm in CRITICS, env=env,
     )  # fmt: skip
+
+
+def collected(algorithm: str, envs: int, hyperparameters: dict[str, Any]) -> int:
+    """Steps of all environments that the algorithm takes before it learns from them."""
+    maker = ALGORITHMS[algorithm]
+    name = "train_freq" if issubclass(maker, OffPolicyAlgorithm) else "n_steps"
+    each = hyperparameters.get(name, signature(maker).parameters[name].default)
+    return envs * int(each)
 
 
 def environments(said: Settings) -> VecNormalize:

@@ -11,7 +11,7 @@ import torch
 import typer
 from export import network_of
 from judge import played
-from learner import RECURRENT, Run, settings
+from learner import RECURRENT, Run, collected, settings
 from recurrent import remembering
 from stable_baselines3.common.callbacks import ProgressBarCallback
 
@@ -27,7 +27,8 @@ def main(
     algorithm: Annotated[str, typer.Argument(help="ppo or sac; with sb3-contrib also tqc and ppo_lstm")],
     seed: Annotated[int, typer.Option(min=0)] = 0,
     steps: Annotated[
-        int | None, typer.Option(help="of environments; as the YAML says unless given", min=1)
+        int | None,
+        typer.Option(help="of environments, up to whole rollouts; as the YAML says unless given", min=1),
     ] = None,
     chapter: Annotated[int, typer.Option(help="steps between two states on disk", min=1)] = 65536,
     set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006
@@ -41,10 +42,12 @@ def main(
     """Learns, chapter by chapter; keeps every chapter, its score on VALID, and the best as a policy."""
     torch.set_num_threads(1)  # small networks run no faster on more
     env = key_values(set_)
-    run = Run(
-        out or Path("results/agents") / f"{algorithm}-{seed}",
-        settings(algorithm, seed, steps, chapter, env, hyperparameters, hindsight),
-    )
+    said = settings(algorithm, seed, steps, chapter, env, hyperparameters, hindsight)
+    unit = collected(algorithm, said.envs, said.hyperparameters)
+    for name, asked, kept in (("steps", steps, said.steps), ("chapter", chapter, said.chapter)):
+        if asked is not None and asked != kept:
+            print(f"{name} {asked} rounded up to {kept}: {algorithm} collects {unit} at a time", flush=True)
+    run = Run(out or Path("results/agents") / f"{algorithm}-{seed}", said)
     scores = run.folder / "valid.csv"
     while run.chapter > len(_kept(scores)) or not run.over:
         if run.chapter == len(_kept(scores)):

@@ -219,7 +219,9 @@ def _nearest(values: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 
 def main(
-    steps: Annotated[int | None, typer.Option(help="of environments, a family; those of a PPO agent")] = None,
+    steps: Annotated[
+        int | None, typer.Option(help="of environments, a family; those of a PPO agent unless given", min=1)
+    ] = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006
     valid: Annotated[str, typer.Option(help="table of instances on which to choose")] = "valid",
@@ -231,7 +233,11 @@ def main(
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     env = key_values(set_)
     train = env.pop("instances", "train")
-    found = tuned(Tuner(out, env, train, valid, valid_runs, seed, jobs), steps or trained_steps())
+    steps = steps or trained_steps()
+    print(
+        f"every search ends with the candidate that reaches its share of {steps} steps a family", flush=True
+    )
+    found = tuned(Tuner(out, env, train, valid, valid_runs, seed, jobs), steps)
     write(out / "static.json", env, found)
     for name, policy in found.items():
         print(f"{name}: {policy}")

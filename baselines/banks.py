@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from gmr_gym.association import expand_together, hopeless_beyond
+from gmr_gym.mixing import MIXINGS, borrowed_states
 from gmr_gym.mixture import Mixture, collapsed, moments, normalised
 from gmr_gym.models import Model
 from gmr_gym.modes import Bank, banked, fused, leave_alone, merged, mixed, moved, started, tended
@@ -70,10 +71,12 @@ def imm_mht(
     prune_weight: float = 1e-5,
     most: int = 500,
     hopeless: float = 20.0,
+    mixing: str = MIXINGS[0],
 ) -> Banks:
     """MHT with an IMM in each hypothesis, reduced to `components` by any `reduction` of what the IMMs
     fuse to (Zhang, IMM+MHT)."""
-    return Banks(model, reducer(reduction, components), mixed, leave_alone, prune_weight, most, hopeless)
+    mix = partial(mixed, borrowed=borrowed_states(model.motions, mixing))
+    return Banks(model, reducer(reduction, components), mix, leave_alone, prune_weight, most, hopeless)
 
 
 def mmae_pda(model: Model, floor: float = 1e-3, restart: float = 1e-5, hopeless: float = 20.0) -> Banks:

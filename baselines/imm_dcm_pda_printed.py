@@ -1,13 +1,14 @@
 """IMM with debiased converted measurements and PDA, its formulas taken as they are printed: to see what they
 do, not to be used."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from gmr_gym.association import Gates, distances_seen, gates, volumes
 from gmr_gym.imm import mixed_ahead
 from gmr_gym.kalman import Look
+from gmr_gym.mixing import MIXINGS, borrowed_states
 from gmr_gym.mixture import Mixture, collapsed
 from gmr_gym.models import Model, told_by
 from gmr_gym.modes import Bank, started
@@ -27,6 +28,11 @@ class Printed:
     model: Model
     covariance_as_printed: bool
     likelihood_as_printed: bool
+    mixing: str = MIXINGS[0]
+    _borrowed: np.ndarray = field(init=False, repr=False)
+
+    def __post_init__(self):
+        object.__setattr__(self, "_borrowed", borrowed_states(self.model.motions, self.mixing))
 
     def init(self) -> Bank:
         return started(self.model.mode_prior, collapsed(self.model.prior))
@@ -36,7 +42,7 @@ class Printed:
         z = check_scan(z, len(model.sensor.H))
         w, m, P = belief.w[:, 0], belief.m[:, 0], belief.P[:, 0]
         moves = map(np.array, zip(*model.motions, strict=True))
-        predicted = Mixture(*mixed_ahead(w, m, P, model.switching, *moves))
+        predicted = Mixture(*mixed_ahead(w, m, P, model.switching, self._borrowed, *moves))
         looked = gates(predicted, model.sensor, model.gate_probability)
         d2 = distances_seen(predicted, looked, model.sensor, z)
         near = np.isfinite(d2)
@@ -96,7 +102,11 @@ class Printed:
 
 
 def imm_dcm_pda_printed(
-    model: Model, covariance_as_printed: bool = True, likelihood_as_printed: bool = True
+    model: Model,
+    covariance_as_printed: bool = True,
+    likelihood_as_printed: bool = True,
+    mixing: str = MIXINGS[0],
 ) -> Printed:
     """IMMDCMPDA with the formulas of the paper as printed (Li, eqs. 8-19), to see what they do."""
-    return Printed(told_by(model, "debiased-at-prediction"), covariance_as_printed, likelihood_as_printed)
+    told = told_by(model, "debiased-at-prediction")
+    return Printed(told, covariance_as_printed, likelihood_as_printed, mixing)

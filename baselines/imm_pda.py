@@ -7,6 +7,7 @@ import numpy as np
 from gmr_gym.association import Gates, gate_size, hopeless_beyond, unit_ball
 from gmr_gym.imm import associated, mixed_ahead
 from gmr_gym.kalman import Motion
+from gmr_gym.mixing import MIXINGS, borrowed_states
 from gmr_gym.mixture import Mixture, collapsed
 from gmr_gym.models import Model, told_by
 from gmr_gym.modes import Bank, started
@@ -17,7 +18,8 @@ from gmr_gym.tracker import Report, check_limits, check_scan
 class ImmPda:
     """A Gaussian for each motion, mixed before each scan; every detection in the gate of any of them moves
     all by its probability (Blom and Bar-Shalom 1988; Zhang, IMM+PDA; Li, section 3). With one motion it is
-    PDA, without clutter IMM. A prior of several Gaussians is merged at the start.
+    PDA, without clutter IMM. A prior of several Gaussians is merged at the start. Motions of unlike state are
+    mixed as `mixing` says, "augmented" or "unbiased" (see `borrowed_states`).
 
     Departs: Li's eq. 14 is the covariance of a certain association, his likelihoods weigh motions by gates of
     their own; this is PDA's covariance, and one list of detections for all motions.
@@ -26,9 +28,11 @@ class ImmPda:
     model: Model
     # times the false detections expected within a deviation at first, and one, at which it gives up
     hopeless: float = 20.0
+    mixing: str = MIXINGS[0]
     _moves: Motion = field(init=False, repr=False)  # all motions, on a first axis
     _logs: tuple[float, float] = field(init=False, repr=False)  # of a miss, and of a detection for clutter
     _given_up: float = field(init=False, repr=False)
+    _borrowed: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self):
         model = self.model
@@ -39,6 +43,7 @@ class ImmPda:
         object.__setattr__(self, "_moves", Motion(*map(np.array, zip(*model.motions, strict=True))))
         object.__setattr__(self, "_logs", logs)
         object.__setattr__(self, "_given_up", hopeless_beyond(model, self.hopeless))
+        object.__setattr__(self, "_borrowed", borrowed_states(model.motions, self.mixing))
 
     def init(self) -> Bank:
         return started(self.model.mode_prior, collapsed(self.model.prior))
@@ -47,7 +52,7 @@ class ImmPda:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         w, m, P = belief.w[:, 0], belief.m[:, 0], belief.P[:, 0]
-        predicted = Mixture(*mixed_ahead(w, m, P, model.switching, *self._moves))
+        predicted = Mixture(*mixed_ahead(w, m, P, model.switching, self._borrowed, *self._moves))
         at, S = model.sensor.gates(predicted)
         size = gate_size(model.gate_probability, at.shape[1])
         w, m, P, mean, covariance, alive = associated(
@@ -60,16 +65,16 @@ class ImmPda:
         return Bank(w[:, None], m[:, None], P[:, None]), Report(mean, covariance, looked, fused, alive, w)
 
 
-def imm(model: Model, hopeless: float = 20.0) -> ImmPda:
+def imm(model: Model, hopeless: float = 20.0, mixing: str = MIXINGS[0]) -> ImmPda:
     """Interacting multiple models (Blom and Bar-Shalom 1988); in clutter it is IMM+PDA."""
-    return ImmPda(model, hopeless)
+    return ImmPda(model, hopeless, mixing)
 
 
-def imm_dcm_pda(model: Model, hopeless: float = 20.0) -> ImmPda:
+def imm_dcm_pda(model: Model, hopeless: float = 20.0, mixing: str = MIXINGS[0]) -> ImmPda:
     """IMM+PDA of a radar's debiased converted measurements (Li, IMMDCMPDA)."""
-    return ImmPda(told_by(model, "debiased"), hopeless)
+    return ImmPda(told_by(model, "debiased"), hopeless, mixing)
 
 
-def imm_ekf_pda(model: Model, hopeless: float = 20.0) -> ImmPda:
+def imm_ekf_pda(model: Model, hopeless: float = 20.0, mixing: str = MIXINGS[0]) -> ImmPda:
     """IMM+PDA of extended Kalman filters, the radar linearised about each prediction (Li, IMMEKFPDA)."""
-    return ImmPda(told_by(model, "extended"), hopeless)
+    return ImmPda(told_by(model, "extended"), hopeless, mixing)

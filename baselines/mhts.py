@@ -10,6 +10,7 @@ import numpy as np
 
 from gmr_gym.association import Expansion, Gates, expand, hopeless_beyond, look_together
 from gmr_gym.kalman import Look, predict
+from gmr_gym.mixing import MIXINGS, borrow_into, borrowed_states
 from gmr_gym.mixture import Mixture, collapsed, joined, moments, normalised, take
 from gmr_gym.models import Model
 from gmr_gym.modes import diverging, floored, mmae_weights
@@ -35,7 +36,7 @@ class Mhts:
 
     model: Model
     reduce: Callable[[Mixture], Reduced]  # in each MHT
-    mixing: bool  # by the switching matrix ahead of the prediction, as in an IMM; else never, as in an MMAE
+    mixing: str | None  # one of MIXINGS: ahead of the prediction, as in an IMM; None: never, as in an MMAE
     floor: float  # least probability of a motion
     restart: float  # density of its equivalent residual below which an MHT begins anew from the others
     prune_weight: float = 1e-5
@@ -43,10 +44,13 @@ class Mhts:
     # times the false detections expected within a deviation at first, and one, at which it gives up
     hopeless: float = 20.0
     _given_up: float = field(init=False, repr=False)
+    _borrowed: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self):
         check_limits(self.prune_weight, self.most, self.hopeless)
         object.__setattr__(self, "_given_up", hopeless_beyond(self.model, self.hopeless))
+        borrowed = borrowed_states(self.model.motions, MIXINGS[0] if self.mixing is None else self.mixing)
+        object.__setattr__(self, "_borrowed", borrowed)
         # a wrong parameter is an error here, not in a scan
         check_reduced(self.reduce(collapsed(self.model.prior)), 1)
         floored(self.model.mode_prior, self.floor)
@@ -58,7 +62,7 @@ class Mhts:
     def step(self, belief: Mixtures, z: np.ndarray) -> tuple[Mixtures, Report]:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
-        w, each = self._mixed(belief) if self.mixing else belief
+        w, each = belief if self.mixing is None else self._mixed(belief)
         predicted = [predict(p, motion) for p, motion in zip(each, model.motions, strict=True)]
         own, listed, looked, alive = look_together(weighed(w, predicted), model, z, self._given_up)
         ends = np.cumsum([len(p.w) for p in predicted])[:-1]
@@ -86,9 +90,21 @@ class Mhts:
         joint = self.model.switching * belief.w  # motion now, motion before
         w = joint.sum(axis=1)
         shares = np.where(w[:, None] > 0, joint, belief.w)  # an impossible motion, as likely as the others
-        pools = [normalised(weighed(share, belief.each)) for share in shares]
+        pools = [normalised(weighed(share, self._lent(belief.each, q))) for q, share in enumerate(shares)]
         merged = [runnalls(pool, len(p.w))[0] for pool, p in zip(pools, belief.each, strict=True)]
         return Mixtures(w, tuple(map(normalised, merged)))
+
+    def _lent(self, each: tuple[Mixture, ...], q: int) -> list[Mixture]:
+        """The MHTs as they are mixed into that of motion q: what states they borrow from it are those of all
+        its hypotheses together."""
+        if not self._borrowed[q].any():
+            return list(each)
+        lent = [p._replace(m=p.m.copy(), P=p.P.copy()) for p in each]
+        mean, covariance = moments(each[q])
+        for p, states in zip(lent, self._borrowed[q], strict=True):
+            n = len(p.w)
+            borrow_into(p.m, p.P, np.tile(mean, (n, 1)), np.tile(covariance, (n, 1, 1)), states)
+        return lent
 
     def _reduced(self, p: Mixture) -> Mixture:
         lighter, _ = entering(p, self.prune_weight, self.most)
@@ -145,7 +161,7 @@ def mmae_of_mhts(
 ) -> Mhts:
     """An MMAE whose filters are MHTs of `components` hypotheses each (Maybeck, architecture 1; with
     reduction="ise" the MMAE of ISEs)."""
-    return Mhts(model, reducer(reduction, components), False, floor, restart, prune_weight, most, hopeless)
+    return Mhts(model, reducer(reduction, components), None, floor, restart, prune_weight, most, hopeless)
 
 
 def imm_of_mhts(
@@ -155,10 +171,11 @@ def imm_of_mhts(
     prune_weight: float = 1e-5,
     most: int = 500,
     hopeless: float = 20.0,
+    mixing: str = MIXINGS[0],
 ) -> Mhts:
     """An IMM whose filters are MHTs of `components` hypotheses each (Maybeck, architecture 2; with
     reduction="ise" the IMM of ISEs)."""
-    return Mhts(model, reducer(reduction, components), True, 0.0, 0.0, prune_weight, most, hopeless)
+    return Mhts(model, reducer(reduction, components), mixing, 0.0, 0.0, prune_weight, most, hopeless)
 
 
 def of_one_motion(
@@ -176,4 +193,4 @@ def of_one_motion(
     if isinstance(mode, bool) or not isinstance(mode, Integral) or not 0 <= mode < known:
         raise ValueError(f"mode must be one of the {known} motions, counted from 0, got {mode!r}")
     told = model._replace(motions=(model.motions[mode],), switching=np.ones((1, 1)), mode_prior=np.ones(1))
-    return Mhts(told, reducer(reduction, components), False, 0.0, 0.0, prune_weight, most, hopeless)
+    return Mhts(told, reducer(reduction, components), None, 0.0, 0.0, prune_weight, most, hopeless)

@@ -46,8 +46,6 @@ def main() -> None:
             print(section.__name__.removesuffix("_rows"), "...", file=sys.stderr)
             rows += section(plan)
     clock = "processor time of this process, wall where there are others" if options.cpu else "wall"
-    print("\n".join(f"- {name}: {value}" for name, value in machine(clock).items()), "", sep="\n")
-    print(table(rows))
     if options.json:
         record = {
             "machine": machine(clock),
@@ -55,6 +53,8 @@ def main() -> None:
             "rows": [_record(row) for row in rows],
         }
         write_json(options.json, record)
+    print("\n".join(f"- {name}: {value}" for name, value in machine(clock).items()), "", sep="\n")
+    print(table(rows))
 
 
 def table(rows: list[Row]) -> str:

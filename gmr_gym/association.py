@@ -251,7 +251,7 @@ def expand_into_hypotheses(w, m, P, expected, S, C, z, R, log_stretch, H, noise,
     parent, detection = np.empty(hits + misses, np.int64), np.empty(hits + misses, np.int64)
     log_density = np.full(hits + misses, np.inf)
     L, K, W, P_hit = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty((d, d))
-    S_pair, L_noise, noise_pair = np.empty((p, p)), np.zeros((p, p)), np.empty((p, p))
+    pair, L_noise = np.empty((p, p)), np.empty((p, p))
     at = 0
     for i in range(n):
         if misses:
@@ -271,11 +271,13 @@ def expand_into_hypotheses(w, m, P, expected, S, C, z, R, log_stretch, H, noise,
             if not conditioned:
                 for r in range(p):
                     for c in range(p):
-                        brought = R[j, r, c] if len(R) else 0.0
-                        S_pair[r, c] = S[i, r, c] + brought
-                        noise_pair[r, c] = noise[i if len(noise) > 1 else 0, r, c] + brought
-                cholesky_into(L, S_pair)
-                posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H[i if len(H) > 1 else 0], noise_pair)
+                        pair[r, c] = S[i, r, c] + (R[j, r, c] if len(R) else 0.0)
+                cholesky_into(L, pair)
+                alike = 0 if len(noise) == 1 else i
+                for r in range(p):
+                    for c in range(p):
+                        pair[r, c] = noise[alike, r, c] + (R[j, r, c] if len(R) else 0.0)
+                posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H[0 if len(H) == 1 else i], pair)
                 log_peak = log_gaussian_scale(L)
                 conditioned = len(R) == 0  # else the next detection has a noise of its own
             log_density[at] = log_peak - 0.5 * d2[h] + log_stretch[j]

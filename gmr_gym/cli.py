@@ -14,15 +14,18 @@ import typer
 from rich.console import Console
 
 from gmr_gym import detections
+from gmr_gym.blocks import check_folder
 from gmr_gym.commands import (
     Once,
     check_ending,
     check_once,
+    check_writable,
     evaluated,
     key_values,
     numbers,
     parsed,
     runs_shown,
+    said,
     scenario_of,
     single_target,
     tracker_of,
@@ -38,6 +41,7 @@ from gmr_gym.reproduce.running import rerun, sharded
 from gmr_gym.simulate import draw
 from gmr_gym.sweeps import BLOCKS, Sweep, merge_results, say_what_is_left, shard_of
 from gmr_gym.tracker import CROWD_GROUP, Tracker, make_tracker, trackers
+from gmr_gym.version import __version__
 from gmr_gym.workers import WorkersLost
 
 PAPERS = {
@@ -79,6 +83,21 @@ Scheduler = Annotated[
 ]
 Shard = Annotated[str | None, typer.Option("--shard", help="I/N: only every N-th block of runs; see `merge`")]
 Json = Annotated[Path | None, typer.Option("--json", help="also write the figures to this file")]
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        print(f"gmr-gym {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="print the version")
+    ] = False,
+) -> None:
+    pass
 
 
 @command("list")
@@ -128,6 +147,7 @@ def evaluate(
     # blocks of runs are shared: another tracker, or more runs, begin with those that are there
     root = out or Path("results/evaluate")
     out = out or root / f"{env_id.rpartition('/')[2]}-{named(asked)}"
+    check_writable(out / "evaluate.json", json_file)
     sweep = Sweep(runs, seed, jobs, backend, scheduler, part, root / BLOCKS)
     if not part:
         check_free(out / "evaluate.json", asked)
@@ -169,6 +189,7 @@ def reproduce(
     other = [f"table-{name}" for name in table]
     other += [f"runs-{runs}"] * (runs != usual) + [f"seed-{seed}"] * (seed > 0)
     out = out or root / "-".join(other)
+    check_writable(out / f"{paper}.json", json_file)
     sweep = Sweep(runs, seed, jobs, backend, scheduler, part, root / BLOCKS)
     if part:
         say_what_is_left(sweep.blocks, *sharded((known[name] for name in names), sweep))
@@ -184,6 +205,7 @@ def merge(
 ) -> None:
     """Brings together what shards of a sweep left on machines that share nothing: the same command without
     its shard, with this folder as its --out, then finds every block of runs."""
+    check_folder(into / BLOCKS)
     merge_results(folders, into)
 
 
@@ -200,6 +222,7 @@ def watch(
     """One episode as a film: clutter, gates, hypotheses, truth and estimates."""
     from gmr_gym.watch import film
 
+    check_writable(out)
     scenario = scenario_of(env_id, key_values(settings))
     if isinstance(scenario, ManyScenario):
         tracker = tracker or "learning-pmb"
@@ -225,6 +248,7 @@ def record(
     does not."""
     check_ending("--out", out, ".csv")
     check_ending("--truth", truth, ".csv")
+    check_writable(out, truth)
     scenario = single_target(env_id, key_values(settings))
     tracker = tracker or ("imm-pda" if len(scenario.model.motions) > 1 else "pda")
     episode = draw(scenario, seed)
@@ -256,6 +280,7 @@ def track_(
     """Recorded detections in, estimates with their covariances out. Without --prior the track starts
     from the first scan: any of its detections may be the target."""
     check_ending("--out", out, ".csv")
+    check_writable(out)
     if motion != "constant-velocity":
         raise ValueError(f"unknown model {motion!r}; choose constant-velocity")
     if bool(prior) != bool(prior_deviations):
@@ -324,5 +349,5 @@ def main() -> None:
         WorkersLost,
         gym.error.Error,
     ) as error:
-        Console(stderr=True, soft_wrap=True).print(f"error: {error}", style="red", markup=False)
+        Console(stderr=True, soft_wrap=True).print(f"error: {said(error)}", style="red", markup=False)
         sys.exit(2)

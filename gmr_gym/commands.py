@@ -1,6 +1,8 @@
 """What the commands share: scenarios and trackers by what a user types, and runs under a progress bar."""
 
 import ast
+import errno
+import os
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,6 +15,7 @@ import gymnasium as gym
 from rich.console import Console
 from typer.core import TyperCommand
 
+from gmr_gym.blocks import check_folder
 from gmr_gym.crowd import ManyScenario
 from gmr_gym.crowd_summary import crowd_differences, crowd_summary
 from gmr_gym.envs import CROWDS, ENVIRONMENTS, TRACKING
@@ -164,15 +167,30 @@ def evaluated(
     tables = [table_record(asked["env"], asked["settings"], rows)]
     if paired:
         tables.append(table_record("paired differences", asked["settings"], paired))
-    said = notes(rows, sweep.runs)
+    remarks = notes(rows, sweep.runs)
     write_runs(out / "runs.csv", scenario, results)
     for file in filter(None, (out / "evaluate.json", copy)):
-        write_json(file, answered(asked, tables, notes=said))
+        write_json(file, answered(asked, tables, notes=remarks))
     yield grid(f"{asked['env']}: {sweep.runs} runs, seed {sweep.seed}", rows)
     if paired:
         yield grid("paired differences", paired)
-    yield from said
+    yield from remarks
     yield f"written to {out}"
+
+
+def check_writable(*files: Path | None) -> None:
+    """OSError for a file that could not be made, or that is a folder: before the work, and leaving none."""
+    for file in filter(None, files):
+        if file.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(file))
+        check_folder(file.parent)
+
+
+def said(error: BaseException) -> str:
+    """An error as a line for who typed the command: of a file which it is, and what is wrong with it."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"{error.filename}: {error.strerror[0].lower()}{error.strerror[1:]}"
+    return str(error)
 
 
 def _so_far(report, before: int, parts: int, done: int, total: int) -> None:

@@ -108,7 +108,7 @@ def normalised_integral_squared_difference(p: Mixture, q: Mixture) -> float:
 
 
 def _two_mixtures(p, q):
-    p, q = checked(p), checked(q, "q")
+    p, q = checked(p), checked(q, "q.")
     if q.m.shape[1] != p.m.shape[1]:
         raise ValueError(f"q has {q.m.shape[1]} dimensions, but p has {p.m.shape[1]}")
     return p, q

@@ -92,7 +92,8 @@ def expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
     k, p = z.shape
     w, m, P, parent, detection, log_density = expand_into_hypotheses(
         w, m, P, centres, S, C, z.reshape(1, k, p), np.empty((0, p, p)), np.zeros(k),
-        np.expand_dims(H, 0), np.expand_dims(R, 0), size, log_miss, log_detect,
+        np.ascontiguousarray(H).reshape(1, p, len(F)), np.ascontiguousarray(R).reshape(1, p, p),
+        size, log_miss, log_detect,
     )  # fmt: skip
     return centres, S, w, m, P, parent, detection, log_density
 

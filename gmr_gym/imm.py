@@ -6,18 +6,25 @@ import numpy as np
 from gmr_gym.association import expand_into_hypotheses, gated
 from gmr_gym.kalman import predict_all
 from gmr_gym.kernels import ONE, kernel
+from gmr_gym.mixing import borrow_into
 from gmr_gym.mixture import match, root_determinants
 
 
 @kernel
-def mixed_ahead(w, m, P, switching, F, Q, offset):
+def mixed_ahead(w, m, P, switching, borrowed, F, Q, offset):
     """Probabilities (r,), means (r, d) and covariances (r, d, d) of r modes, mixed by the switching
-    matrix and carried forward by F, Q (r, d, d) and offset (r, d)."""
+    matrix, with `borrowed_states` (r, r, d), and carried forward by F, Q (r, d, d) and offset (r, d)."""
     r, d = m.shape
     one = np.zeros(r, np.int64)
     w_out, m_out, P_out = np.zeros(r), np.empty((r, d)), np.empty((r, d, d))
+    unlike = borrowed.any()
     for q in range(r):
-        total, mean, covariance = match(switching[q] * w, m, P, one, ONE)
+        m_in, P_in = m, P
+        if unlike:
+            m_in, P_in = m.copy(), P.copy()
+            for p in range(r):
+                borrow_into(m_in[p : p + 1], P_in[p : p + 1], m[q : q + 1], P[q : q + 1], borrowed[q, p])
+        total, mean, covariance = match(switching[q] * w, m_in, P_in, one, ONE)
         mean, covariance = predict_all(mean, covariance, F[q], Q[q], offset[q])
         w_out[q], m_out[q], P_out[q] = total[0], mean[0], covariance[0]
     return w_out, m_out, P_out

@@ -23,7 +23,7 @@ from gmr_gym.reduction import at_least_one, at_unit, through, weighing
 # <u, v> is the integral of u v, f the original mixture, s g the reduced one with
 # g = sum_a q[a] M[a], and r = f - s g the error. An action that turns r into r + v costs
 # 2 <r, v> + <v, v>:
-#   to delete a               v = s A, or with the rest, g - A of weight R, rescaled  v = s (A - q[a] / R (g - A))
+#   to delete a               v = s A, or v = s (A - q[a] / R (g - A)) with the rest, of weight R, rescaled
 #   to merge a and b into c   v = s delta,  delta = A + B - C,  A = q[a] M[a], B = q[b] M[b], C = q[c] M[c]
 # <delta, delta> stays what it is while a and b live. <r, A> is known at any time for every a, and for any
 # x and y

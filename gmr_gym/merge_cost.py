@@ -31,8 +31,8 @@ def form_costs(i, start, stop, w, means, entries, log_det, room, row):
         log_det_ij = _logarithm(row[j])
         cost = 0.5 * (wi * (log_det_ij - log_det_i) + w[j] * (log_det_ij - log_det[j]))
         cost = cost if cost > 0.0 else 0.0
-        # beyond 1e8 standard deviations apart the determinant drowns in rounding, or overflows: never nearest
-        row[j] = cost if 0.0 < row[j] < np.inf else np.inf
+        # beyond 1e8 standard deviations apart the determinant drowns in rounding: never nearest
+        row[j] = cost if row[j] > 0.0 else np.inf
 
 
 @kernel(inline="always")

@@ -31,7 +31,7 @@ def mixture(w, m, P) -> Mixture:
     w, m, P = (doubles(name, a).copy() for name, a in (("w", w), ("m", m), ("P", P)))
     if w.ndim != 1 or len(w) == 0:
         raise ValueError(f"w must have shape (n,) with n >= 1, got {w.shape}")
-    p = checked(Mixture(w, m, P), "")
+    p = checked(Mixture(w, m, P), at="")
     if not w.sum() > 0:
         raise ValueError("w must be finite and non-negative with a positive sum")
     return p
@@ -42,22 +42,23 @@ def gaussian(m, P) -> Mixture:
     return mixture([1.0], [m], [P])
 
 
-def checked(p: Mixture, name: str = "p") -> Mixture:
+def checked(p: Mixture, at: str = "p.") -> Mixture:
     """The mixture, of any number of components, none at all and those of weight zero included, in arrays that
     kernels take: itself where it has such, else a copy in float64.
 
-    Raises ValueError naming the argument when something is masked or no real number, a shape does not fit,
-    a number is not finite, a weight is negative or a covariance is not symmetric positive definite.
+    Raises ValueError naming the argument, `at` before w, m or P, when something is masked or no real
+    number, a shape does not fit, a number is not finite, a weight is negative or a covariance is not
+    symmetric positive definite.
     """
-    at = f"{name}." if name else ""
     try:
-        w, m, P = p
+        given_w, given_m, given_P = p
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a Mixture (w, m, P), got {type(p).__name__}") from None
-    w, m, P = doubles(f"{at}w", w), doubles(f"{at}m", m), doubles(f"{at}P", P)
+        raise ValueError(f"{at[:-1]} must be a Mixture (w, m, P), got {type(p).__name__}") from None
+    w, m, P = doubles("w", given_w, at), doubles("m", given_m, at), doubles("P", given_P, at)
     if not (w.ndim == 1 and m.ndim == 2 and P.ndim == 3 and sound(w, m, P)):
         refuse_unsound(at, w, m, P)
-    return p if isinstance(p, Mixture) and w is p.w and m is p.m and P is p.P else Mixture(w, m, P)
+    same = w is given_w and m is given_m and P is given_P and type(p) is Mixture
+    return p if same else Mixture(w, m, P)
 
 
 def normalised(p: Mixture) -> Mixture:

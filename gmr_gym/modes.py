@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.kalman import Motion, predict
+from gmr_gym.mixing import borrow_into
 from gmr_gym.mixture import Mixture, joined, match_groups
 from gmr_gym.reduction import Reduced
 
@@ -134,13 +135,13 @@ def moved(bank: Bank, motions: tuple[Motion, ...]) -> Mixture:
     return joined(parts)
 
 
-def mixed(bank: Bank, switching: np.ndarray) -> Bank:
+def mixed(bank: Bank, switching: np.ndarray, borrowed: np.ndarray | None = None) -> Bank:
     """IMM mixing: the mode probabilities one scan on, and for each mode the Gaussian that matches all
-    the modes it may have come from (Blom and Bar-Shalom 1988)."""
+    the modes it may have come from (Blom and Bar-Shalom 1988); with `borrowed_states` unbiased."""
     r, n = bank.w.shape
     joint = switching[:, :, None] * bank.w  # mode now, mode before, hypothesis
     into = np.tile(np.arange(r * n).reshape(r, 1, n), (1, r, 1))
-    return banked(match_groups(_tiled(bank, joint), into.ravel(), r * n), r)
+    return banked(match_groups(_tiled(bank, joint, borrowed), into.ravel(), r * n), r)
 
 
 def fused(bank: Bank) -> Mixture:
@@ -223,8 +224,11 @@ def mmae_weights(probabilities: np.ndarray, log_likelihood: np.ndarray, floor: f
     return floored(np.exp(log_w - log_w.max(axis=0)), floor)
 
 
-def _tiled(bank, joint):
+def _tiled(bank, joint, borrowed):
     r, n, d = bank.m.shape
-    m = np.broadcast_to(bank.m, (r, r, n, d)).reshape(-1, d)
-    P = np.broadcast_to(bank.P, (r, r, n, d, d)).reshape(-1, d, d)
-    return Mixture(joint.ravel(), m, P)
+    m, P = np.broadcast_to(bank.m, (r, r, n, d)), np.broadcast_to(bank.P, (r, r, n, d, d))
+    if borrowed is not None and borrowed.any():
+        m, P = m.copy(), P.copy()
+        for q, p in np.argwhere(borrowed.any(axis=2)):
+            borrow_into(m[q, p], P[q, p], bank.m[q], bank.P[q], borrowed[q, p])
+    return Mixture(joint.ravel(), m.reshape(-1, d), P.reshape(-1, d, d))

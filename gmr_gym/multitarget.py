@@ -97,11 +97,13 @@ def population(
     """Checked Population. Raises ValueError naming the argument for a probability outside (0, 1], for shapes
     that do not fit each other, for intensities that are none and for clutter that is nowhere."""
     d = len(motion.F)
+    if not isinstance(sensor, Sensor):
+        raise ValueError(f"sensor must be linear, a Sensor of positions, got a {type(sensor).__name__}")
     if sensor.H.shape[1] != d:
         raise ValueError(f"sensor.H has {sensor.H.shape[1]} columns, but the motion has {d} states")
     check_probability("detection_probability", detection_probability)
     check_probability("survival_probability", survival_probability)
-    births = checked(births, "births")
+    births = checked(births, "births.")
     if births.m.shape[1] != d:
         raise ValueError(f"births have {births.m.shape[1]} states, but the motion has {d}")
     if not 0 <= spawn_weight < np.inf:
@@ -116,8 +118,8 @@ def population(
             f"clutter must be over a finite box of {len(sensor.H)} sides, got {clutter.low} to {clutter.high}"
         )
     clutter = clutter._replace(
-        gaussians=checked(clutter.gaussians, "clutter.gaussians"),
-        ellipses=checked(clutter.ellipses, "clutter.ellipses"),
+        gaussians=checked(clutter.gaussians, "clutter.gaussians."),
+        ellipses=checked(clutter.ellipses, "clutter.ellipses."),
     )
     if not 0 < clutter.uniform < np.inf:
         raise ValueError(

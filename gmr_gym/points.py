@@ -35,6 +35,8 @@ def present(points):
 
 def absent(points) -> np.ndarray | None:
     """Which rows (k,) of points (k, ...) have anything masked; None where nothing can be."""
+    if type(points) is np.ndarray:
+        return None
     if isinstance(points, list | tuple) and any(isinstance(row, np.ma.MaskedArray) for row in points):
         points = np.ma.array(points)
     if not isinstance(points, np.ma.MaskedArray):

@@ -13,19 +13,21 @@ HEAVIEST = 1e300  # of a weight: sums of such do not overflow
 BLOCK = 64  # covariances factored together
 
 
-def doubles(name: str, a) -> np.ndarray:
+def doubles(name: str, a, at: str = "") -> np.ndarray:
     """The array-like in float64, C-ordered and writeable: itself where it is that already, a copy where it is
     not. Raises ValueError naming it where something is masked or is no real number."""
-    if type(a) is np.ndarray and a.dtype is DOUBLE and a.flags.carray:
+    if type(a) is np.ndarray and a.dtype == DOUBLE and a.flags.carray:
         return a
     try:
         given = np.ma.asarray(a)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be an array of real numbers, but its rows differ in length") from None
+        raise ValueError(
+            f"{at}{name} must be an array of real numbers, but its rows differ in length"
+        ) from None
     if given.dtype.kind not in "fiub":
-        raise ValueError(f"{name} must be an array of real numbers, got dtype {given.dtype}")
+        raise ValueError(f"{at}{name} must be an array of real numbers, got dtype {given.dtype}")
     if np.ma.is_masked(given):
-        raise ValueError(f"{name} must have no masked entries; leave out the components that have")
+        raise ValueError(f"{at}{name} must have no masked entries; leave out the components that have")
     return np.require(given.data, DOUBLE, "CAWE")
 
 

@@ -206,6 +206,31 @@ def test_episodes_side_by_side_are_judged_as_one_by_one():
                 np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.parametrize(
+    ("algorithm", "asked", "wanted"),
+    [("ppo", 2000, 8192), ("ppo", 8192, 8192), ("sac", 100, 128), ("sac", 64, 64)],
+)
+def test_steps_are_rounded_up_to_what_is_collected_at_a_time(algorithm, asked, wanted):
+    said = settings(algorithm, 0, asked, asked, {}, None)
+    assert (said.steps, said.chapter) == (wanted, wanted)
+
+
+def test_train_makes_the_steps_that_it_says_before_it_begins(tmp_path):
+    shortened(tmp_path, "ppo", 512)
+    command = [
+        sys.executable, str(ROOT / "agents/train.py"), "ppo", "--steps", "100", "--chapter", "70",
+        "--valid-runs", "1", "--set", "components=20", "--hyperparameters", str(tmp_path / "few.yml"),
+        "--out", str(tmp_path / "run"),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
+    lines = done.stdout.splitlines()
+    assert lines[:2] == [
+        f"{name} {n} rounded up to 128: ppo collects 128 at a time"
+        for name, n in (("steps", 100), ("chapter", 70))
+    ]
+    assert [json.loads(line)["steps"] for line in lines[2:]] == [128]
+
+
 def test_an_unknown_algorithm_and_a_file_without_the_environment_are_refused(tmp_path):
     with pytest.raises(ValueError, match="unknown algorithm 'dqn'; choose from ppo, sac"):
         settings("dqn", 0, None, 100, {}, None)

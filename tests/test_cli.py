@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import gmr_gym
 from gmr_gym import detections
 from gmr_gym.cli import PAPERS, main
 from gmr_gym.commands import key_value, scenario_of, tracker_of
@@ -415,7 +416,14 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         (("merge", "nowhere", "--into", "all"), "nowhere is no folder of results: it has no blocks"),
         (("record", "gmr_gym/UnknownClutter-v0"), "many targets; choose from gmr_gym/T"),
         (("watch", JUMP, "--tracker", "mmg", "--out", "f.png"), "out must end in .gif or .mp4, got 'f.png'"),
-        (("track", "missing.csv", *TRACK[2:]), "No such file or directory: 'missing.csv'"),
+        (("track", "missing.csv", *TRACK[2:]), "error: missing.csv: no such file or directory"),
+        (("evaluate", TURNING, "--tracker", "pda", "--out", "z.csv"), "error: z.csv: not a directory"),
+        ((*EVALUATE, "imm-pda", "--json", "z.csv/f.json"), "error: z.csv: not a directory"),
+        (("reproduce", "zhang", "--out", "z.csv/x"), "error: z.csv: not a directory"),
+        (("record", TURNING, "--truth", "z.csv/t.csv"), "error: z.csv: not a directory"),
+        (("watch", TURNING, "--out", "z.csv/f.gif"), "error: z.csv: not a directory"),
+        ((*TRACK, "--out", "."), "error: .: is a directory"),
+        (("merge", "nowhere", "--into", "z.csv"), "error: z.csv: not a directory"),
         ((*TRACK, "--model", "turning"), "unknown model 'turning'; choose constant-velocity"),
         ((*TRACK, "--prior", "0,0,0,0"), "give --prior and --prior-deviations together, or neither"),
         (
@@ -441,6 +449,10 @@ def test_what_a_user_got_wrong_is_one_line_and_exit_code_2(call, words, message)
     assert line.startswith("error: ") and message in line
     assert all(" of " in line for line in progress)  # how far the runs had come
     assert not Path("results").exists()
+
+
+def test_the_version_is_that_of_the_package(call):
+    assert call("--version") == (0, f"gmr-gym {gmr_gym.__version__}\n", "")
 
 
 @pytest.fixture

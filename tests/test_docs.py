@@ -1,14 +1,21 @@
 """What the pages say is run: their Python, their commands, their links and their index."""
 
+import inspect
+import pkgutil
 import re
 import shlex
 import sys
 from importlib.util import find_spec
+from itertools import takewhile
 from pathlib import Path
 
+import gymnasium
 import pytest
 
 from gmr_gym.cli import app
+from gmr_gym.envs import CROWDS, ENVIRONMENTS, TRACKING
+from gmr_gym.multitarget import Population
+from gmr_gym.tracker import Report
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -21,6 +28,7 @@ RUN = (
     "list",
 )  # commands that take a second; the rest have tests of their own
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"\n]+)\")?\n(.*?)^```$", re.M | re.S)
+NUMBER = re.compile(r"(?<!\w)-?\d+(?:\.\d+)?(?:e-?\d+)?")
 FENCED = re.compile(r"^```.*?^```$", re.M | re.S)
 
 
@@ -64,17 +72,28 @@ def execute(language, title, text, namespace):
             app(words, standalone_mode=False)
 
 
+def assert_same_numbers(printed, text):
+    """The same words, and numbers alike to a tenth or to 1: another processor rounds otherwise."""
+    assert NUMBER.split(printed) == NUMBER.split(text)
+    got, wanted = ([float(number) for number in NUMBER.findall(each)] for each in (printed, text))
+    assert got == pytest.approx(wanted, rel=0.1, abs=1.0), printed
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=named)
-def test_every_block_of_a_page_runs_in_order(page, tmp_path, monkeypatch):
+def test_every_block_of_a_page_runs_in_order_and_prints_what_it_says(page, tmp_path, monkeypatch, capsys):
     text = page.read_text(encoding="utf-8")
     if "import PPO" in text and not find_spec("stable_baselines3"):
         pytest.skip("needs stable_baselines3")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     modules = set(sys.modules)
-    namespace = {"__name__": "page"}
+    namespace, language, printed = {"__name__": "page"}, "", ""
     for block in blocks(page):
+        if block[0] == "text" and language == "python":
+            assert_same_numbers(printed, block[2])
+        language = block[0]
         execute(*block, namespace)
+        printed = capsys.readouterr().out
     for name in {title.removesuffix(".py") for _, title, _ in blocks(page)} & set(sys.modules) - modules:
         del sys.modules[name]
 
@@ -107,6 +126,43 @@ def test_every_name_of_the_index_is_where_it_says(page):
         text = (ROOT / file).read_text(encoding="utf-8")
         for name in re.findall(r"\w+", names):
             assert re.search(rf"^(?:def|class) {name}\b|^{name}\b.* = ", text, re.M), f"{file} has no {name}"
+
+
+def table(page, header):
+    """The cells of each row under the first header row that begins so."""
+    lines = page.read_text(encoding="utf-8").partition(f"\n{header}")[2].splitlines()[2:]
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in takewhile(bool, lines)]
+
+
+def first_column(rows):
+    """The names in the first cells, as often as they stand there."""
+    return [name for cell, *_ in rows for name in re.findall(r"`(\w+)`", cell)]
+
+
+@pytest.mark.parametrize(
+    ("page", "header", "record"),
+    [("without-gym.md", "| field ", Report), ("environments/unknown-clutter.md", "| field ", Population)],
+)
+def test_a_table_of_fields_has_every_field_in_order(page, header, record):
+    assert tuple(first_column(table(ROOT / "docs" / page, header))) == record._fields
+
+
+def page_of(env_id):
+    (page,) = [page for page in PAGES if page.read_text(encoding="utf-8").startswith(f"# {env_id}\n")]
+    return page
+
+
+@pytest.mark.parametrize("env_id", ENVIRONMENTS)
+def test_an_environment_has_a_page_with_its_arguments_and_its_observations(env_id):
+    page, env = page_of(env_id), gymnasium.make(env_id).unwrapped
+    scenario = (TRACKING | CROWDS).get(env_id)
+    made_of = [type(env), *([pkgutil.resolve_name(scenario)] if scenario else [])]
+    takes = [p for part in made_of for p in inspect.signature(part).parameters.values()]
+    takes = {p.name for p in takes if p.kind != p.VAR_KEYWORD} - {"scenario"}
+    assert sorted(first_column(table(page, "| argument "))) == sorted(takes)
+    if isinstance(env.observation_space, gymnasium.spaces.Dict):
+        shapes = {f"`{key}`": str(space.shape) for key, space in env.observation_space.items()}
+        assert {key: shape for key, shape, *_ in table(page, "| key ")} == shapes
 
 
 @pytest.mark.parametrize("language", ["python", "sh"])

@@ -86,7 +86,7 @@ def by_hand(told, scans, mixing, floor, restart):
         yield chances, mean, covariance, restarts
 
 
-@pytest.mark.parametrize(("mixing", "restart"), [(False, 0.0), (False, 0.1), (True, 0.0)])
+@pytest.mark.parametrize(("mixing", "restart"), [(None, 0.0), (None, 0.1), ("augmented", 0.0)])
 def test_unreduced_but_by_mixing_it_is_maybecks_filter_written_out(mixing, restart):
     told = reference.jumping_model(2, 2, axes=1, detection_probability=0.9)._replace(gate_probability=1.0)
     scans = reference.flown(told, 3, np.random.default_rng(8), clutter=1)

@@ -12,6 +12,7 @@ from scipy.linalg import expm
 
 from gmr_gym.imm import mixed_ahead
 from gmr_gym.kalman import motion, predict
+from gmr_gym.mixing import borrowed_states
 from gmr_gym.mixture import Mixture
 from gmr_gym.motions import (
     constant_acceleration,
@@ -221,12 +222,13 @@ def test_constant_velocity_mixed_with_singer_does_as_if_there_were_no_accelerati
     plain = constant_velocity(period, 2.0, axes)
     told = (with_accelerations(plain), singer(period, 5.0, 30.0, axes))
     F, Q, offset = map(np.array, zip(*told, strict=True))
+    as_given = borrowed_states(told, "augmented")
     w, m, P = reference.random_mixture(np.random.default_rng(0), 2, 9, total=0.7)
     switching = np.array([[0.9, 0.2], [0.1, 0.8]])
     others = m.copy()
     others[:, 6:] += 1000.0 * np.random.default_rng(1).standard_normal((2, 3))
-    got = mixed_ahead(w, m, P, switching, F, Q, offset)
-    again = mixed_ahead(w, others, P, switching, F, Q, offset)
+    got = mixed_ahead(w, m, P, switching, as_given, F, Q, offset)
+    again = mixed_ahead(w, others, P, switching, as_given, F, Q, offset)
     mixing = switching[0] * w
     total, mean, covariance = reference.moment_match(mixing, m[:, :6], P[:, :6, :6])
     mean, covariance = reference.kalman_predict(mean, covariance, *plain)

@@ -17,6 +17,7 @@ from gmr_gym.mixture import Mixture, gaussian, mixture, moments, normalised, tak
 from gmr_gym.motions import constant_acceleration, constant_velocity
 from gmr_gym.multitarget import Clutter, nothing, population, uniform_clutter
 from gmr_gym.phd import Labelled, vo_ma
+from gmr_gym.radar import radar
 from gmr_gym.reducers import REDUCERS
 
 CORNER = np.array([-300.0, -300.0])
@@ -615,3 +616,11 @@ def test_an_intensity_that_is_none_is_refused_by_name(wrong, message):
     right = {"births": BIRTH, "clutter": EVEN}
     with pytest.raises(ValueError, match=message):
         population(constant_velocity(1.0, 1.0), position_sensor(3.0), 0.9, 0.99, **(right | wrong))
+
+
+def test_a_sensor_that_is_not_linear_is_refused():
+    with pytest.raises(ValueError, match="sensor must be linear, a Sensor of positions, got a Radar"):
+        population(
+            constant_velocity(1.0, 1.0, axes=3), radar([10.0, 0.01, 0.01]), 0.9, 0.99, nothing(6),
+            uniform_clutter([0.0] * 3, [1.0] * 3, 5.0),
+        )  # fmt: skip

@@ -13,6 +13,7 @@ from baselines.imm_pda import ImmPda
 from gmr_gym import cli
 from gmr_gym.association import gate_size
 from gmr_gym.kalman import predict
+from gmr_gym.mixing import MIXINGS
 from gmr_gym.mixture import Mixture
 from gmr_gym.models import told_by
 from gmr_gym.play import play
@@ -181,11 +182,13 @@ def flown(tracker, scans):
     return reports
 
 
-def test_with_neither_formula_as_printed_it_is_the_imm_pda_of_what_is_predicted():
+@pytest.mark.parametrize("mixing", MIXINGS)
+def test_with_neither_formula_as_printed_it_is_the_imm_pda_of_what_is_predicted(mixing):
     told = told_by(WORLD.model, "debiased-at-prediction")
     scans = [played.scan.z for played in play(WORLD, ImmPda(told), draw(WORLD, 1))]
     assert min(map(len, scans)) > 1
-    pairs = flown(imm_dcm_pda_printed(WORLD.model, False, False), scans), flown(ImmPda(told), scans)
+    printed = imm_dcm_pda_printed(WORLD.model, False, False, mixing)
+    pairs = flown(printed, scans), flown(ImmPda(told, mixing=mixing), scans)
     for one, other in zip(*pairs, strict=True):
         np.testing.assert_allclose(one.x, other.x, rtol=1e-9, atol=1e-6)
         np.testing.assert_allclose(one.P, other.P, rtol=1e-6)

@@ -13,7 +13,8 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[1]
 NUMERICS = [
     "validation", "mixture", "kalman", "association", "merge_cost", "merging", "reduction", "ise",
-    "ise_pairs", "distances", "models", "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd", "reducers",
+    "ise_pairs", "distances", "models", "modes", "clustering", "agglomeration", "dissimilarity", "greedy_isd",
+    "reducers",
     "curves", "philox", "scans", "seeds", "simulate", "play", "metrics", "montecarlo", "summary", "tracker",
     "scenarios", "crowd", "crowd_runs", "crowd_summary", "multitarget", "phd", "cardinality",
     "clutter_learning", "multi_bernoulli", "finite_mixture", "gibbs", "hypotheses", "instances",

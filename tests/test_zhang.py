@@ -1,12 +1,17 @@
 """The target of Zhang and Liu: its motions, its switches, its start and its noise are the ones stated."""
 
+from itertools import combinations
+
 import gymnasium as gym
 import numpy as np
 import pytest
+import reference
 from scipy.stats import chi2, chisquare
 
 import gmr_gym
 from gmr_gym.association import gate_size
+from gmr_gym.mixture import Mixture, take
+from gmr_gym.reduction import runnalls
 from gmr_gym.scenarios.zhang import jump_markov
 from gmr_gym.simulate import draw
 
@@ -42,6 +47,21 @@ def test_told_motions_are_equation_1_written_out(discretisation):
         np.testing.assert_array_equal(motion.F, F)
         np.testing.assert_array_equal(motion.offset, B[discretisation] @ u)
         np.testing.assert_array_equal(motion.Q, 0.25 * G[discretisation] @ G[discretisation].T)
+
+
+@pytest.mark.parametrize(("discretisation", "tied"), [("printed", 4), ("standard", 1)])
+def test_after_one_scan_four_merges_cost_the_same_at_the_printed_input_matrix(discretisation, tied):
+    told = jump_markov(discretisation=discretisation).model
+    m, P = told.prior.m[0], told.prior.P[0]
+    z = m[:2] + m[2:] + [20.0, -7.0]
+    found = [reference.kalman(*reference.kalman_predict(m, P, *move), told, z) for move in told.motions]
+    p = Mixture(*map(np.array, zip(*found, strict=True)))
+    costs = {pair: reference.merge_cost(*take(p, list(pair))) for pair in combinations(range(5), 2)}
+    least = [pair for pair, cost in costs.items() if cost < min(costs.values()) * (1 + 1e-9)]
+    assert len(least) == tied
+    for order, pair in (([0, 1, 2, 3, 4], least[0]), ([4, 3, 2, 1, 0], least[-1])):
+        origin = runnalls(take(p, order), 4)[1]
+        assert set(np.array(order)[origin == np.bincount(origin).argmax()]) == set(pair)
 
 
 def test_the_filter_is_told_the_papers_figures():

@@ -178,6 +178,21 @@ def _regime(name: str, title: str) -> Table:
     )
 
 
+def _mixing(regime: str, tracker: str) -> Table:
+    """Constant velocity mixed into Singer's model without an acceleration, and with Singer's."""
+    return Table(
+        name=f"mixing-{regime}-{tracker.split('-')[1]}",
+        title=f"{tracker} by mixing, {regime}",
+        env_id="gmr_gym/AirborneRadar-v0",
+        settings={"regime": regime},
+        trackers={tracker: {}, f"{tracker}:mixing=unbiased": {}},
+        runs=300,
+        summarise=_rows,
+        columns=COLUMNS,
+        paired=_differences,
+    )
+
+
 TABLES = (
     _regime("near", "11-13 km, 20 m, 2 mrad"),
     _regime("far", "54-56 km, 20 m, 25 mrad"),
@@ -198,6 +213,7 @@ TABLES = (
         columns=COLUMNS,
         paired=_differences,
     ),
+    *(_mixing(regime, tracker) for regime in REGIMES for tracker in (EKF, DCM)),
 )
 MAPS = (
     Map(

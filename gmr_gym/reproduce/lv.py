@@ -216,7 +216,7 @@ def _episode(
         axes.set(ylabel=f"{'xy'[i]}, m")
     own = [_distance(scenario, account, paths[:, t]) for t, account in enumerate(said)]
     distance.plot(time, own, "C1o-", mfc="none", ms=3, lw=0.7, label="this episode")
-    distance.plot(time, _by_time(runs.wasserstein), "k", lw=1, label=f"mean of {len(runs.ospa)} runs")
+    distance.plot(time, _by_time(runs.wasserstein), "k", lw=1, label="mean of the runs with one")
     nothing = time[np.isnan(own)]
     distance.plot(nothing, np.zeros_like(nothing), "kx", ms=4, label=f"none at {len(nothing)} scans")
     distance.set(xlabel="time, s", ylabel="Wasserstein, m", ylim=(0, None))
