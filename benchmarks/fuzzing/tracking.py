@@ -150,7 +150,7 @@ def _parameters(world, name: str, index: int, given: dict) -> Any:
 @cache
 def _made(world, name: str, index: int) -> Any:
     """The tracker told world(index); None where it does not track such."""
-    own = {} if index % 2 == 0 or "components" not in _defaults_of(name) else {"components": 1 + index % 7}
+    own = {} if index % 2 == 0 or "components" not in _defaults_of(name) else {"components": 2 + index % 7}
     try:
         return make_tracker(name, world(index), **own)
     except ValueError as error:
