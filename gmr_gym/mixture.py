@@ -65,8 +65,8 @@ def normalised(p: Mixture) -> Mixture:
     """The same shape with weights that sum to 1; ValueError when nothing is left to rescale and for weights
     that are no numbers or negative. Nothing but the weights is looked at."""
     w = doubles("p.w", p.w)
-    if w.ndim != 1 or (w < 0).any():
-        raise ValueError(f"p.w must be non-negative with shape (n,), got {w}")
+    if w.ndim != 1 or not ((w >= 0) & (w < np.inf)).all():
+        raise ValueError(f"p.w must be finite and non-negative with shape (n,), got {w}")
     return p._replace(w=rescaled(w))
 
 
