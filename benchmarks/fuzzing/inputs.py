@@ -94,7 +94,7 @@ def in_layout(a: np.ndarray, layout: str) -> np.ndarray:
     if layout == "float32":
         return np.clip(a, -1e30, 1e30).astype(np.float32)
     if layout == "whole":
-        return np.rint(a).astype(np.int64)
+        return np.rint(np.clip(a, -(2.0**53), 2.0**53)).astype(np.int64)
     if layout == "fortran":
         return np.asfortranarray(a)
     if layout == "strided":

@@ -85,7 +85,7 @@ def _spoil_sets(name: str, rng: Rng, arguments: tuple) -> Spoilt:
 def _check_sets(name: str, arguments: tuple, result) -> None:
     _, _, numbers, (x, y) = arguments
     total = result.total if name == "gospa" else result
-    if name == "wasserstein" and min(len(x), len(y)) == 0 < max(len(x), len(y)):
+    if name == "wasserstein" and min(len(x), len(y)) == 0:
         return checks.same("value", "of nothing there is no distance", total, np.nan)
     checks.finite(name, total)
     if name == "gospa" and numbers["cutoff"] ** numbers["order"] < 1e300:
