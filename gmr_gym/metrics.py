@@ -7,6 +7,7 @@ anything is masked is absent. Units are those of the positions, metres.
 
 import sys
 from math import lcm, log
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from scipy.spatial.distance import cdist
 
 from gmr_gym.association import Gates, outside
 from gmr_gym.points import present
+from gmr_gym.validation import doubles
 
 MOST_COPIES = 300  # beyond, a linear program is faster than the assignment
 SAFE = 1e-140, 1e140  # m, between which the square of a distance has all its digits
@@ -48,7 +50,10 @@ def lost_at(off_target: np.ndarray, patience: int) -> np.ndarray:
 
 def nees(error: np.ndarray, P: np.ndarray) -> np.ndarray:
     """Normalised error squared e' P^-1 e (...,) of errors (..., d) with covariances (..., d, d);
-    its mean is d for a filter that knows how wrong it is."""
+    its mean is d for a filter that knows how wrong it is. Raises ValueError for shapes that do not fit."""
+    error, P = doubles("error", error), doubles("P", P)
+    if error.ndim == 0 or P.shape[-2:] != 2 * error.shape[-1:] or not _fit(error.shape[:-1], P.shape[:-2]):
+        raise ValueError(f"error must have shape (..., d) and P (..., d, d), got {error.shape} and {P.shape}")
     return np.einsum("...i,...i->...", error, np.linalg.solve(P, error[..., None])[..., 0])
 
 
@@ -63,10 +68,18 @@ def credibility(
 
     index = mean |rho|, 0 for a filter as good as it says; inclination = mean rho, above 0 for one
     that is worse than it says. All means are weighted by weight (runs,) where it is given. Not a number
-    at a scan whose C is singular, as with fewer runs than states.
+    at a scan whose C is singular, as with fewer runs than states. Raises ValueError for shapes that do not fit
+    and for weights that are negative or not finite.
     """
+    error, claimed = doubles("error", error), doubles("claimed", claimed)
+    if error.ndim != 3 or claimed.shape != error.shape[:2]:
+        raise ValueError(
+            f"error must have shape (runs, T, d) and claimed (runs, T), got {error.shape} and {claimed.shape}"
+        )
     runs, scans, d = error.shape
-    weight = np.ones(runs) if weight is None else weight
+    weight = np.ones(runs) if weight is None else doubles("weight", weight)
+    if weight.shape != (runs,) or not ((weight >= 0) & (weight < np.inf)).all():
+        raise ValueError(f"weight must be {runs} finite numbers, none negative, got {weight}")
     if not weight.any():
         return np.full(scans, np.nan), np.full(scans, np.nan)
     share = weight / weight.sum()
@@ -78,6 +91,15 @@ def credibility(
     actual = ((whitener @ e) ** 2).sum(axis=1).T
     rho = 10 * np.log10(claimed / actual)
     return share @ np.abs(rho), share @ rho
+
+
+def _fit(*shapes: tuple[int, ...]) -> bool:
+    """Whether arrays of these shapes can stand beside each other."""
+    try:
+        np.broadcast_shapes(*shapes)
+    except ValueError:
+        return False
+    return True
 
 
 class Gospa(NamedTuple):
@@ -224,7 +246,7 @@ def _checked(estimates, targets, cutoff: float, order: float) -> tuple[np.ndarra
     sets = []
     for name, points in (("estimates", estimates), ("targets", targets)):
         try:
-            points = np.asarray(present(points), float)
+            points = np.asarray(present(points)).astype(float, casting="same_kind", copy=False)
         except (TypeError, ValueError):
             raise ValueError(f"{name} must be numbers of shape (k, d), got {points!r}") from None
         if points.ndim != 2 or not np.isfinite(points).all():
@@ -233,8 +255,8 @@ def _checked(estimates, targets, cutoff: float, order: float) -> tuple[np.ndarra
     x, y = sets
     if x.shape[1] != y.shape[1]:
         raise ValueError(f"estimates have {x.shape[1]} coordinates, but targets have {y.shape[1]}")
-    if not 0 < cutoff < np.inf:
-        raise ValueError(f"cutoff must be positive and finite, got {cutoff}")
-    if not order >= 1:
-        raise ValueError(f"order must be at least 1, got {order}")
+    if not isinstance(cutoff, Real) or not 0 < cutoff < np.inf:
+        raise ValueError(f"cutoff must be positive and finite, got {cutoff!r}")
+    if not isinstance(order, Real) or not order >= 1:
+        raise ValueError(f"order must be at least 1, got {order!r}")
     return x, y

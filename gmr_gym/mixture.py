@@ -62,8 +62,12 @@ def checked(p: Mixture, at: str = "p.") -> Mixture:
 
 
 def normalised(p: Mixture) -> Mixture:
-    """The same shape with weights that sum to 1; ValueError when nothing is left to rescale."""
-    return p._replace(w=rescaled(p.w))
+    """The same shape with weights that sum to 1; ValueError when nothing is left to rescale and for weights
+    that are no numbers or negative. Nothing but the weights is looked at."""
+    w = doubles("p.w", p.w)
+    if w.ndim != 1 or (w < 0).any():
+        raise ValueError(f"p.w must be non-negative with shape (n,), got {w}")
+    return p._replace(w=rescaled(w))
 
 
 def take(p: Mixture, index: np.ndarray) -> Mixture:

@@ -9,6 +9,7 @@ With sines and cosines of Gaussian angles both come out in closed form:
     E cos(a + e) = exp(-s^2 / 2) cos a       for e ~ N(0, s^2), and so for the sine
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from gmr_gym import spherical as kernels
 from gmr_gym.kalman import Look
 from gmr_gym.mixture import Mixture
 from gmr_gym.points import present
+from gmr_gym.validation import doubles
 
 CONVERSIONS = ("raw", "debiased", "unbiased", "modified-unbiased", "decorrelated", "debiased-at-prediction")
 UPDATES = (*CONVERSIONS, "extended", "unscented", "cubature")
@@ -46,7 +48,7 @@ class Radar(NamedTuple):
 
     def observed(self, x: np.ndarray) -> np.ndarray:
         """Range, azimuth and elevation (..., 3) of states x (..., d)."""
-        return spherical(x[..., :3])
+        return _by_rows(kernels.spherical_of, np.ascontiguousarray(x[..., :3], float))
 
     def relative(self, z: np.ndarray, centre: np.ndarray) -> np.ndarray:
         """Detections (..., 3) as seen from a centre (3,), by the shorter way round."""
@@ -64,7 +66,7 @@ class Radar(NamedTuple):
 
     def placed(self, z: np.ndarray) -> np.ndarray:
         """Detections z (k, 3) as positions (k, 3), where the gates stand."""
-        return cartesian(z)
+        return _by_rows(kernels.cartesian_of, np.ascontiguousarray(z, float))
 
     def density(self, density: float, at: np.ndarray) -> np.ndarray:
         """Density per m^3, at positions (n, 3), of clutter whose density per m rad^2 is given."""
@@ -97,21 +99,31 @@ class Converted(NamedTuple):
 
 def spherical(x: np.ndarray) -> np.ndarray:
     """Range, azimuth and elevation (..., 3) of positions (..., 3); azimuth in (-pi, pi]. The radar's own
-    position, which has no direction, is at 0, 0, 0."""
-    x = np.ascontiguousarray(present(x), float)
-    return kernels.spherical_of(x.reshape(-1, 3)).reshape(x.shape)
+    position, which has no direction, is at 0, 0, 0. Raises ValueError for another shape and for what is not
+    finite."""
+    return _by_rows(kernels.spherical_of, _check_triples("x", x))
 
 
 def cartesian(z: np.ndarray) -> np.ndarray:
-    """Positions (..., 3) of detections (..., 3) (Li, eq. 2)."""
-    z = np.ascontiguousarray(present(z), float)
-    return kernels.cartesian_of(z.reshape(-1, 3)).reshape(z.shape)
+    """Positions (..., 3) of detections (..., 3) (Li, eq. 2). Raises as `spherical`."""
+    return _by_rows(kernels.cartesian_of, _check_triples("z", z))
+
+
+def _check_triples(name: str, points) -> np.ndarray:
+    points = doubles(name, present(points))
+    if points.shape[-1:] != (3,) or not np.isfinite(points).all():
+        raise ValueError(f"{name} must be finite with shape (..., 3), got shape {points.shape}")
+    return points
+
+
+def _by_rows(convert: Callable[[np.ndarray], np.ndarray], points: np.ndarray) -> np.ndarray:
+    return convert(points.reshape(-1, 3)).reshape(points.shape)
 
 
 def check_deviations(deviations) -> np.ndarray:
     """The deviations (3,) of range (m), azimuth and elevation (rad) as floats; ValueError unless they are
     positive, and the angles' at most `WIDEST`."""
-    deviations = np.array(deviations, float)
+    deviations = doubles("deviations", deviations).copy()
     if deviations.shape != (3,) or not ((deviations > 0) & np.isfinite(deviations)).all():
         raise ValueError(
             f"deviations must be three positive numbers (range in m, azimuth and elevation in rad), got "
@@ -128,7 +140,7 @@ def check_deviations(deviations) -> np.ndarray:
 def check_detections(z, name: str = "z") -> np.ndarray:
     """The detections (k, 3) as floats; ValueError naming the row whose range is not positive or whose
     elevation lies beyond a right angle. A row of which anything is masked is absent."""
-    z = np.ascontiguousarray(present(z), float)
+    z = doubles(name, present(z))
     if z.ndim != 2 or z.shape[1] != 3:
         raise ValueError(f"{name} must have shape (k, 3): range, azimuth, elevation; got {z.shape}")
     row = kernels.first_wrong(z)
@@ -187,7 +199,7 @@ def debiased_at(z, deviations, at, spread) -> Converted:
 
 
 def _check_predictions(at, spread) -> tuple[np.ndarray, np.ndarray]:
-    at, spread = check_detections(at, "at"), np.ascontiguousarray(spread, float)
+    at, spread = check_detections(at, "at"), doubles("spread", spread)
     if spread.shape != at.shape or not ((spread >= 0) & np.isfinite(spread)).all():
         raise ValueError(f"spread must be deviations of the shape of at, {at.shape}, got {spread.shape}")
     return at, spread

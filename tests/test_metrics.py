@@ -180,3 +180,36 @@ def test_of_the_others_it_leaves_the_common_runs_as_they_are():
     for name in two:
         assert rows[name] == alone[name] and np.isfinite(rows[name]["error_common"].value)
     assert np.isnan(rows["hopeless"]["error_common"].value)
+
+
+@pytest.mark.parametrize(
+    ("error", "P", "message"),
+    [
+        (np.ones((4, 2)), np.ones((4, 2)), r"error must have shape \(\.\.\., d\) and P"),
+        (np.ones((4, 2)), np.ones((4, 2, 3)), r"P \(\.\.\., d, d\), got \(4, 2\) and \(4, 2, 3\)"),
+        (np.ones((4, 2)), np.ones((3, 2, 2)), "got \\(4, 2\\) and \\(3, 2, 2\\)"),
+        (1.0, np.eye(1), "error must have shape"),
+        (np.ones(2) + 1j, np.eye(2), "error must be an array of real numbers"),
+        (np.ones(2), [["1", "0"], ["0", "1"]], "P must be an array of real numbers"),
+    ],
+)
+def test_errors_and_covariances_that_do_not_fit_are_refused_by_name(error, P, message):
+    with pytest.raises(ValueError, match=message):
+        nees(error, P)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"error": np.ones((3, 2))}, "error must have shape"),
+        ({"claimed": np.ones((5, 0))}, r"claimed \(runs, T\), got \(5, 4, 2\) and \(5, 0\)"),
+        ({"claimed": np.ones((5, 4)) + 0j}, "claimed must be an array of real numbers"),
+        ({"weight": np.ones(4)}, "weight must be 5 finite numbers"),
+        ({"weight": [1, 1, -1, 1, 1]}, "weight must be 5 finite numbers, none negative"),
+        ({"weight": [1, 1, np.nan, 1, 1]}, "weight must be"),
+    ],
+)
+def test_credibility_of_runs_that_do_not_fit_is_refused_by_name(wrong, message):
+    error = np.random.default_rng(0).standard_normal((5, 4, 2))
+    with pytest.raises(ValueError, match=message):
+        credibility(**{"error": error, "claimed": np.ones((5, 4)), "weight": None} | wrong)

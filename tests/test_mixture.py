@@ -151,3 +151,16 @@ def test_gaussian_is_a_mixture_of_one_and_checked_like_it():
     assert p.w.tolist() == [1] and p.m.tolist() == [[1, 2]] and p.P[0].tolist() == [[3, 0], [0, 4]]
     with pytest.raises(ValueError, match="positive definite"):
         gaussian([1, 2], np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize("w", [[0.5, -0.1], [[0.5, 0.5]], [0.5, 1j], ["1", "2"], np.ma.masked_equal([0.5, 0], 0)])
+def test_weights_that_are_none_are_not_normalised(w):
+    p = Mixture(np.array(w) if isinstance(w, list) else w, np.zeros((2, 1)), np.ones((2, 1, 1)))
+    with pytest.raises(ValueError, match=r"p\.w must"):
+        normalised(p)
+
+
+def test_weights_of_less_precision_sum_to_1_in_full():
+    w = np.array([0.1, 0.2, 0.4], np.float32)
+    p = normalised(Mixture(w, np.zeros((3, 1)), np.ones((3, 1, 1))))
+    np.testing.assert_array_equal(p.w, w.astype(float) / w.astype(float).sum())

@@ -317,6 +317,28 @@ def test_a_wrong_detection_is_refused_by_row(z, message):
         radar.check_detections(np.array(z))
 
 
+@pytest.mark.parametrize("name", ["spherical", "cartesian"])
+@pytest.mark.parametrize(
+    "wrong", [np.ones((2, 4)), np.ones((2, 3, 1)), [[1.0, np.nan, 0.0]], [[1.0, 0.0, np.inf]], [["1", "0", "0"]]]
+)
+def test_what_are_no_coordinates_in_space_is_refused_by_name(name, wrong):
+    argument = {"spherical": "x", "cartesian": "z"}[name]
+    with pytest.raises(ValueError, match=f"^{argument} must be"):
+        getattr(radar, name)(wrong)
+
+
+@pytest.mark.parametrize("value", [1j, "x", None])
+@pytest.mark.parametrize(("name", "i"), [("z", 0), ("deviations", 1), ("at", 2), ("spread", 3)])
+def test_what_is_no_number_is_refused_by_name(name, i, value):
+    given = [np.array([[1e3, 0.1, 0.2]]), np.array([10.0, 0.01, 0.01]), np.array([[1e3, 0.1, 0.2]])]
+    given.append(np.array([[10.0, 0.01, 0.01]]))
+    given[i] = given[i].astype(object)
+    given[i].flat[1] = value
+    given[i] = given[i].astype(complex) if value == 1j else given[i]
+    with pytest.raises(ValueError, match=f"^{name} must be an array of real numbers"):
+        radar.decorrelated(*given)
+
+
 def test_masked_detections_are_absent():
     z, deviations = np.array([[1e3, 0.1, 0.2], [2e3, 0.3, -0.4], [3e3, 1.0, 0.0]]), [10.0, 0.01, 0.01]
     masked = np.ma.array(z, mask=np.eye(3) * [0, 1, 0])

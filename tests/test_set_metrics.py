@@ -257,6 +257,8 @@ def test_other_dimensions_and_far_coordinates():
         (NONE, np.empty((0, 3)), "estimates have 2 coordinates, but targets have 3"),
         ([[0.0, 0.0], [1.0]], NONE, r"estimates must be numbers of shape \(k, d\)"),
         (NONE, "here", "targets must be numbers"),
+        ([[1j, 0.0]], NONE, "estimates must be numbers"),
+        (NONE, [["1", "2"]], "targets must be numbers"),
     ],
 )
 def test_bad_sets_are_refused_by_name(distance, x, y, message):
@@ -272,6 +274,10 @@ def test_bad_sets_are_refused_by_name(distance, x, y, message):
         ({"cutoff": np.nan}, "cutoff must be"),
         ({"order": 0.5}, "order must be at least 1, got 0.5"),
         ({"order": np.nan}, "order must be"),
+        ({"cutoff": None}, "cutoff must be positive and finite, got None"),
+        ({"cutoff": 1j}, "cutoff must be"),
+        ({"order": "two"}, "order must be at least 1, got 'two'"),
+        ({"order": 2 + 0j}, "order must be"),
     ],
 )
 def test_bad_settings_are_refused_by_name(setting, message):

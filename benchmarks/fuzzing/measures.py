@@ -25,6 +25,7 @@ def metric_targets() -> list[Target]:
             partial(_check_sets, name),
             partial(_spoil_sets, name),
             share=2.0,
+            refuses="order must be finite and leave",
         )
         for name in SETS
     ]
@@ -70,7 +71,7 @@ def _spoil_sets(name: str, rng: Rng, arguments: tuple) -> Spoilt:
     _x, _y, numbers, plain = arguments
     if rng.random() < 0.3:
         key = list(numbers)[rng.integers(len(numbers))]
-        value = (np.nan, np.inf, -1.0, 0.0, "two", None, 1j)[rng.integers(7)]
+        value = (np.nan, -np.inf, -1.0, 0.0, "two", None, 1j)[rng.integers(7)]
         return Spoilt((*plain, numbers | {key: value}, plain), (key,), f"{key} {value!r}")
     side = int(rng.integers(2))
     spoilt = spoilt_points(rng, plain[side], ("estimates", "targets"))
@@ -84,6 +85,8 @@ def _spoil_sets(name: str, rng: Rng, arguments: tuple) -> Spoilt:
 def _check_sets(name: str, arguments: tuple, result) -> None:
     _, _, numbers, (x, y) = arguments
     total = result.total if name == "gospa" else result
+    if name == "wasserstein" and min(len(x), len(y)) == 0 < max(len(x), len(y)):
+        return checks.same("value", "of nothing there is no distance", total, np.nan)
     checks.finite(name, total)
     if name == "gospa" and numbers["cutoff"] ** numbers["order"] < 1e300:
         checks.finite("parts", np.array(result))

@@ -7,7 +7,7 @@ import numpy as np
 
 from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
-from fuzzing.inputs import Rng, hostile_mixture, mixture_in_layout, spoilt_mixture
+from fuzzing.inputs import WORDS, Rng, hostile_mixture, mixture_in_layout, spoilt_array, spoilt_mixture
 from gmr_gym import reduction
 from gmr_gym.mixture import Mixture, collapsed, log_density, moments, normalised
 from gmr_gym.phd import vo_ma
@@ -95,6 +95,16 @@ def _spoil(rng: Rng, arguments: tuple, budget: bool) -> Spoilt:
     return Spoilt((spoilt, plain, components), names, what)
 
 
+def _spoil_weights(rng: Rng, arguments: tuple) -> Spoilt:
+    """Of what looks at nothing but the weights."""
+    _, plain, components = arguments
+    if rng.random() < 0.3:
+        spoilt, what = -plain.w, "minus signs"
+    else:
+        spoilt, what = spoilt_array(rng, plain.w)
+    return Spoilt((plain._replace(w=spoilt), plain, components), WORDS["w"], f"w with {what}")
+
+
 def _check(arguments: tuple, result, name: str, reduce: Callable, budget: bool) -> None:
     given, p, components = arguments
     q, origin = _shaped(p, result)
@@ -156,7 +166,8 @@ def mixture_targets() -> list[Target]:
             draw,
             partial(_asked, ask),
             partial(_answered, ask, check),
-            partial(_spoil, budget=False),
+            _spoil_weights if name == "normalised" else partial(_spoil, budget=False),
+            refuses=TOO_FAR,
         )
         for name, (ask, check) in asked.items()
     ]
