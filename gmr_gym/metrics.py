@@ -68,8 +68,8 @@ def credibility(
 
     index = mean |rho|, 0 for a filter as good as it says; inclination = mean rho, above 0 for one
     that is worse than it says. All means are weighted by weight (runs,) where it is given. Not a number
-    at a scan whose C is singular, as with fewer runs than states. Raises ValueError for shapes that do not fit
-    and for weights that are negative or not finite.
+    at a scan whose C is singular, as with fewer runs than states. Raises ValueError for shapes that do not
+    fit and for weights that are negative or not finite.
     """
     error, claimed = doubles("error", error), doubles("claimed", claimed)
     if error.ndim != 3 or claimed.shape != error.shape[:2]:
