@@ -9,7 +9,7 @@ from gmr_gym.association import expand, gates
 from gmr_gym.mixture import collapsed, moments
 from gmr_gym.models import Model
 from gmr_gym.modes import Modal, carried, spread
-from gmr_gym.reduction import runnalls
+from gmr_gym.reduction import at_least_one, runnalls
 from gmr_gym.tracker import Report, check_scan
 
 
@@ -25,6 +25,9 @@ class Clairvoyant:
     model: Model
     components: int = 30
     told_origin: ClassVar[bool] = True
+
+    def __post_init__(self):
+        at_least_one(self.components)
 
     def init(self) -> Modal:
         return Modal(collapsed(self.model.prior), self.model.mode_prior[None])

@@ -6,6 +6,7 @@ those which explain too little vanish (Figueiredo and Jain 2002); where the unif
 many detections, a Gaussian is added.
 """
 
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -41,8 +42,8 @@ def learner(memory: int = 20, deviation: float = 15.0, most: int = 12, iteration
     if not 0 < deviation < np.inf:
         raise ValueError(f"deviation must be positive, got {deviation}")
     for name, value in (("memory", memory), ("most", most), ("iterations", iterations)):
-        if isinstance(value, bool) or value != int(value) or value < 1:
-            raise ValueError(f"{name} must be a whole number, at least 1, got {value}")
+        if isinstance(value, bool) or not isinstance(value, Real) or not value >= 1 or value % 1 != 0:
+            raise ValueError(f"{name} must be a whole number, at least 1, got {value!r}")
     return Learner(int(memory), float(deviation), int(most), int(iterations))
 
 

@@ -15,7 +15,7 @@ from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, checked, cholesky_into, joined, log_gaussian_scale, mahalanobis_squared
 from gmr_gym.multitarget import Account, Clutter, Population, nothing
 from gmr_gym.reducers import reducer
-from gmr_gym.reduction import Reduced, at_least_one, capping, check_reduced, grouped, through
+from gmr_gym.reduction import Reduced, at_least_one, at_least_zero, capping, check_reduced, grouped, through
 from gmr_gym.tracker import check_limits
 from gmr_gym.update import posterior_into
 
@@ -78,9 +78,7 @@ def vo_ma(p: Mixture, components: int, distance: float = 4.0) -> Reduced:
     """Merges into the heaviest component j every i with (m_i - m_j)' P_i^-1 (m_i - m_j) <= `distance`,
     then so with the heaviest of the rest until none is left; of these the `components` heaviest
     (Vo and Ma 2006, Table II). Raises ValueError for a negative distance."""
-    if not distance >= 0:
-        raise ValueError(f"distance must be a squared distance, got {distance}")
-    p, components = checked(p), at_least_one(components)
+    p, components, distance = checked(p), at_least_one(components), at_least_zero("distance", distance)
     group, count = _near(*p, distance)
     capped, place = capping(grouped(p, group, count), components)
     return capped, through(group, place)
@@ -88,7 +86,8 @@ def vo_ma(p: Mixture, components: int, distance: float = 4.0) -> Reduced:
 
 def reduction_named(name: str, components: int, merging: float) -> Callable[[Mixture], Reduced]:
     """The reduction of that name to `components`: "vo-ma", which alone heeds `merging`, or any that
-    `gmr_gym.reducers.reducer` knows. Raises ValueError for an unknown name."""
+    `gmr_gym.reducers.reducer` knows. Raises ValueError for an unknown name and a negative `merging`."""
+    merging = at_least_zero("merging", merging)
     if name == "vo-ma":
         return partial(vo_ma, components=components, distance=merging)
     return reducer(name, components)

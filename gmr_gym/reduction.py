@@ -70,21 +70,21 @@ def capping(p: Mixture, components: int) -> Reduced:
 
 def prune(p: Mixture, weight: float) -> Reduced:
     """Drops what weighs less than `weight` (gamma; D'Ortenzio, section 3.4), never the heaviest."""
-    p = checked(p)
+    p, weight = checked(p), at_least_zero("weight", weight)
     return _kept(p, heavier(p.w, p.w, weight))
 
 
 def prune_density(p: Mixture, density: float) -> Reduced:
     """Drops what has w / sqrt|P| below `density` (gamma~, in units of 1 / sqrt|P|: s^2/m^4 for a
     planar position and velocity), never the heaviest (D'Ortenzio, eq. 16)."""
-    p = checked(p)
+    p, density = checked(p), at_least_zero("density", density)
     return _kept(p, heavier(p.w, p.w / root_determinants(p.P), density))
 
 
 def heaviest(p: Mixture, weight: float, most: int) -> Reduced:
     """What weighs at least `weight`, and of that no more than the `most` heaviest: `prune` and
     `capping` in one, for the hypotheses that are to enter a reduction."""
-    return entering(checked(p), weight, most)
+    return entering(checked(p), at_least_zero("weight", weight), at_least_one(most, "most"))
 
 
 def entering(p: Mixture, weight: float, most: int) -> Reduced:
@@ -96,9 +96,7 @@ def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
     """Joining: merges the pair with the least d^2 = wi wj / (wi + wj) (mi - mj)' P^-1 (mi - mj), P
     the covariance of the whole mixture, while more than `components` remain or d^2 is below
     `distance` (Salmond 1990, section 4.1). Raises ValueError for a negative distance."""
-    components = at_least_one(components)
-    if not distance >= 0:
-        raise ValueError(f"distance must be a squared distance, got {distance}")
+    components, distance = at_least_one(components), at_least_zero("distance", distance)
     q, place = weighing(p)
     if len(q.w) <= (components if distance == 0 else 1):
         return q, place
@@ -154,6 +152,13 @@ def at_least_one(count: int, name: str = "components") -> int:
     if count % 1 != 0:
         raise ValueError(f"{name} must be a whole number, got {count!r}")
     return int(count)
+
+
+def at_least_zero(name: str, value: float) -> float:
+    """A threshold, checked; ValueError naming it unless it is a number that is not negative."""
+    if not isinstance(value, Real) or not value >= 0:
+        raise ValueError(f"{name} must be a number, at least 0, got {value!r}")
+    return float(value)
 
 
 def weighing(p: Mixture) -> Reduced:

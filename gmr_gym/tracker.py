@@ -111,7 +111,7 @@ def check_limits(prune_weight: float, most: int, hopeless: float = np.inf) -> No
     """Raise ValueError naming the limit of a tracker's work that is none."""
     if not 0 <= prune_weight < np.inf:
         raise ValueError(f"prune_weight must be non-negative and finite, got {prune_weight}")
-    if not most >= 1 or most != int(most):
+    if not most >= 1 or most % 1 != 0:
         raise ValueError(f"most must be a whole number, at least 1, got {most}")
     if not hopeless > 0:
         raise ValueError(f"hopeless must be positive, got {hopeless}")

@@ -208,6 +208,9 @@ def test_of_no_detection_no_gaussian_is_made():
         ({"deviation": -1.0}, "deviation must be positive, got -1.0"),
         ({"most": 2.5}, "most must be a whole number"),
         ({"iterations": True}, "iterations must be a whole number"),
+        ({"iterations": np.nan}, "iterations must be a whole number"),
+        ({"memory": np.inf}, "memory must be a whole number"),
+        ({"most": "x"}, "most must be a whole number, at least 1, got 'x'"),
     ],
 )
 def test_a_wrong_parameter_is_refused_by_name(wrong, message):

@@ -421,8 +421,8 @@ def test_no_scan_is_refused_in_words(factory, z, words):
     "wrong, words",
     [
         ({"components": 0}, "components"),
-        ({"merging": -1.0}, "distance"),
-        ({"merging": np.nan}, "distance"),
+        ({"merging": -1.0}, "merging must be a number, at least 0"),
+        ({"merging": np.nan}, "merging"),
         ({"prune_weight": -1e-5}, "prune_weight"),
         ({"reduction": "runnals"}, "did you mean 'runnalls'"),
     ],

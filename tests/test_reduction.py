@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmr_gym.mixture import Mixture, take
+from gmr_gym.phd import vo_ma
 from gmr_gym.reduction import (
     adaptive,
     capping,
@@ -302,3 +303,21 @@ def test_loss_bound_is_a_share(bound):
 def test_a_budget_of_two_and_a_half_components_is_refused():
     with pytest.raises(ValueError, match=r"components must be a whole number, got 2\.5"):
         runnalls(Mixture(np.full(2, 0.5), np.eye(2), np.array([np.eye(2)] * 2)), 2.5)
+
+
+@pytest.mark.parametrize("value", [np.nan, -1e-9, "x", None, 1j])
+@pytest.mark.parametrize(
+    ("reduce", "name"),
+    [
+        (lambda p, value: prune(p, value), "weight"),
+        (lambda p, value: prune_density(p, value), "density"),
+        (lambda p, value: heaviest(p, value, 3), "weight"),
+        (lambda p, value: heaviest(p, 0.0, value), "most"),
+        (lambda p, value: salmond(p, 1, value), "distance"),
+        (lambda p, value: vo_ma(p, 1, value), "distance"),
+    ],
+)
+def test_a_threshold_that_is_none_is_refused_by_name(reduce, name, value):
+    p = Mixture(*reference.random_mixture(np.random.default_rng(0), 4, 2))
+    with pytest.raises(ValueError, match=f"^{name} must be"):
+        reduce(p, value)

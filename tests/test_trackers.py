@@ -214,6 +214,9 @@ def test_number_at_the_end_of_a_name_is_the_most_components_it_keeps():
         ("adaptive", {"loss_bound": 2.0}, r"loss_bound must lie in \[0, 1\]"),
         ("capping", {"prune_weight": -1.0}, "prune_weight must be non-negative"),
         ("capping", {"prune_density": np.nan}, "prune_density must be non-negative"),
+        ("clairvoyant", {"components": 0}, "components must be at least 1, got 0"),
+        ("clairvoyant", {"components": 1j}, "components must be at least 1, got 1j"),
+        ("mmg", {"most": np.inf}, "most must be a whole number, at least 1, got inf"),
     ],
 )
 def test_make_tracker_says_what_is_wrong_and_what_there_is(name, parameters, message):

@@ -13,7 +13,7 @@ from gmr_gym.mixture import Mixture, collapsed, log_density, moments, normalised
 from gmr_gym.phd import vo_ma
 from gmr_gym.reducers import REDUCERS, reducer
 
-COUNTS = (0, -1, 1.5, np.nan, "3", None)  # of components, that are none
+COUNTS = (0, -1, 1.5, np.nan, "3", ())  # of components, that are none
 # what a reduction does besides merging, which keeps total weight, mean and covariance; of any not named here
 # all three have to be kept
 RESCALES, DROPS = ("ise",), ("ise-unscaled", "capping", "vo-ma", "prune", "prune-density", "heaviest")
@@ -90,7 +90,7 @@ def _spoil(rng: Rng, arguments: tuple, budget: bool) -> Spoilt:
     _p, plain, components = arguments
     if budget and rng.random() < 0.1:
         count = COUNTS[rng.integers(len(COUNTS))]
-        return Spoilt((plain, plain, count), ("components",), f"components {count!r}")
+        return Spoilt((plain, plain, count), ("components", "most"), f"components {count!r}")
     spoilt, names, what = spoilt_mixture(rng, plain)
     return Spoilt((spoilt, plain, components), names, what)
 

@@ -42,7 +42,7 @@ def tracker_targets() -> Iterator[Target]:
             yield few
             yield Target(
                 f"tracker/{name}/made",
-                partial(_draw_parameters, group, name),
+                partial(_draw_parameters, world, 5 if group == GROUP else 3, name),
                 partial(_parameters, world),
                 lambda arguments, tracker: None,
                 _spoil_parameters,
@@ -122,19 +122,19 @@ def _defaults(group: str, name: str) -> dict[str, Any]:
     return {each.name: each.default for each in takes if type(each.default) in (int, float, str)}
 
 
-def _draw_parameters(group: str, name: str, rng: Rng) -> tuple:
-    given = {key: value for key, value in _defaults(group, name).items() if rng.random() < 0.5}
+def _draw_parameters(world, pool: int, name: str, rng: Rng) -> tuple:
+    given = {key: value for key, value in _defaults_of(name).items() if rng.random() < 0.5}
     for key, _value in given.items():
         if key == "components":
             given[key] = int(rng.integers(1, 200))
-    return name, int(rng.integers(5 if group == GROUP else 3)), given
+    return name, _fitting(world, pool, name, rng), given
 
 
 def _spoil_parameters(rng: Rng, arguments: tuple) -> Spoilt:
     name, index, given = arguments
     known = _defaults_of(name)
     key = [*known, "no_such"][rng.integers(len(known) + 1)]
-    bad = ("no-such", 3, None, b"x") if isinstance(known.get(key), str) else (np.nan, -1, "x", 1j, -np.inf)
+    bad = ("no-such", 3, b"x") if isinstance(known.get(key), str) else (np.nan, -1, "x", 1j, -np.inf)
     value = bad[rng.integers(len(bad))]
     return Spoilt((name, index, given | {key: value}), (key,), f"{key}={value!r}")
 
@@ -150,7 +150,7 @@ def _parameters(world, name: str, index: int, given: dict) -> Any:
 @cache
 def _made(world, name: str, index: int) -> Any:
     """The tracker told world(index); None where it does not track such."""
-    own = {} if index % 2 == 0 or "components" not in _defaults_of(name) else {"components": 1 + index % 7}
+    own = {} if index % 2 == 0 or "components" not in _defaults_of(name) else {"components": 2 + index % 7}
     try:
         return make_tracker(name, world(index), **own)
     except ValueError as error:

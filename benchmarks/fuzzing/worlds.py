@@ -65,7 +65,7 @@ def hostile_population(index: int) -> Population:
     births = normalised(births._replace(w=np.maximum(births.w / births.w.max(), 1e-300)))
     births = births._replace(w=births.w * total)
     reach = np.abs(births.m[:, :axes]).max() + decades(rng, 0, 4)
-    expected = (1e-300, 1e-6, 1.0, 50.0, 1e4, 1e6)[rng.integers(6)]
+    expected = (1e-280, 1e-6, 1.0, 50.0, 1e4, 1e6)[rng.integers(6)]
     clutter = uniform_clutter(np.full(axes, -reach), np.full(axes, reach), expected)
     if rng.random() < 0.3:
         some = hostile_mixture(rng, 3, axes)
