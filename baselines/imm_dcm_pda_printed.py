@@ -13,6 +13,7 @@ from gmr_gym.mixture import Mixture, collapsed
 from gmr_gym.models import Model, told_by
 from gmr_gym.modes import Bank, started
 from gmr_gym.tracker import Report, check_scan
+from gmr_gym.update import joseph_into
 
 
 @dataclass(frozen=True)
@@ -78,15 +79,18 @@ class Printed:
         b = model.clutter_density * scale * missed / model.detection_probability
         total = b + own_e.sum()
         beta = own_e / total if total > 0 else own_e
-        K = np.linalg.solve(S, look.C[j]).T
+        K = np.linalg.solve(S, look.C[j]).T.copy()
         innovation = beta @ innovations
         mean = predicted.m[j] + K @ innovation
-        certain = K @ S @ K.T
+        P_hit = np.empty_like(predicted.P[j])
+        # P - K S K', in the form that a wide prediction does not cancel
+        joseph_into(P_hit, K, predicted.P[j], look.H[j % len(look.H)], look.noise[j % len(look.noise)])
         if self.covariance_as_printed:
-            covariance = predicted.P[j] - certain
+            covariance = P_hit
         else:
-            scatter = (beta * innovations.T) @ innovations - np.outer(innovation, innovation)
-            covariance = predicted.P[j] - beta.sum() * certain + K @ scatter @ K.T
+            missing, off = 1 - beta.sum(), innovations - innovation
+            scatter = (beta * off.T) @ off + missing * np.outer(innovation, innovation)
+            covariance = missing * predicted.P[j] + beta.sum() * P_hit + K @ scatter @ K.T
         count = len(e)
         with np.errstate(divide="ignore"):  # for what is impossible
             if not self.likelihood_as_printed:

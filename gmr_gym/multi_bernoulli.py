@@ -10,7 +10,7 @@ import numpy as np
 
 from gmr_gym.kalman import Sensor, predict
 from gmr_gym.kernels import kernel
-from gmr_gym.mixture import Mixture, cholesky_into, joined, matched, take
+from gmr_gym.mixture import Mixture, cholesky_into, joined, match_groups, take
 from gmr_gym.multitarget import Account, Clutter, Population, nothing
 from gmr_gym.phd import log_ratios, posteriors
 from gmr_gym.reduction import capping
@@ -94,7 +94,7 @@ def update(
     parts = posteriors(
         np.zeros(len(at)), born, undetected.m, undetected.P, at, spread, C, *sensor, z[new], 0.0
     )  # without a miss, these are the positive entries of `born`, row by row
-    fresh = matched(Mixture(*parts[:3]), np.nonzero(born > 0)[1], len(new)) if len(new) else nothing(d)
+    fresh = match_groups(Mixture(*parts[:3]), np.nonzero(born > 0)[1], len(new)) if len(new) else nothing(d)
     posterior = MultiBernoulli(
         joined([old, fresh]),
         np.append(predicted.label, predicted.fresh + np.arange(len(new))),

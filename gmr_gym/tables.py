@@ -7,7 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from rich import box
 from rich.console import Console, ConsoleOptions
+from rich.padding import Padding
 from rich.table import Table as Grid
+from rich.text import Text
 
 from gmr_gym.summary import FEWEST, Figure
 
@@ -117,10 +119,11 @@ class Sayings(NamedTuple):
         if self.sheet.fits(options.max_width):
             yield self.sheet
             return
-        yield f"[italic]{self.sheet.title}[/italic]"
-        for table, runs, claim, measure, value, threshold, verdict in self.sheet.rows:
-            text = f"{table}, {runs}: {claim}\n    {measure}: {value}, holds above {threshold}: {verdict}"
-            yield console.render_str(_plain(text, console.encoding), markup=False, highlight=False)
+        title, _, rows = _plain(tuple(self.sheet), console.encoding)
+        yield Text(title, style="italic")
+        for table, runs, claim, measure, value, threshold, verdict in rows:
+            yield Text(f"{table}, {runs}: {claim}")
+            yield Padding(Text(f"{measure}: {value}, holds above {threshold}: {verdict}"), (0, 0, 0, 4))
 
 
 def grid(title: str, rows: dict[str, dict[str, Figure]]) -> Sheet:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from baselines.mht import Mht, adaptive, capping, runnalls
+from baselines.mhts import of_one_motion
 from gmr_gym import batch, montecarlo
 from gmr_gym.metrics import detection_outside_gates
 from gmr_gym.montecarlo import BLOCK, MANY, Runs, run, run_once
@@ -99,7 +100,7 @@ class Listening(Mht):
         (FIXED, make_tracker("pda", FIXED.model)),
         (FIXED, make_tracker("clairvoyant", FIXED.model)),
         (replace(FIXED, off_target=lambda gates, x, z: False), runnalls(FIXED.model)),
-        (airborne_radar(), runnalls(airborne_radar().model)),
+        (airborne_radar(), runnalls(of_one_motion(airborne_radar().model).model)),
     ],
     ids=["own step", "own reduction", "no mixture", "told the origin", "own loss rule", "radar"],
 )

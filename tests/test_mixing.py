@@ -21,10 +21,10 @@ from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.tracker import make_tracker
 
 THAT_MIX = ("imm", "imm-pda", "imm-dcm-pda", "imm-ekf-pda", "imm-dcm-pda-printed", "imm-mht", "imm-of-mhts")
-PERIOD, HARDLY = 0.5, 1e-9  # s; m/s^2, of the acceleration that constant velocity is left
+PERIOD, FORGOTTEN = 0.5, 1e-9  # s; m/s^2, of the acceleration that constant velocity is left
 SLOW = constant_velocity(PERIOD, 2.0, 1)
 SHARP = singer(PERIOD, 5.0, 30.0, 1)
-PAIR = (with_accelerations(SLOW, HARDLY), SHARP)
+PAIR = (with_accelerations(SLOW, FORGOTTEN), SHARP)
 SWITCHING = np.array([[0.9, 0.3], [0.1, 0.7]])
 
 
@@ -45,7 +45,7 @@ def random_bank(seed, modes, n, d):
 
 
 @pytest.mark.parametrize("ahead", [by_kernel, by_bank])
-def test_half_a_g_short_of_fifty_singer_predicts_33_augmented_and_49_unbiased(ahead):
+def test_singer_at_50_with_constant_velocity_90_per_cent_likely_predicts_33_augmented_and_49_unbiased(ahead):
     told = airborne_radar("far").model
     m, P = np.zeros((2, 1, 9)), np.tile(np.diag(np.repeat([100.0, 25.0, 1e-6], 3)), (2, 1, 1, 1))
     m[1, 0, 6], P[1, 0, 6:, 6:] = 50.0, 4.0 * np.eye(3)

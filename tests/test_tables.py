@@ -27,7 +27,7 @@ CLAIMS = [
 def printed(what, width, terminal=True):
     """The lines that a screen of so many characters shows."""
     screen = Console(width=width, file=io.StringIO(), force_terminal=terminal, color_system=None)
-    screen.print(what)
+    screen.print(what, highlight=False, markup=False)
     return [line.rstrip() for line in screen.file.getvalue().splitlines()]
 
 
@@ -64,6 +64,7 @@ def test_a_sentence_its_number_and_its_verdict_are_read_at_any_width(width):
     for words in ("MMG has the lowest position RMSE for most of the time", "-0.0123 [-0.0456, 0.0789]"):
         assert words in text
     assert "too few runs" in text and "1-quiet" in text and "kept 812" in text
+    assert text.startswith("what the paper says") and "[italic]" not in text
 
 
 def test_plain_letters_are_those_of_every_console():

@@ -4,9 +4,10 @@ import mpmath
 import numpy as np
 import pytest
 
+from baselines.imm_dcm_pda_printed import Printed
 from gmr_gym import radar
 from gmr_gym.association import Gates, expand
-from gmr_gym.kalman import position_sensor, sensor
+from gmr_gym.kalman import Motion, position_sensor, sensor
 from gmr_gym.mixture import gaussian, mixture
 from gmr_gym.models import model
 from gmr_gym.motions import constant_velocity
@@ -96,6 +97,19 @@ def test_a_radars_update_keeps_its_noise_beside_a_prior_1e8_times_as_wide(update
     # over 1e6 m in 1e12 space is flat to a millionth
     flat = sensor(np.eye(3, 6), J @ np.diag(noise**2) @ J.T)
     assert_right(after(p, radar.radar(noise, 6, update), z)[1], seen_by(flat, p.P[0])[1], 1e-5)
+
+
+@pytest.mark.parametrize("as_printed", [True, False])
+def test_the_printed_filter_keeps_that_noise_too(as_printed):
+    p, noise, z = far_away(SIGMA)
+    see = radar.radar(noise, 6, "debiased-at-prediction")
+    still = Motion(np.eye(6), np.zeros((6, 6)), np.zeros(6))
+    told = model(still, see, 1.0, 1.0, ALONE, p)
+    tracker = Printed(told, as_printed, likelihood_as_printed=False)
+    J = jacobian_of(z[None])[0]
+    flat = sensor(np.eye(3, 6), J @ np.diag(noise**2) @ J.T)
+    _, report = tracker.step(tracker.init(), z[None])
+    assert_right(report.P[0], seen_by(flat, p.P[0])[1], 1e-5)
 
 
 @pytest.mark.parametrize(("update", "middle"), [("unscented", 0.25), ("cubature", 0.0)])
