@@ -34,7 +34,10 @@ def decoded(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = PA
     scale over RANGES; the others are those of `rest`. Raises ValueError for another shape, and for a number
     that is not finite or outside the box."""
     check_unmasked("action", action)
-    action = np.array(action, float)
+    try:
+        action = np.array(action).astype(float, casting="same_kind", copy=False)
+    except (TypeError, ValueError):
+        raise ValueError(f"action must be numbers of shape {(len(parameters),)}") from None
     if action.shape != (len(parameters),):
         raise ValueError(
             f"action must have shape {(len(parameters),)}, one number each for {', '.join(parameters)}, "

@@ -237,6 +237,8 @@ def test_actions_and_thresholds_are_each_others_inverse():
         ([0.0], r"action must have shape \(2,\), one number each for alpha, prune, got \(1,\)"),
         ([[0.0, 0.0]], r"got \(1, 2\)"),
         ([0.0, np.nan], r"action must be finite and within \[-1, 1\], got \[0.0, nan\]"),
+        ([0.0, 1j], r"action must be numbers of shape \(2,\)"),
+        ([0.0, "x"], "action must be numbers"),
         ([1.001, 0.0], r"within \[-1, 1\]"),
         (np.ma.array([0.0, 0.0], mask=[True, False]), "action must be given in full"),
     ],
