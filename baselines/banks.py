@@ -9,7 +9,7 @@ import numpy as np
 
 from gmr_gym.association import expand_together, hopeless_beyond
 from gmr_gym.mixing import MIXINGS, borrowed_states
-from gmr_gym.mixture import Mixture, collapsed, moments, normalised
+from gmr_gym.mixture import Mixture, collapsed, match_all, mean_and_covariance, normalised
 from gmr_gym.models import Model
 from gmr_gym.modes import Bank, banked, fused, leave_alone, merged, mixed, moved, started, tended
 from gmr_gym.reducers import reducer
@@ -59,7 +59,7 @@ class Banks:
         belief = merged(posterior, np.where(kept < 0, -1, into[kept]), len(reduced.w))
         belief = belief._replace(w=belief.w / belief.w.sum())
         mixture = normalised(reduced)
-        mean, covariance = moments(mixture)
+        mean, covariance = mean_and_covariance(mixture)
         chances = belief.w.sum(axis=1)
         return belief, Report(mean[None], covariance[None], looked, mixture, alive, chances)
 
@@ -105,4 +105,4 @@ def mmae_mht(
 
 
 def _all_in_one(p: Mixture) -> Reduced:
-    return collapsed(p), np.zeros(len(p.w), int)
+    return match_all(p), np.zeros(len(p.w), int)

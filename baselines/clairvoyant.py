@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from gmr_gym.association import expand, gates
-from gmr_gym.mixture import collapsed, moments
+from gmr_gym.mixture import collapsed, mean_and_covariance
 from gmr_gym.models import Model
 from gmr_gym.modes import Modal, carried, spread
 from gmr_gym.reduction import at_least_one, runnalls
@@ -42,6 +42,6 @@ class Clairvoyant:
         # sure of the detection it is handed, and of nothing where there is none
         posterior = expand(predicted, looked._replace(size=np.inf), model.sensor, z, 1.0, 1.0, 1.0).mixture
         belief = carried(posterior, mode, runnalls(posterior, self.components), len(model.motions))
-        mean, covariance = moments(belief.mixture)
+        mean, covariance = mean_and_covariance(belief.mixture)
         chances = belief.mixture.w @ belief.modes
         return belief, Report(mean[None], covariance[None], looked, belief.mixture, modes=chances)

@@ -9,7 +9,7 @@ from gmr_gym.association import Gates, distances_seen, gates, volumes
 from gmr_gym.imm import mixed_ahead
 from gmr_gym.kalman import Look
 from gmr_gym.mixing import MIXINGS, borrowed_states
-from gmr_gym.mixture import Mixture, collapsed
+from gmr_gym.mixture import Mixture, collapsed, match_all
 from gmr_gym.models import Model, told_by
 from gmr_gym.modes import Bank, started
 from gmr_gym.tracker import Report, check_scan
@@ -62,7 +62,7 @@ class Printed:
         if top > -np.inf:
             w = w * np.exp(np.minimum(log_likelihood - top, 0.0))
             w /= w.sum()
-        fused = collapsed(Mixture(w, m, P))
+        fused = match_all(Mixture(w, m, P))
         return Bank(w[:, None], m[:, None], P[:, None]), Report(fused.m, fused.P, looked, fused, modes=w)
 
     def _updated(self, j, predicted: Mixture, look: Look, near, d2, volume: float, expected: float):

@@ -10,7 +10,7 @@ import numpy as np
 from gmr_gym import ise as williams
 from gmr_gym import reduction
 from gmr_gym.hypotheses import MOST, expanded, reduced
-from gmr_gym.mixture import Mixture, collapsed, moments
+from gmr_gym.mixture import Mixture, collapsed, mean_and_covariance
 from gmr_gym.models import Model, check_one_motion
 from gmr_gym.reduction import Greedy, Reduced
 from gmr_gym.tracker import Report, check_limits, check_scan
@@ -53,7 +53,7 @@ class Mht:
         posterior = reduced(
             full.posterior.mixture, self.reduce, self.prune_weight, self.prune_density, self.most
         )
-        mean, covariance = moments(posterior)
+        mean, covariance = mean_and_covariance(posterior)
         return posterior, Report(mean[None], covariance[None], full.gates, posterior)
 
 

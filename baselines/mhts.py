@@ -11,7 +11,7 @@ import numpy as np
 from gmr_gym.association import Expansion, Gates, expand, hopeless_beyond, look_together
 from gmr_gym.kalman import Look, predict
 from gmr_gym.mixing import MIXINGS, borrow_into, borrowed_states
-from gmr_gym.mixture import Mixture, collapsed, joined, moments, normalised, take
+from gmr_gym.mixture import Mixture, collapsed, joined, mean_and_covariance, normalised, take
 from gmr_gym.models import Model
 from gmr_gym.modes import diverging, floored, mmae_weights
 from gmr_gym.reducers import reducer
@@ -80,7 +80,7 @@ class Mhts:
         belief = Mixtures(floored(w, self.floor), tuple(posteriors))
         whole = weighed(*belief)
         whole = take(whole, whole.w > 0)  # far off, the likelihood of a motion may vanish
-        mean, covariance = moments(whole)
+        mean, covariance = mean_and_covariance(whole)
         return belief, Report(mean[None], covariance[None], looked, whole, alive, belief.w)
 
     def _mixed(self, belief: Mixtures) -> Mixtures:
@@ -100,7 +100,7 @@ class Mhts:
         if not self._borrowed[q].any():
             return list(each)
         lent = [p._replace(m=p.m.copy(), P=p.P.copy()) for p in each]
-        mean, covariance = moments(each[q])
+        mean, covariance = mean_and_covariance(each[q])
         for p, states in zip(lent, self._borrowed[q], strict=True):
             n = len(p.w)
             borrow_into(p.m, p.P, np.tile(mean, (n, 1)), np.tile(covariance, (n, 1, 1)), states)
@@ -139,7 +139,7 @@ def equivalent_residual(predicted: Mixture, expansion: Expansion, look: Look) ->
     residuals = look.z[seen, detection] - look.expected[parent]
     S = look.S[parent] + (look.R[detection] if len(look.R) else 0.0)
     each = normalised(Mixture(np.exp(log_w - log_w.max()), residuals, S))
-    r, A = moments(each)
+    r, A = mean_and_covariance(each)
     stretch = each.w @ look.log_stretch[detection]
     return float(stretch - 0.5 * (r @ np.linalg.solve(A, r) + np.linalg.slogdet(2 * np.pi * A)[1]))
 

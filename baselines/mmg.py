@@ -9,7 +9,7 @@ import numpy as np
 
 from gmr_gym import modes
 from gmr_gym.association import expand_together, hopeless_beyond
-from gmr_gym.mixture import Mixture, moments, normalised
+from gmr_gym.mixture import Mixture, mean_and_covariance, normalised
 from gmr_gym.models import Model
 from gmr_gym.modes import Modal, carried, spread
 from gmr_gym.reducers import reducer
@@ -55,7 +55,7 @@ class Mmg:
         reduced = self.reduce(posterior, mode)
         mixture, shares = carried(posterior, mode, reduced, len(model.motions))
         belief = Modal(normalised(mixture), shares)
-        mean, covariance = moments(belief.mixture)
+        mean, covariance = mean_and_covariance(belief.mixture)
         chances = belief.mixture.w @ shares
         return belief, Report(mean[None], covariance[None], looked, belief.mixture, alive, chances)
 

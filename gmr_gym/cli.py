@@ -246,9 +246,9 @@ def record(
 ) -> None:
     """One episode's detections in a file, as `track` reads them; of a radar in range and angles, which it
     does not."""
+    check_writable(out, truth)
     check_ending("--out", out, ".csv")
     check_ending("--truth", truth, ".csv")
-    check_writable(out, truth)
     scenario = single_target(env_id, key_values(settings))
     tracker = tracker or ("imm-pda" if len(scenario.model.motions) > 1 else "pda")
     episode = draw(scenario, seed)
@@ -279,8 +279,8 @@ def track_(
 ) -> None:
     """Recorded detections in, estimates with their covariances out. Without --prior the track starts
     from the first scan: any of its detections may be the target."""
-    check_ending("--out", out, ".csv")
     check_writable(out)
+    check_ending("--out", out, ".csv")
     if motion != "constant-velocity":
         raise ValueError(f"unknown model {motion!r}; choose constant-velocity")
     if bool(prior) != bool(prior_deviations):

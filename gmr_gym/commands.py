@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,10 @@ def parsed(spec: str) -> tuple[str, dict[str, Any]]:
 def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
     """The Scenario or ManyScenario of an environment with the settings `world`. Raises ValueError for an id
     that is none of ours, with the nearest that is, and for an environment without one."""
+    module, colon, bare_id = env_id.rpartition(":")
+    if colon:  # an environment of somebody else's, registered by the module
+        import_module(module)
+        env_id = bare_id
     bare = {name.partition("/")[2]: name for name in ENVIRONMENTS}
     if env_id not in gym.registry and (
         near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)

@@ -17,7 +17,7 @@ from gmr_gym.association import (
 )
 from gmr_gym.kalman import Sensor, innovation, predict, predict_all
 from gmr_gym.kernels import ONE, kernel
-from gmr_gym.mixture import Mixture, collapsed, match, pairwise_sum, rescaled, root_determinants
+from gmr_gym.mixture import Mixture, match, match_all, pairwise_sum, rescaled, root_determinants
 from gmr_gym.models import Model
 from gmr_gym.reduction import Greedy, Reduced, among_heaviest, heavier, merge_by_cost, selected_by
 
@@ -55,7 +55,7 @@ def fused(belief: Mixture, model: Model, z: np.ndarray) -> tuple[Mixture, Gates]
         centres, S, w, m, P = fuse_scan(*belief, *model.motion, *model.sensor, size, log_miss, log_detect, z)
         return Mixture(w, m, P), Gates(centres, S, size)
     full = expanded(belief, model, z)
-    return collapsed(full.posterior.mixture), full.gates
+    return match_all(full.posterior.mixture), full.gates
 
 
 def reduced(

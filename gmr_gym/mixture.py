@@ -82,17 +82,22 @@ def joined(parts: Sequence[Mixture]) -> Mixture:
 
 def moments(p: Mixture) -> tuple[np.ndarray, np.ndarray]:
     """Mean (d,) and covariance (d, d) of the normalised mixture (D'Ortenzio, eqs. 12, 21, 22)."""
-    return _moments(checked(p))
+    return mean_and_covariance(checked(p))
 
 
 def collapsed(p: Mixture) -> Mixture:
     """The one Gaussian with the total weight, mean and covariance of the mixture."""
-    p = checked(p)
-    mean, covariance = _moments(p)
+    return match_all(checked(p))
+
+
+def match_all(p: Mixture) -> Mixture:
+    """`collapsed` for a mixture made here."""
+    mean, covariance = mean_and_covariance(p)
     return Mixture(np.array([p.w.sum()]), mean[None], covariance[None])
 
 
-def _moments(p):
+def mean_and_covariance(p: Mixture) -> tuple[np.ndarray, np.ndarray]:
+    """`moments` for a mixture made here."""
     if len(p.w) == 0:
         raise ValueError("p has no component, and a mixture of none has no moments")
     _, m, P = match(*p, np.zeros(len(p.w), np.int64), 1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from gmr_gym.envs.render import Canvas
 from gmr_gym.hypotheses import Expanded, expanded, reduced
-from gmr_gym.mixture import Mixture, moments
+from gmr_gym.mixture import Mixture, mean_and_covariance, moments
 from gmr_gym.reduction import greedy
 from gmr_gym.simulate import Episode, Scan, Scenario, scan
 from gmr_gym.thresholds import Thresholds
@@ -59,5 +59,5 @@ class TuningCanvas:
 
 
 def _report(posterior: Mixture, full: Expanded) -> Report:
-    mean, covariance = moments(posterior)
+    mean, covariance = mean_and_covariance(posterior)
     return Report(mean[None], covariance[None], full.gates, posterior)
