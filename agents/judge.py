@@ -86,7 +86,7 @@ def played(
                 progress(done, total)
         found[name] = Episodes(*(np.array(part) for part in zip(*parts, strict=True)))
         if name in files:
-            archive.save(files[name], found[name]._asdict())
+            archive.save(files[name], found[name]._asdict(), of=files[name].name)
     return {name: found[name] for name in policies}
 
 
@@ -187,7 +187,7 @@ def _environments(settings: tuple, n: int) -> Any:
 
 def _load(file: Path) -> Episodes:
     try:
-        stored = archive.load(file)
+        stored = archive.load(file, of=file.name)
         return Episodes(*(stored[field] for field in Episodes._fields))
     except (ValueError, KeyError) as error:
         raise ValueError(f"{file} holds no episodes ({error}); delete it to have them played again") from None

@@ -18,19 +18,22 @@ DIGEST = "digest"  # the member that holds it
 HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
-def save(file: Path, arrays: Mapping[str, Any]) -> None:
-    """Writes the arrays and their digest."""
+def save(file: Path, arrays: Mapping[str, Any], of: str = "") -> None:
+    """Writes the arrays and their digest, which is also of what they are arrays `of`."""
     members: dict[str, Any] = {name: np.asarray(array) for name, array in arrays.items()}
-    members[DIGEST] = digest(members)
+    members[DIGEST] = digest(members, of)
     with whole(file) as partial, partial.open("wb") as stream:
         np.savez(stream, **members)
 
 
-def load(file: Path) -> dict[str, np.ndarray]:
+def load(file: Path, of: str = "") -> dict[str, np.ndarray]:
     """The arrays, with their digest as DIGEST where the file has one. Raises ValueError, which leaves it to
-    the caller to name the file, for what is no such file, and for arrays that are not those of the digest.
+    the caller to name the file, for what is no such file, and for arrays that are not those of the digest, or
+    are not `of` what is wanted.
     Nothing is unpickled or inflated, and no more is read than the file is long."""
     try:
+        if not file.is_file():  # a pipe or a device has no end
+            raise ValueError("it is no plain file")
         size = file.stat().st_size
         with ZipFile(file) as packed:
             members = packed.infolist()
@@ -40,14 +43,14 @@ def load(file: Path) -> dict[str, np.ndarray]:
     except Exception as error:  # zipfile and NumPy raise many kinds over what is damaged
         raise ValueError(str(error) or type(error).__name__) from None
     kept = arrays.get(DIGEST)
-    if kept is not None and not np.array_equal(kept, digest(arrays)):
-        raise ValueError("its digest is not that of its arrays: they are not what was written")
+    if kept is not None and not np.array_equal(kept, digest(arrays, of)):
+        raise ValueError("its digest is not that of its arrays and name: it is not what was written here")
     return arrays
 
 
-def digest(arrays: Mapping[str, np.ndarray]) -> np.ndarray:
-    """BLAKE2 (32,) of names, types, shapes and bytes."""
-    hashed = hashlib.blake2b(digest_size=32)
+def digest(arrays: Mapping[str, np.ndarray], of: str = "") -> np.ndarray:
+    """BLAKE2 (32,) of what they are arrays `of`, and of their names, types, shapes and bytes."""
+    hashed = hashlib.blake2b(of.encode(), digest_size=32)
     for name in sorted(arrays.keys() - {DIGEST}):
         array = arrays[name]
         hashed.update(f"{name} {array.dtype.str} {array.shape}\n".encode())

@@ -42,15 +42,17 @@ def check_folder(folder: Path) -> None:
 
 
 def save(file: Path, result) -> None:
-    """A block, a named tuple of arrays; the file is there whole or not at all."""
+    """A block, a named tuple of arrays; the file is there whole or not at all, and is read by its name alone:
+    copied to that of another block it is none."""
     fields = result._asdict().items()
-    archive.save(file, {field: array.astype(_dtype(field), casting="same_kind") for field, array in fields})
+    arrays = {field: array.astype(_dtype(field), casting="same_kind") for field, array in fields}
+    archive.save(file, arrays, of=file.name)
 
 
 def load(file: Path, *kinds: type) -> Any:
     """The block in a file, one of `kinds`, as it was written. ValueError names what is none."""
     try:
-        arrays = archive.load(file)
+        arrays = archive.load(file, of=file.name)
         if arrays.pop(archive.DIGEST, None) is None:
             raise ValueError("it has no digest")
         for kind in kinds:

@@ -147,7 +147,7 @@ def evaluate(
     # blocks of runs are shared: another tracker, or more runs, begin with those that are there
     root = out or Path("results/evaluate")
     out = out or root / f"{env_id.rpartition('/')[2]}-{named(asked)}"
-    check_writable(out / "evaluate.json", json_file)
+    check_writable(out / "evaluate.json", out / "runs.csv", json_file)
     sweep = Sweep(runs, seed, jobs, backend, scheduler, part, root / BLOCKS)
     if not part:
         check_free(out / "evaluate.json", asked)
@@ -279,7 +279,7 @@ def track_(
 ) -> None:
     """Recorded detections in, estimates with their covariances out. Without --prior the track starts
     from the first scan: any of its detections may be the target."""
-    check_writable(out)
+    check_writable(out, beside=file)
     check_ending("--out", out, ".csv")
     if motion != "constant-velocity":
         raise ValueError(f"unknown model {motion!r}; choose constant-velocity")

@@ -148,12 +148,19 @@ def runs_shown(label: str, work: Iterable[Work], sweep: Sweep) -> Iterator[Any]:
                     progress=partial(_so_far, report, i, len(work)), backend=sweep.backend,
                     scheduler=sweep.scheduler,
                 )  # fmt: skip
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemError) as error:
+        if not interrupted(error):
+            raise
         Console(stderr=True, soft_wrap=True).print(
             f"stopped: finished blocks of runs are kept in {sweep.blocks}; the same command goes on there",
             highlight=False,
         )
         sys.exit(130)
+
+
+def interrupted(error: BaseException) -> bool:
+    """Whether it is Ctrl-C, or what a kernel makes of one that comes while it is being called."""
+    return isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt)
 
 
 def evaluated(
@@ -183,9 +190,14 @@ def evaluated(
     yield f"written to {out}"
 
 
-def check_writable(*files: Path | None) -> None:
-    """OSError for a file that could not be made, or that is a folder: before the work, and leaving none."""
+def check_writable(*files: Path | None, beside: Path | None = None) -> None:
+    """OSError for a file that could not be made, or that is a folder: before the work, and leaving none.
+    ValueError for one that is to be written twice, or over the file `beside` that is read."""
+    taken = {beside.resolve()} if beside else set()
     for file in filter(None, files):
+        if file.resolve() in taken:
+            raise ValueError(f"{file} is named twice, and what it holds would be lost; choose another file")
+        taken.add(file.resolve())
         if file.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(file))
         check_folder(file.parent)

@@ -175,7 +175,7 @@ def test_what_is_no_block_is_refused_by_name_and_the_rest_is_merged(shards, tmp_
         with victim.open("wb") as stream:
             np.save(stream, np.zeros(3))
     else:
-        archive.save(victim, bad(load(victim, Runs))[wrong])  # with a digest of what is wrong
+        archive.save(victim, bad(load(victim, Runs))[wrong], of=victim.name)  # with a digest of what is wrong
     for foreign in ("notes.txt", "0123.npz", f"{victim.name}.part"):
         (source / foreign).write_text("")
     (refused,) = (merged := merge([source], into, *KINDS)).refused
@@ -228,10 +228,27 @@ def test_arrays_that_were_written_over_are_found_out_though_their_shapes_and_che
 ):
     file = tmp_path / min(names(shards[0]))
     file.write_bytes((shards[0] / file.name).read_bytes())
-    arrays = archive.load(file)
+    arrays = archive.load(file, of=file.name)
     assert archive.DIGEST in arrays and set(arrays) == {*Runs._fields, archive.DIGEST}
     np.savez(file, **arrays | {field: change(arrays[field])})
     with pytest.raises(ValueError, match=r"is not a block of runs \(its digest is not that of its arrays"):
+        load(file, Runs)
+
+
+def test_a_block_under_the_name_of_another_is_refused(shards, tmp_path):
+    """Of other runs, or of another tracker: as long, and undamaged."""
+    one, *others = [name for name in sorted(set.union(*map(names, shards))) if not name.endswith("-81.npz")]
+    there = {file.name: file for folder in shards for file in folder.iterdir()}
+    for other in others:
+        (tmp_path / other).write_bytes(there[one].read_bytes())
+        with pytest.raises(ValueError, match=rf"{other} is not a block of runs \(its digest is not that of"):
+            load(tmp_path / other, Runs)
+
+
+def test_a_pipe_in_the_place_of_a_block_is_refused_and_not_waited_for(tmp_path):
+    file = tmp_path / f"{'0' * 32}-0-20.npz"
+    os.mkfifo(file)
+    with pytest.raises(ValueError, match="it is no plain file"):
         load(file, Runs)
 
 

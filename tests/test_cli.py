@@ -523,6 +523,41 @@ def test_an_interrupted_command_says_where_it_goes_on(call, monkeypatch, number)
     assert errors.startswith("stopped: finished blocks of runs are kept in e/blocks;")
 
 
+def test_a_kernel_that_is_interrupted_while_it_is_called_stops_the_command_as_ctrl_c_does(call, monkeypatch):
+    """A signal handled by Python inside numba's dispatcher comes out as a SystemError."""
+
+    def stopped(*_, **__):
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    def broken(*_, **__):
+        raise SystemError("of another cause")
+
+    monkeypatch.setattr("gmr_gym.commands.run", stopped)
+    code, _, errors = call(*EVALUATE, "mmg-5", "--out", "e")
+    assert code == 130 and errors.startswith("stopped: finished blocks of runs are kept in e/blocks;")
+    monkeypatch.setattr("gmr_gym.commands.run", broken)
+    monkeypatch.setattr(sys, "argv", [str(word) for word in ("gmr-gym", *EVALUATE, "mmg-5", "--out", "e")])
+    with pytest.raises(SystemError, match="of another cause"):
+        main()
+
+
+@pytest.mark.parametrize(
+    ("words", "lost"),
+    [
+        ((*TRACK, "--out", "./z.csv"), "z.csv"),
+        (("record", TURNING, "--out", "z.csv", "--truth", "./z.csv"), "z.csv"),
+        (("evaluate", TURNING, "--tracker", "pda", "--out", "e", "--json", "e/runs.csv"), "e/runs.csv"),
+    ],
+    ids=["track over what it reads", "truth over detections", "figures over runs"],
+)
+def test_no_command_writes_over_what_it_reads_or_writes_twice_to_one_file(call, words, lost):
+    Path("z.csv").write_text("time,x,y\n1.0,0,0\n2.0,5,5\n3.0,7,7\n")
+    code, printed, errors = call(*words)
+    assert code == 2 and printed == ""
+    assert errors == f"error: {lost} is named twice, and what it holds would be lost; choose another file\n"
+    assert Path("z.csv").read_text().startswith("time,x,y\n1.0,0,0\n")
+
+
 # what is asked, and where its results are
 
 QUICK = "evaluate", TURNING, "--tracker", "pda", "--set", "horizon=3", "--jobs", 1
