@@ -4,7 +4,9 @@ import numpy as np
 
 from gmr_gym.kernels import uncounted
 
-FARTHEST = 1e15  # m or rad, of any coordinate: there numbers stand an eighth apart, and tell no places apart
+# m or rad, of any coordinate: filters drawn apart by detections farther away could not be merged, for their
+# covariances drown in the squares of such distances
+FARTHEST = 1e10
 
 
 def check_points(z, p: int, farthest: float = FARTHEST) -> np.ndarray:

@@ -103,7 +103,7 @@ def make_tracker(name: str, model: Model | Population, **parameters) -> Any:
 
 def check_scan(z, p: int) -> np.ndarray:
     """The detections as floats (k, p), (0, p) for an empty scan, without those masked; ValueError as in
-    `points.check_points`: so no scan that a tracker takes holds a coordinate beyond +-1e15."""
+    `points.check_points`: so no scan that a tracker takes holds a coordinate beyond +-1e10."""
     return check_points(z, p)
 
 

@@ -115,7 +115,7 @@ def test_far_detections_leave_numbers(world, name, certain):
         told = told._replace(detection_probability=1.0)
         told = told if isinstance(told, Population) else told._replace(gate_probability=1.0)
     tracker = make_tracker(name, told)
-    for reach in (1e8, 1e12, FARTHEST):
+    for reach in (1e8, 1e9, FARTHEST):
         scans = [detections(world, tracker, seed, k, reach) for seed, k in enumerate((3, 1, 0, 6))]
         for said in played(tracker, scans):
             assert_finite(said)
@@ -127,7 +127,7 @@ def test_detections_beyond_all_measure_are_refused_by_row(world, name):
     z = detections(world, tracker, 0, k=3)
     for far in (2e15, 1e100, 1e160, -1e300):
         z[-1, 0] = far
-        message = f"z must lie within +-1e+15; row {len(z) - 1} is [{far}, "
+        message = f"z must lie within +-1e+10; row {len(z) - 1} is [{far}, "
         with pytest.raises(ValueError, match=re.escape(message)):
             tracker.step(tracker.init(), z)
 

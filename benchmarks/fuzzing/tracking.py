@@ -16,7 +16,7 @@ from fuzzing.worlds import MODELS, POPULATIONS, hostile_model, hostile_populatio
 from gmr_gym.tracker import CROWD_GROUP, GROUP, make_tracker, trackers
 
 UNFIT = "knows one motion|needs a radar|linear sensor|of one motion|has an update of its own"
-BEYOND = "1e15|1e\\+15"  # coordinates that a tracker refuses
+BEYOND = "1e10|1e\\+10"  # coordinates that a tracker refuses
 SLOW = ("fmm-em", "fmm-gibbs", "fitted-phd", "learning-phd", "gm-cphd", "ise", "mmae-of-mhts", "imm-of-mhts")
 LONG = 100_000  # scans of one belief, or as many as there is time for
 
