@@ -147,13 +147,13 @@ def whitened(p: Mixture) -> np.ndarray:
 
 
 def at_least_one(count: int, name: str = "components") -> int:
-    """A count, by default the budget of components, checked; ValueError naming it unless it is a whole number
-    of at least 1."""
+    """A count, by default the budget of components, checked, and no more than kernels can take, ANY;
+    ValueError naming it unless it is a whole number of at least 1."""
     if not isinstance(count, Real) or not count >= 1:
         raise ValueError(f"{name} must be at least 1, got {count!r}")
     if count % 1 != 0:
         raise ValueError(f"{name} must be a whole number, got {count!r}")
-    return int(count)
+    return min(int(count), ANY)
 
 
 def weighing(p: Mixture) -> Reduced:

@@ -220,6 +220,11 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("p", HOSTILE.values(), ids=HOSTILE)
+@pytest.mark.parametrize("reduce", REDUCERS.values(), ids=REDUCERS)
+def test_a_budget_beyond_any_count_leaves_all(reduce):
+    np.testing.assert_array_equal(reduce(GOOD, components=1e20)[1], np.arange(len(GOOD.w)))
+
+
 @pytest.mark.parametrize("name", REDUCING)
 def test_what_is_left_of_a_hostile_mixture_is_a_mixture(name, p):
     q, origin = REDUCING[name](p)
