@@ -153,7 +153,9 @@ def test_gaussian_is_a_mixture_of_one_and_checked_like_it():
         gaussian([1, 2], np.zeros((2, 2)))
 
 
-@pytest.mark.parametrize("w", [[0.5, -0.1], [[0.5, 0.5]], [0.5, 1j], ["1", "2"], np.ma.masked_equal([0.5, 0], 0)])
+@pytest.mark.parametrize(
+    "w", [[0.5, -0.1], [[0.5, 0.5]], [0.5, 1j], ["1", "2"], np.ma.masked_equal([0.5, 0], 0)]
+)
 def test_weights_that_are_none_are_not_normalised(w):
     p = Mixture(np.array(w) if isinstance(w, list) else w, np.zeros((2, 1)), np.ones((2, 1, 1)))
     with pytest.raises(ValueError, match=r"p\.w must"):

@@ -319,7 +319,8 @@ def test_a_wrong_detection_is_refused_by_row(z, message):
 
 @pytest.mark.parametrize("name", ["spherical", "cartesian"])
 @pytest.mark.parametrize(
-    "wrong", [np.ones((2, 4)), np.ones((2, 3, 1)), [[1.0, np.nan, 0.0]], [[1.0, 0.0, np.inf]], [["1", "0", "0"]]]
+    "wrong",
+    [np.ones((2, 4)), np.ones((2, 3, 1)), [[1.0, np.nan, 0.0]], [[1.0, 0.0, np.inf]], [["1", "0", "0"]]],
 )
 def test_what_are_no_coordinates_in_space_is_refused_by_name(name, wrong):
     argument = {"spherical": "x", "cartesian": "z"}[name]
