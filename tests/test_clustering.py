@@ -410,7 +410,7 @@ def test_weights_that_no_sum_holds_are_refused_by_name():
     p = random_mixture(3, 8, 2)
     heavy = p._replace(w=np.full(8, 3e299))
     for reduce in EVERY.values():
-        with pytest.raises(ValueError, match=r"p\.w must be finite and non-negative, and sum to no more than 1e"):
+        with pytest.raises(ValueError, match=r"p\.w must be finite and .* sum to no more than 1e\+300"):
             reduce(heavy, components=3)
 
 
