@@ -52,7 +52,7 @@ class Greedy:
 
     def __call__(self, p: Mixture) -> Reduced:
         *merged, origin = merge_by_cost(*checked(p), self.components, self.loss_bound)
-        return Mixture(*merged), origin
+        return _definite(Mixture(*merged)), origin
 
 
 def greedy(components: int | None, loss_bound: float) -> Greedy:
@@ -173,15 +173,19 @@ def grouped(p: Mixture, group: np.ndarray, count: int) -> Mixture:
     """Moment match of each of `count` groups of a checked mixture; none of them empty.
 
     Raises ValueError where the covariance of one has drowned in the distance between its members."""
-    q = match_groups(p, group, count)
-    if not sound(*q):
-        raise ValueError(TOO_FAR)
-    return q
+    return _definite(match_groups(p, group, count))
 
 
 def through(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Origin (n,) of a reduction of what another has left."""
     return np.append(second, -1)[first]
+
+
+def _definite(q: Mixture) -> Mixture:
+    """The mixture; ValueError where a covariance is none any more."""
+    if not sound(*q):
+        raise ValueError(TOO_FAR)
+    return q
 
 
 def _kept(p: Mixture, kept: np.ndarray) -> Reduced:
