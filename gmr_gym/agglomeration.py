@@ -10,6 +10,8 @@ from gmr_gym.merging import first_least
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction import Reduced, at_least_one, grouped, through, weighing
 
+LARGE = 1e100  # of a weight whose square a float holds
+
 
 def merged_by(groups: Callable[[Mixture, int], np.ndarray], p: Mixture, components: int) -> Reduced:
     """Moment match of groups of the components that weigh anything; groups(q, components) (n,) are
@@ -18,8 +20,10 @@ def merged_by(groups: Callable[[Mixture, int], np.ndarray], p: Mixture, componen
     q, place = weighing(p)
     if len(q.w) <= components:
         return q, place
-    # squares of tiny weights would underflow; weights above 1 stay, lest tiny ones beside them vanish
-    group = groups(q._replace(w=q.w / min(q.w.max(), 1.0)), components)
+    # squares of tiny weights would underflow, and of huge ones overflow; those between stay, lest tiny ones
+    # beside them vanish
+    top = q.w.max()
+    group = groups(q._replace(w=q.w / max(min(top, 1.0), top / LARGE)), components)
     return grouped(q, group, components), through(place, group)
 
 

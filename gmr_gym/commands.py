@@ -110,7 +110,10 @@ def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
     ):
         raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
     # of the settings only what the scenario of the id takes: no value names code to be imported
-    kept = gym.spec(env_id).kwargs.get("scenario")
+    module, _, known_as = env_id.rpartition(":")
+    if module:
+        import_module(module)  # `gym.make` does so, and not `gym.spec`
+    kept = gym.spec(known_as).kwargs.get("scenario")
     scenario = make_scenario(kept, world) if kept else None
     if not isinstance(scenario, Scenario | ManyScenario):
         raise ValueError(

@@ -39,13 +39,17 @@ def detection_outside_gates(gates: Gates, x: np.ndarray, z: np.ndarray) -> bool:
 
 
 def lost_at(off_target: np.ndarray, patience: int) -> np.ndarray:
-    """Scan (runs,) at which `patience` scans in a row were off target (runs, T), -1 for never."""
-    in_a_row = np.zeros(off_target.shape, int)
-    in_a_row[:, 0] = off_target[:, 0]
-    for t in range(1, off_target.shape[1]):
-        in_a_row[:, t] = (in_a_row[:, t - 1] + 1) * off_target[:, t]
-    lost = in_a_row >= patience
-    return np.where(lost.any(axis=1), lost.argmax(axis=1), -1)
+    """Scan (runs,) at which `patience` scans in a row were off target (runs, T), -1 for never. Raises
+    ValueError for what is neither true nor false."""
+    off_target = doubles("off_target", off_target)
+    if off_target.ndim != 2 or not np.isin(off_target, (0, 1)).all():
+        raise ValueError(f"off_target must be true or false, of shape (runs, T), got {off_target}")
+    runs, scans = off_target.shape
+    at, in_a_row = np.full(runs, -1), np.zeros(runs)
+    for t in range(scans):
+        in_a_row = (in_a_row + 1) * off_target[:, t]
+        at[(at < 0) & (in_a_row >= patience)] = t
+    return at
 
 
 def nees(error: np.ndarray, P: np.ndarray) -> np.ndarray:
@@ -239,7 +243,7 @@ def _bottleneck(distance: np.ndarray) -> float:
 
 def cardinality_error(named: np.ndarray, there: np.ndarray) -> np.ndarray:
     """By how many targets the numbers named are wrong, (...,) of counts (...,)."""
-    return np.abs(named - there)
+    return np.abs(doubles("named", named) - doubles("there", there))  # unsigned counts have no difference
 
 
 def _checked(estimates, targets, cutoff: float, order: float) -> tuple[np.ndarray, np.ndarray]:

@@ -52,7 +52,7 @@ class Greedy:
 
     def __call__(self, p: Mixture) -> Reduced:
         *merged, origin = merge_by_cost(*checked(p), self.components, self.loss_bound)
-        return Mixture(*merged), origin
+        return _definite(Mixture(*merged)), origin
 
 
 def greedy(components: int | None, loss_bound: float) -> Greedy:
@@ -145,13 +145,13 @@ def whitened(p: Mixture) -> np.ndarray:
 
 
 def at_least_one(count: int, name: str = "components") -> int:
-    """A count, by default the budget of components, checked; ValueError naming it unless it is a whole number
-    of at least 1."""
+    """A count, by default the budget of components, checked, and no more than kernels can take, ANY;
+    ValueError naming it unless it is a whole number of at least 1."""
     if not isinstance(count, Real) or not count >= 1:
         raise ValueError(f"{name} must be at least 1, got {count!r}")
     if count % 1 != 0:
         raise ValueError(f"{name} must be a whole number, got {count!r}")
-    return int(count)
+    return min(int(count), ANY)
 
 
 def at_least_zero(name: str, value: float) -> float:
@@ -178,15 +178,19 @@ def grouped(p: Mixture, group: np.ndarray, count: int) -> Mixture:
     """Moment match of each of `count` groups of a checked mixture; none of them empty.
 
     Raises ValueError where the covariance of one has drowned in the distance between its members."""
-    q = match_groups(p, group, count)
-    if not sound(*q):
-        raise ValueError(TOO_FAR)
-    return q
+    return _definite(match_groups(p, group, count))
 
 
 def through(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Origin (n,) of a reduction of what another has left."""
     return np.append(second, -1)[first]
+
+
+def _definite(q: Mixture) -> Mixture:
+    """The mixture; ValueError where a covariance is none any more."""
+    if not sound(*q):
+        raise ValueError(TOO_FAR)
+    return q
 
 
 def _kept(p: Mixture, kept: np.ndarray) -> Reduced:

@@ -9,7 +9,7 @@ import numpy as np
 from gmr_gym.kernels import kernel
 
 DOUBLE = np.dtype(float)
-HEAVIEST = 1e300  # of a weight: sums of such do not overflow
+HEAVIEST = 1e300  # that all the weights add up to, so that none that are merged is beyond it
 BLOCK = 64  # covariances factored together
 
 
@@ -39,8 +39,8 @@ def refuse_unsound(at: str, w: np.ndarray, m: np.ndarray, P: np.ndarray) -> None
         raise ValueError(f"{at}m must have shape (n, d) with n = len(w) = {len(w)}, got {m.shape}")
     if P.shape != (*m.shape, m.shape[1]):
         raise ValueError(f"{at}P must have shape {(*m.shape, m.shape[1])} to fit m, got {P.shape}")
-    if not ((w >= 0) & (w <= HEAVIEST)).all():
-        raise ValueError(f"{at}w must be finite and non-negative, and no more than {HEAVIEST:g}")
+    if not ((w >= 0) & (w <= HEAVIEST)).all() or not w.sum() <= HEAVIEST:
+        raise ValueError(f"{at}w must be finite and non-negative, and sum to no more than {HEAVIEST:g}")
     if not np.isfinite(m).all():
         raise ValueError(f"{at}m must be finite")
     for i, covariance in enumerate(P):
@@ -71,9 +71,11 @@ def sound(w, m, P):
     n, d = m.shape
     if d == 0 or len(w) != n or P.shape[0] != n or P.shape[1] != d or P.shape[2] != d:
         return False
-    good, symmetric, flat = True, True, m.reshape(-1)
+    good, symmetric, total, flat = True, True, 0.0, m.reshape(-1)
     for i in range(n):
-        good &= (w[i] >= 0.0) & (w[i] <= HEAVIEST)
+        good &= w[i] >= 0.0
+        total += w[i]
+    good &= total <= HEAVIEST
     for i in range(n * d):
         good &= abs(flat[i]) < np.inf
     A = np.empty((d * (d + 1) // 2, BLOCK))  # lower triangles, by entry

@@ -395,6 +395,25 @@ def test_greedy_isd_merges_the_lightest_and_not_the_heavy_ones_beside_them():
     assert groups(greedy_isd(p, 2)[1]) == {frozenset({0, 1, 2}), frozenset({3})}
 
 
+@pytest.mark.parametrize("power", [-990, -500, 400, 520, 900, 993])
+@pytest.mark.parametrize("name", EVERY)
+def test_only_the_ratios_of_weights_matter_to_a_merge(name, power):
+    p = random_mixture(3, 8, 2)
+    scaled = p._replace(w=np.ldexp(p.w, power))
+    (one, origin), (other, again) = EVERY[name](p, components=3), EVERY[name](scaled, components=3)
+    np.testing.assert_array_equal(again, origin)
+    np.testing.assert_allclose(np.ldexp(other.w, -power), one.w, rtol=1e-14)
+    np.testing.assert_allclose(other.P, one.P, rtol=1e-12)
+
+
+def test_weights_that_no_sum_holds_are_refused_by_name():
+    p = random_mixture(3, 8, 2)
+    heavy = p._replace(w=np.full(8, 3e299))
+    for reduce in EVERY.values():
+        with pytest.raises(ValueError, match=r"p\.w must be finite and .* sum to no more than 1e\+300"):
+            reduce(heavy, components=3)
+
+
 def test_bad_arguments_are_refused_by_name():
     p = random_mixture(0, 2, 2)  # refused even where nothing is left to reduce
     for reduce in EVERY.values():

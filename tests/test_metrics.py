@@ -5,7 +5,7 @@ import pytest
 import reference
 
 from gmr_gym.association import Gates
-from gmr_gym.metrics import credibility, lost_at, nees, truth_outside_gates
+from gmr_gym.metrics import cardinality_error, credibility, lost_at, nees, truth_outside_gates
 from gmr_gym.montecarlo import Runs
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.summary import differences, errors, kept, mean, proportion, summary
@@ -20,6 +20,26 @@ def test_lost_is_the_first_scan_that_completes_the_row_off_target(patience):
         assert lost == (ends[0] if ends else -1)
     assert (lost_at(np.zeros((3, 4), bool), patience) == -1).all()
     assert (lost_at(np.ones((3, 6), bool), patience) == patience - 1).all()
+
+
+@pytest.mark.parametrize(
+    "off", [[0, 1], [[0.0, np.nan]], [[0, 2]], np.ma.array([[True, True]], mask=[[False, True]])]
+)
+def test_what_is_neither_on_nor_off_target_is_refused_by_name(off):
+    with pytest.raises(ValueError, match="off_target must"):
+        lost_at(off, 1)
+
+
+def test_of_no_scans_none_is_lost():
+    np.testing.assert_array_equal(lost_at(np.zeros((3, 0), bool), 1), [-1, -1, -1])
+
+
+@pytest.mark.parametrize("kind", [int, float, np.uint8, list])
+def test_a_number_of_targets_is_as_wrong_above_as_below_whatever_counts_it(kind):
+    few, many = (np.array(counts, kind if kind is not list else int) for counts in ([1, 4], [3, 0]))
+    few, many = (few.tolist(), many.tolist()) if kind is list else (few, many)
+    for one, other in ((few, many), (many, few)):
+        np.testing.assert_array_equal(cardinality_error(one, other), [2, 4])
 
 
 def test_truth_is_outside_only_when_no_gate_holds_it():

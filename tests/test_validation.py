@@ -252,3 +252,16 @@ def test_what_floats_cannot_hold_is_refused_in_words_or_reduced_to_a_mixture(nam
     else:
         checked(q)
         assert q.w.sum() == pytest.approx(p.w.sum(), rel=1e-12) or name == "ise-unscaled"
+
+
+@pytest.mark.parametrize("reduce", REDUCERS.values(), ids=REDUCERS)
+def test_a_budget_beyond_any_count_is_no_limit(reduce):
+    np.testing.assert_array_equal(reduce(GOOD, components=1e20)[1], reduce(GOOD, components=len(GOOD.w))[1])
+
+
+def test_runnalls_refuses_a_merge_whose_covariance_is_lost_in_rounding():
+    """1e9 standard deviations apart, in no direction of the axes: what is left is not definite."""
+    P = 1e-13 * np.array([[13.01, 9.0], [9.0, 10.01]])
+    p = mixture([0.01, 0.1, 0.1], [[57.0, -190.0], [-113.0, -327.0], [-383.0, 189.0]], [P] * 3)
+    with pytest.raises(ValueError, match="too far apart"):
+        REDUCERS["runnalls"](p, components=2)
