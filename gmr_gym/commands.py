@@ -60,9 +60,9 @@ def key_values(texts: Iterable[str]) -> dict[str, Any]:
 
 
 def check_once(option: str, values: Sequence[str]) -> None:
-    """ValueError for a value that a repeatable option is given twice."""
+    """ValueError for a value that a repeatable option is given twice; NAME: is NAME."""
     for i, value in enumerate(values):
-        if value in values[:i]:
+        if value.removesuffix(":") in (other.removesuffix(":") for other in values[:i]):
             raise ValueError(f"{option} {value} is given twice")
 
 
@@ -100,10 +100,6 @@ def parsed(spec: str) -> tuple[str, dict[str, Any]]:
 def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
     """The Scenario or ManyScenario of an environment with the settings `world`. Raises ValueError for an id
     that is none of ours, with the nearest that is, and for an environment without one."""
-    module, colon, bare_id = env_id.rpartition(":")
-    if colon:  # an environment of somebody else's, registered by the module
-        import_module(module)
-        env_id = bare_id
     bare = {name.partition("/")[2]: name for name in ENVIRONMENTS}
     if env_id not in gym.registry and (
         near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)

@@ -3,6 +3,7 @@ by Gibbs in `gibbs.py`): clutter is a uniform part and Gaussians, targets are Ga
 and the weights of all of them sum to 1. What a part's weight comes to in detections is n times it.
 """
 
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -71,8 +72,8 @@ def management(
 
 def check_whole(name: str, value: int, least: int) -> None:
     """Raise ValueError naming the parameter unless it is a whole number, at least `least`."""
-    if isinstance(value, bool) or value != value or value in (np.inf, -np.inf) or value != int(value):
-        raise ValueError(f"{name} must be a whole number, got {value}")
+    if isinstance(value, bool) or not isinstance(value, Real) or not value % 1 == 0:
+        raise ValueError(f"{name} must be a whole number, got {value!r}")
     if value < least:
         raise ValueError(f"{name} must be at least {least}, got {value}")
 

@@ -56,7 +56,7 @@ def nees(error: np.ndarray, P: np.ndarray) -> np.ndarray:
     """Normalised error squared e' P^-1 e (...,) of errors (..., d) with covariances (..., d, d);
     its mean is d for a filter that knows how wrong it is. Raises ValueError for shapes that do not fit."""
     error, P = doubles("error", error), doubles("P", P)
-    if error.ndim == 0 or P.shape[-2:] != 2 * error.shape[-1:] or not _fit(error.shape[:-1], P.shape[:-2]):
+    if error.ndim == 0 or P.shape != error.shape + error.shape[-1:]:
         raise ValueError(f"error must have shape (..., d) and P (..., d, d), got {error.shape} and {P.shape}")
     return np.einsum("...i,...i->...", error, np.linalg.solve(P, error[..., None])[..., 0])
 
@@ -95,15 +95,6 @@ def credibility(
     actual = ((whitener @ e) ** 2).sum(axis=1).T
     rho = 10 * np.log10(claimed / actual)
     return share @ np.abs(rho), share @ rho
-
-
-def _fit(*shapes: tuple[int, ...]) -> bool:
-    """Whether arrays of these shapes can stand beside each other."""
-    try:
-        np.broadcast_shapes(*shapes)
-    except ValueError:
-        return False
-    return True
 
 
 class Gospa(NamedTuple):

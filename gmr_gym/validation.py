@@ -11,6 +11,7 @@ from gmr_gym.kernels import kernel
 DOUBLE = np.dtype(float)
 HEAVIEST = 1e300  # that all the weights add up to, so that none that are merged is beyond it
 BLOCK = 64  # covariances factored together
+DROWNED = 1e-15  # a pivot that is no larger share of its entry may be rounding alone
 
 
 def doubles(name: str, a, at: str = "") -> np.ndarray:
@@ -91,19 +92,19 @@ def sound(w, m, P):
                 q += 1
             for j in range(k):
                 good &= row[j] < np.inf
-        good &= _definite(A, k, d)
+        good &= _definite(A, block, k, d)
     return good and (symmetric or _nearly_symmetric(P))
 
 
 @kernel(inline="always")
-def _definite(A, n, d):
-    """Whether the first n matrices given by entry, A (d (d + 1) / 2, BLOCK), are positive definite, by LDL';
-    A is overwritten."""
+def _definite(A, P, n, d):
+    """Whether the first n matrices of P, by entry in A (d (d + 1) / 2, BLOCK), are positive definite beyond
+    their rounding, by LDL'; A is overwritten."""
     positive = True
     for k in range(d):
         pivot = A[k * (k + 3) // 2]
         for j in range(n):
-            positive &= pivot[j] > 0.0
+            positive &= pivot[j] > DROWNED * P[j, k, k]
             pivot[j] = 1.0 / pivot[j]
         for r in range(k + 1, d):
             below = A[r * (r + 1) // 2 + k]

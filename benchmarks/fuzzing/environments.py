@@ -79,6 +79,8 @@ def _spoil(rng: Rng, arguments: tuple) -> Spoilt:
         bad, what = plain[-1][..., :-1], "too short"
     else:
         bad, what = spoilt_array(rng, plain[-1])
+        while np.ma.isMaskedArray(bad) and name in CROWDS:
+            bad, what = spoilt_array(rng, plain[-1])  # there a masked row is an absent estimate
     actions = [*plain[:-1], bad]
     return Spoilt(
         (name, many, seed, actions, actions), ("action", "actions", "existence"), f"an action {what}"

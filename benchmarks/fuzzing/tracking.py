@@ -126,7 +126,7 @@ def _draw_parameters(world, pool: int, name: str, rng: Rng) -> tuple:
     given = {key: value for key, value in _defaults_of(name).items() if rng.random() < 0.5}
     for key, _value in given.items():
         if key == "components":
-            given[key] = int(rng.integers(1, 200))
+            given[key] = int(rng.integers(2, 200))
     return name, _fitting(world, pool, name, rng), given
 
 
