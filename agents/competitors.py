@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from judge import Policy
 
-from gmr_gym.output import write_json
-from gmr_gym.records import FORMAT, question
-from gmr_gym.threshold_policies import ByTable, Constant, Rule, Schedule
+from gmr_gym.experiments.output import write_json
+from gmr_gym.experiments.records import FORMAT, question
+from gmr_gym.tuning.policies import ByTable, Constant, Rule, Schedule
 
 KINDS = {kind.__name__: kind for kind in (Constant, Schedule, Rule, ByTable)}
 

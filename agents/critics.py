@@ -1,12 +1,12 @@
 """Policies of stable-baselines3 whose critic is told what the actor is not: see
-`gmr_gym.threshold_hindsight`. An observation is FEATURES, which both see, and then HINDSIGHT."""
+`gmr_gym.tuning.hindsight`. An observation is FEATURES, which both see, and then HINDSIGHT."""
 
 import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, MlpExtractor
 from stable_baselines3.sac.policies import SACPolicy
 
-from gmr_gym.threshold_features import FEATURES
+from gmr_gym.tuning.features import FEATURES
 
 
 class Seen(BaseFeaturesExtractor):

@@ -8,7 +8,7 @@ from judge import Episodes
 from matplotlib.figure import Figure
 from scores import front
 
-from gmr_gym.writing import whole
+from gmr_gym.evaluation.writing import whole
 
 LABELS = {
     "track_loss": "targets lost, %",

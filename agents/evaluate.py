@@ -27,16 +27,16 @@ from scores import (
     together,
 )
 
-from gmr_gym.instances import instances, world
-from gmr_gym.network import load
-from gmr_gym.output import console, progress, write_json
-from gmr_gym.records import question
-from gmr_gym.summary import CONFIDENCE
-from gmr_gym.tables import grid as table_of
-from gmr_gym.threshold_features import FEATURES
-from gmr_gym.threshold_policies import ByNetwork, Constant, Random
-from gmr_gym.thresholds import PAPER, Thresholds, decoded, encoded
-from gmr_gym.writing import whole
+from gmr_gym.evaluation.summary import CONFIDENCE
+from gmr_gym.evaluation.writing import whole
+from gmr_gym.experiments.output import console, progress, write_json
+from gmr_gym.experiments.records import question
+from gmr_gym.experiments.sheets import grid as table_of
+from gmr_gym.tuning.features import FEATURES
+from gmr_gym.tuning.instances import instances, world
+from gmr_gym.tuning.network import load
+from gmr_gym.tuning.policies import ByNetwork, Constant, Random
+from gmr_gym.tuning.thresholds import PAPER, Thresholds, decoded, encoded
 
 EPISODES = 2000  # of a competitor and table
 BEST, BY_INSTANCE, ORACLE = "best constant", "constant by instance", "greedy oracle"

@@ -10,8 +10,8 @@ import typer
 from critics import Seen
 from learner import environments, recorded, restored
 
-from gmr_gym.network import Network, save
-from gmr_gym.threshold_features import FEATURES
+from gmr_gym.tuning.features import FEATURES
+from gmr_gym.tuning.network import Network, save
 
 ACTIVATIONS = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu"}
 

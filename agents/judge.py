@@ -13,9 +13,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import gmr_gym
-from gmr_gym import archive
-from gmr_gym.instances import Instance, instances, world
-from gmr_gym.source import LOOKERS
+from gmr_gym.evaluation import archive
+from gmr_gym.evaluation.source import LOOKERS
+from gmr_gym.tuning.instances import Instance, instances, world
 
 ENV_ID = "gmr_gym/ReductionTuning-v0"
 # policy(features (k,), t) -> action (j,). It is asked about the episodes of an instance side by side, and of

@@ -5,7 +5,8 @@ generators of torch and NumPy seeded likewise, and ends with everything on disk:
 goes on as if it had not been, to the last bit.
 
 stable-baselines3 keeps models and what they replay as pickles, which run what is written in them: take up, or
-export from, no folder of a stranger's. What is made to be handed on is the .npz, see `gmr_gym.network`."""
+export from, no folder of a stranger's. What is made to be handed on is the .npz, see
+`gmr_gym.tuning.network`."""
 
 import json
 from copy import deepcopy
@@ -25,8 +26,8 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 import gmr_gym  # noqa: F401  registers the environments
-from gmr_gym.output import write_json
-from gmr_gym.thresholds import PAPER, encoded
+from gmr_gym.experiments.output import write_json
+from gmr_gym.tuning.thresholds import PAPER, encoded
 
 ENV_ID = "gmr_gym/ReductionTuning-v0"
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC}

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gmr_gym.summary import Figure
+from gmr_gym.evaluation.summary import Figure
 
 COLUMNS = {
     "track_loss": ("targets lost, %", 100),

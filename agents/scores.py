@@ -10,7 +10,7 @@ import numpy as np
 from judge import Episodes
 from scipy.stats import DegenerateDataWarning, bootstrap, trim_mean
 
-from gmr_gym.summary import CONFIDENCE, Figure
+from gmr_gym.evaluation.summary import CONFIDENCE, Figure
 
 RESAMPLES = 1000
 Pick = Callable[[np.ndarray], np.ndarray]

@@ -15,10 +15,10 @@ from learner import RECURRENT, Run, collected, settings
 from recurrent import remembering
 from stable_baselines3.common.callbacks import ProgressBarCallback
 
-from gmr_gym.commands import key_values
-from gmr_gym.network import save
-from gmr_gym.output import write_rows
-from gmr_gym.threshold_policies import ByNetwork
+from gmr_gym.experiments.output import write_rows
+from gmr_gym.experiments.specs import key_values
+from gmr_gym.tuning.network import save
+from gmr_gym.tuning.policies import ByNetwork
 
 COLUMNS = ("chapter", "steps", "reward", "error_m", "lost", "work")
 

@@ -25,11 +25,11 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import TrialState
 
-from gmr_gym.commands import key_values
-from gmr_gym.instances import instances, world
-from gmr_gym.threshold_features import told
-from gmr_gym.threshold_policies import ByTable, Constant, Rule, Schedule
-from gmr_gym.thresholds import PAPER, encoded
+from gmr_gym.experiments.specs import key_values
+from gmr_gym.tuning.features import told
+from gmr_gym.tuning.instances import instances, world
+from gmr_gym.tuning.policies import ByTable, Constant, Rule, Schedule
+from gmr_gym.tuning.thresholds import PAPER, encoded
 
 LOW = -0.5  # of an action: alpha 8e-4, gamma 1e-5; what lies below costs more than a lost target
 PIECES, EVERY = 4, 15  # scans: the start, from the true state, differs most, and some episodes have 44

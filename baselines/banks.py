@@ -7,14 +7,26 @@ from functools import partial
 
 import numpy as np
 
-from gmr_gym.association import expand_together, hopeless_beyond
-from gmr_gym.mixing import MIXINGS, borrowed_states
+from gmr_gym.checks import check_limits
+from gmr_gym.filters.filter_bank import (
+    Bank,
+    banked,
+    fused,
+    leave_alone,
+    merged,
+    mixed,
+    moved,
+    started,
+    tended,
+)
+from gmr_gym.filters.joint_gating import expand_together, hopeless_beyond
+from gmr_gym.filters.mixing import MIXINGS, borrowed_states
+from gmr_gym.filters.tracker import ALL, Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, match_all, mean_and_covariance, normalised
-from gmr_gym.models import Model
-from gmr_gym.modes import Bank, banked, fused, leave_alone, merged, mixed, moved, started, tended
-from gmr_gym.reducers import reducer
-from gmr_gym.reduction import Reduced, check_reduced, entering
-from gmr_gym.tracker import ALL, Report, check_limits, check_scan
+from gmr_gym.models.model import Model
+from gmr_gym.reduction.protocol import Reduced, check_reduced
+from gmr_gym.reduction.pruning import entering
+from gmr_gym.reduction.registry import reducer
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from gmr_gym.association import expand, gates
+from gmr_gym.checks import at_least_one
+from gmr_gym.filters.association import expand
+from gmr_gym.filters.mode_mixture import Modal, carried, spread
+from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import collapsed, mean_and_covariance
-from gmr_gym.models import Model
-from gmr_gym.modes import Modal, carried, spread
-from gmr_gym.reduction import at_least_one, runnalls
-from gmr_gym.tracker import Report, check_scan
+from gmr_gym.models.gating import gates
+from gmr_gym.models.model import Model
+from gmr_gym.reduction.runnalls import runnalls
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from gmr_gym import phd
+from gmr_gym.filters import phd
+from gmr_gym.filters.phd import Labelled
+from gmr_gym.filters.registry import make_tracker
+from gmr_gym.filters.tracker import Account, ManyTracker, check_scan
 from gmr_gym.mixture import Mixture
-from gmr_gym.multitarget import Account, ManyTracker, Population
-from gmr_gym.phd import Labelled
-from gmr_gym.reduction import Reduced
-from gmr_gym.tracker import check_scan, make_tracker
+from gmr_gym.models.multi_target import Population
+from gmr_gym.reduction.protocol import Reduced
+from gmr_gym.reduction.registry import reduction_named
 
 
 class Fitted(NamedTuple):
@@ -61,5 +63,5 @@ def fitted_phd(
     as printed or `repaired`."""
     if by not in ("fmm-em", "fmm-gibbs"):
         raise ValueError(f"by must be fmm-em or fmm-gibbs, got {by!r}")
-    reduce = phd.reduction_named(reduction, components, merging)
+    reduce = reduction_named(reduction, components, merging)
     return FittedPhd(population, reduce, make_tracker(by, population, repaired=repaired), prune_weight)

@@ -7,13 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym import phd
-from gmr_gym.finite_mixture import Management, Parts, check_whole, fit_em, initial, management
-from gmr_gym.gibbs import fit_gibbs
-from gmr_gym.kalman import predict
+from gmr_gym.checks import check_whole
+from gmr_gym.filters.finite_mixture import Management, Parts, fit_em, initial, management
+from gmr_gym.filters.gibbs import fit_gibbs
+from gmr_gym.filters.intensity_update import posteriors
+from gmr_gym.filters.tracker import Account, check_scan
 from gmr_gym.mixture import Mixture, joined, take
-from gmr_gym.multitarget import Account, Clutter, Population, nothing
-from gmr_gym.tracker import check_scan
+from gmr_gym.models.clutter import Clutter, nothing
+from gmr_gym.models.kalman import predict
+from gmr_gym.models.multi_target import Population
 
 
 class Tracks(NamedTuple):
@@ -223,5 +225,5 @@ def _updated(p: Mixture, z: np.ndarray, sensor) -> tuple[Mixture, np.ndarray]:
     C = sensor.look(p, expected, S, z).C
     n, off = len(p.w), z - expected
     d2 = np.einsum("ni,ni->n", off, np.linalg.solve(S, off[:, :, None])[:, :, 0])
-    found = phd.posteriors(np.zeros(n), np.eye(n), p.m, p.P, expected, S, C, *sensor, z, 0.0)
+    found = posteriors(np.zeros(n), np.eye(n), p.m, p.P, expected, S, C, *sensor, z, 0.0)
     return Mixture(*found[:3]), d2

@@ -6,12 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym import cardinality, phd
+from gmr_gym.filters import cphd as cardinality
+from gmr_gym.filters import phd
+from gmr_gym.filters.phd import Labelled
+from gmr_gym.filters.tracker import Account, check_scan
 from gmr_gym.mixture import Mixture
-from gmr_gym.multitarget import Account, Population
-from gmr_gym.phd import Labelled
-from gmr_gym.reduction import Reduced
-from gmr_gym.tracker import check_scan
+from gmr_gym.models.multi_target import Population
+from gmr_gym.reduction.protocol import Reduced
+from gmr_gym.reduction.registry import reduction_named
 
 
 class Census(NamedTuple):
@@ -73,5 +75,5 @@ def gm_cphd(
     """GM-CPHD filter of at most `targets` targets, reduced to `components`: by Vo and Ma's merging of what
     lies within the squared distance `merging` (U), or by any reduction that the single-target trackers
     take, such as "runnalls" or "adaptive", which do not heed `merging`."""
-    reduce = phd.reduction_named(reduction, components, merging)
+    reduce = reduction_named(reduction, components, merging)
     return GmCphd(population, reduce, prune_weight, targets)

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmr_gym import phd
+from gmr_gym.filters import phd
+from gmr_gym.filters.phd import Labelled
+from gmr_gym.filters.tracker import Account, check_scan
 from gmr_gym.mixture import Mixture
-from gmr_gym.multitarget import Account, Population
-from gmr_gym.phd import Labelled
-from gmr_gym.reduction import Reduced
-from gmr_gym.tracker import check_scan
+from gmr_gym.models.multi_target import Population
+from gmr_gym.reduction.protocol import Reduced
+from gmr_gym.reduction.registry import reduction_named
 
 
 @dataclass(frozen=True)
@@ -49,4 +50,4 @@ def gm_phd(
     """GM-PHD filter reduced to `components`: by Vo and Ma's merging of what lies within the squared distance
     `merging` (U), or by any reduction that the single-target trackers take, such as "runnalls" or
     "adaptive", which do not heed `merging`."""
-    return GmPhd(population, phd.reduction_named(reduction, components, merging), prune_weight)
+    return GmPhd(population, reduction_named(reduction, components, merging), prune_weight)

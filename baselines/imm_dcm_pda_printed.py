@@ -5,15 +5,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gmr_gym.association import Gates, distances_seen, gates, volumes
-from gmr_gym.imm import mixed_ahead
-from gmr_gym.kalman import Look
-from gmr_gym.mixing import MIXINGS, borrowed_states
+from gmr_gym.filters.filter_bank import Bank, started
+from gmr_gym.filters.imm import mixed_ahead
+from gmr_gym.filters.mixing import MIXINGS, borrowed_states
+from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, match_all
-from gmr_gym.models import Model, told_by
-from gmr_gym.modes import Bank, started
-from gmr_gym.tracker import Report, check_scan
-from gmr_gym.update import joseph_into
+from gmr_gym.models.gating import Gates, distances_seen, gates, volumes
+from gmr_gym.models.model import Model, told_by
+from gmr_gym.models.sensing import Look
+from gmr_gym.models.update import joseph_into
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gmr_gym.association import Gates, gate_size, hopeless_beyond, unit_ball
-from gmr_gym.imm import associated, mixed_ahead
-from gmr_gym.kalman import Motion
-from gmr_gym.mixing import MIXINGS, borrowed_states
+from gmr_gym.checks import check_limits
+from gmr_gym.filters.filter_bank import Bank, started
+from gmr_gym.filters.imm import associated, mixed_ahead
+from gmr_gym.filters.joint_gating import hopeless_beyond
+from gmr_gym.filters.mixing import MIXINGS, borrowed_states
+from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed
-from gmr_gym.models import Model, told_by
-from gmr_gym.modes import Bank, started
-from gmr_gym.tracker import Report, check_limits, check_scan
+from gmr_gym.models.gating import Gates, gate_size, unit_ball
+from gmr_gym.models.kalman import Motion
+from gmr_gym.models.model import Model, told_by
 
 
 @dataclass(frozen=True)

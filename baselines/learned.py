@@ -7,17 +7,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import gmr_gym
-from gmr_gym.association import Gates
-from gmr_gym.hypotheses import expand_scan, odds
-from gmr_gym.kalman import Sensor
+from gmr_gym.checks import at_least_one
+from gmr_gym.filters.mht import expand_scan, odds
+from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
-from gmr_gym.models import Model
-from gmr_gym.network import Network, forward, load
-from gmr_gym.reduction import at_least_one
-from gmr_gym.threshold_features import FEATURES, Memory, at_start, observe, told
-from gmr_gym.thresholds import PAPER, Thresholds, adapt, decode, encoded, places
-from gmr_gym.tracker import Report, check_scan
+from gmr_gym.models.gating import Gates
+from gmr_gym.models.kalman import Sensor
+from gmr_gym.models.model import Model
+from gmr_gym.tuning.features import FEATURES, Memory, at_start, observe, told
+from gmr_gym.tuning.network import Network, forward, load
+from gmr_gym.tuning.thresholds import PAPER, Thresholds, adapt, decode, encoded, places
 
 SHIPPED = Path(gmr_gym.__file__).parent / "data" / "policies" / "thresholds.npz"
 
@@ -88,6 +88,7 @@ def learned_thresholds(
 ) -> LearnedThresholds:
     """MHT of up to `components` hypotheses whose thresholds are set by a network: that which comes with
     gmr_gym, or that in the file `policy`, as agents/export.py writes it. For one motion and a linear sensor.
-    Raises ValueError for a file that is none, see `gmr_gym.network.load`, and for a model of another kind."""
+    Raises ValueError for a file that is none, see `gmr_gym.tuning.network.load`, and for a model of another
+    kind."""
     network = load(SHIPPED if policy is None else policy, FEATURES, Thresholds._fields)
     return LearnedThresholds(model, network, PAPER._replace(components=at_least_one(components)))

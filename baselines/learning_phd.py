@@ -6,13 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym import phd
-from gmr_gym.clutter_learning import Learner, Lessons, first_lesson, learn, learner
+from gmr_gym.filters import phd
+from gmr_gym.filters.clutter_estimation import Learner, Lessons, first_lesson, learn, learner
+from gmr_gym.filters.phd import Labelled
+from gmr_gym.filters.tracker import Account, check_scan
 from gmr_gym.mixture import Mixture
-from gmr_gym.multitarget import Account, Population
-from gmr_gym.phd import Labelled
-from gmr_gym.reduction import Reduced
-from gmr_gym.tracker import check_scan
+from gmr_gym.models.multi_target import Population
+from gmr_gym.reduction.protocol import Reduced
+from gmr_gym.reduction.registry import reduction_named
 
 
 class Learning(NamedTuple):
@@ -65,5 +66,5 @@ def learning_phd(
 ) -> LearningPhd:
     """GM-PHD filter of up to `components`, with clutter learned as a uniform and up to `most` Gaussians no
     narrower than `deviation` (m), which forgets within `memory` scans."""
-    reduce = phd.reduction_named(reduction, components, merging)
+    reduce = reduction_named(reduction, components, merging)
     return LearningPhd(population, reduce, learner(memory, deviation, most, iterations), prune_weight)

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym import multi_bernoulli
-from gmr_gym.clutter_learning import Learner, Lessons, first_lesson, learn, learner
-from gmr_gym.models import check_probability
-from gmr_gym.multi_bernoulli import MultiBernoulli
-from gmr_gym.multitarget import Account, Population
-from gmr_gym.tracker import check_limits, check_scan
+from gmr_gym.checks import check_limits, check_probability
+from gmr_gym.filters import pmb as multi_bernoulli
+from gmr_gym.filters.clutter_estimation import Learner, Lessons, first_lesson, learn, learner
+from gmr_gym.filters.pmb import MultiBernoulli
+from gmr_gym.filters.tracker import Account, check_scan
+from gmr_gym.models.multi_target import Population
 
 
 class Learning(NamedTuple):

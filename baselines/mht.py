@@ -7,13 +7,15 @@ from functools import partial
 
 import numpy as np
 
-from gmr_gym import ise as williams
-from gmr_gym import reduction
-from gmr_gym.hypotheses import MOST, expanded, reduced
+from gmr_gym.checks import ANY, at_least_one, check_limits
+from gmr_gym.filters.mht import MOST, expanded, reduced
+from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, mean_and_covariance
-from gmr_gym.models import Model, check_one_motion
-from gmr_gym.reduction import Greedy, Reduced
-from gmr_gym.tracker import Report, check_limits, check_scan
+from gmr_gym.models.model import Model, check_one_motion
+from gmr_gym.reduction import ise as williams
+from gmr_gym.reduction import salmond_west
+from gmr_gym.reduction.protocol import Reduced, check_reduced
+from gmr_gym.reduction.runnalls import Greedy, greedy
 
 
 @dataclass(frozen=True)
@@ -34,12 +36,13 @@ class Mht:
             raise ValueError(f"prune_density must be non-negative and finite, got {self.prune_density}")
         if not isinstance(self.reduce, Greedy):
             # a wrong parameter is an error here, not in a scan
-            reduction.check_reduced(self.reduce(collapsed(self.model.prior)), 1)
+            check_reduced(self.reduce(collapsed(self.model.prior)), 1)
 
     @property
     def limits(self) -> tuple | None:
-        """What a compiled loop over many runs has to know besides the model, see `gmr_gym.batch`: gamma, the
-        most that enter a reduction, the two numbers of Greedy, gamma~; None where it cannot reduce so."""
+        """What a compiled loop over many runs has to know besides the model, see
+        `gmr_gym.evaluation.batch`: gamma, the most that enter a reduction, the two numbers of Greedy, gamma~;
+        None where it cannot reduce so."""
         if type(self) is not Mht or not isinstance(self.reduce, Greedy):
             return None
         merging = self.reduce.components, self.reduce.loss_bound
@@ -60,15 +63,15 @@ class Mht:
 def capping(model: Model, components: int = 30, prune_weight: float = 0.0, prune_density: float = 0.0) -> Mht:
     """MHT that keeps the heaviest `components` hypotheses and does not prune otherwise
     (D'Ortenzio, Capping: the paper's capping takes no part in its change of gamma)."""
-    most = min(reduction.at_least_one(components), MOST)
-    return Mht(model, Greedy(reduction.ANY), prune_weight, prune_density, most)  # there is nothing to merge
+    most = min(at_least_one(components), MOST)
+    return Mht(model, Greedy(ANY), prune_weight, prune_density, most)  # there is nothing to merge
 
 
 def runnalls(
     model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10
 ) -> Mht:
     """MHT reduced to `components` by Runnalls' greedy merging (D'Ortenzio, Runnalls)."""
-    return Mht(model, Greedy(reduction.at_least_one(components)), prune_weight, prune_density)
+    return Mht(model, Greedy(at_least_one(components)), prune_weight, prune_density)
 
 
 def adaptive(
@@ -80,7 +83,7 @@ def adaptive(
 ) -> Mht:
     """MHT merged while the relative loss stays within `loss_bound` (alpha) and on to `components`
     at most, None for no such limit (D'Ortenzio, Adaptive)."""
-    return Mht(model, reduction.greedy(components, loss_bound), prune_weight, prune_density)
+    return Mht(model, greedy(components, loss_bound), prune_weight, prune_density)
 
 
 def ise(model: Model, components: int = 15, prune_weight: float = 5e-4, prune_density: float = 1e-10) -> Mht:
@@ -93,9 +96,9 @@ def salmond(
     model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10
 ) -> Mht:
     """MHT reduced to `components` by Salmond's joining."""
-    return Mht(model, partial(reduction.salmond, components=components), prune_weight, prune_density)
+    return Mht(model, partial(salmond_west.salmond, components=components), prune_weight, prune_density)
 
 
 def west(model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10) -> Mht:
     """MHT reduced to `components` by West's merging of the lightest into its nearest."""
-    return Mht(model, partial(reduction.west, components=components), prune_weight, prune_density)
+    return Mht(model, partial(salmond_west.west, components=components), prune_weight, prune_density)

@@ -8,15 +8,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.association import Expansion, Gates, expand, hopeless_beyond, look_together
-from gmr_gym.kalman import Look, predict
-from gmr_gym.mixing import MIXINGS, borrow_into, borrowed_states
+from gmr_gym.checks import check_limits
+from gmr_gym.filters.association import Expansion, expand
+from gmr_gym.filters.filter_bank import diverging, floored, mmae_weights
+from gmr_gym.filters.joint_gating import hopeless_beyond, look_together
+from gmr_gym.filters.mixing import MIXINGS, borrow_into, borrowed_states
+from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, joined, mean_and_covariance, normalised, take
-from gmr_gym.models import Model
-from gmr_gym.modes import diverging, floored, mmae_weights
-from gmr_gym.reducers import reducer
-from gmr_gym.reduction import Reduced, check_reduced, entering, runnalls
-from gmr_gym.tracker import Report, check_limits, check_scan
+from gmr_gym.models.gating import Gates
+from gmr_gym.models.kalman import predict
+from gmr_gym.models.model import Model
+from gmr_gym.models.sensing import Look
+from gmr_gym.reduction.protocol import Reduced, check_reduced
+from gmr_gym.reduction.pruning import entering
+from gmr_gym.reduction.registry import reducer
+from gmr_gym.reduction.runnalls import runnalls
 
 
 class Mixtures(NamedTuple):

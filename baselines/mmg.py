@@ -7,14 +7,16 @@ from functools import partial
 
 import numpy as np
 
-from gmr_gym import modes
-from gmr_gym.association import expand_together, hopeless_beyond
+from gmr_gym.checks import check_limits
+from gmr_gym.filters import mode_mixture
+from gmr_gym.filters.joint_gating import expand_together, hopeless_beyond
+from gmr_gym.filters.mode_mixture import Modal, carried, spread
+from gmr_gym.filters.tracker import ALL, Report, check_scan
 from gmr_gym.mixture import Mixture, mean_and_covariance, normalised
-from gmr_gym.models import Model
-from gmr_gym.modes import Modal, carried, spread
-from gmr_gym.reducers import reducer
-from gmr_gym.reduction import Reduced, capping, check_reduced, entering
-from gmr_gym.tracker import ALL, Report, check_limits, check_scan
+from gmr_gym.models.model import Model
+from gmr_gym.reduction.protocol import Reduced, check_reduced
+from gmr_gym.reduction.pruning import capping, entering
+from gmr_gym.reduction.registry import reducer
 
 
 @dataclass(frozen=True)
@@ -76,13 +78,13 @@ def mmg(
 
 def gpb1(model: Model, hopeless: float = 20.0) -> Mmg:
     """First-order generalised pseudo-Bayesian filter: one Gaussian; in clutter every filter is a PDA."""
-    return Mmg(model, modes.gpb1, prune_weight=0.0, most=ALL, hopeless=hopeless)
+    return Mmg(model, mode_mixture.gpb1, prune_weight=0.0, most=ALL, hopeless=hopeless)
 
 
 def gpb2(model: Model, hopeless: float = 20.0) -> Mmg:
     """Second-order generalised pseudo-Bayesian filter: one Gaussian per model, each moved by every model;
     in clutter every filter is a PDA."""
-    return Mmg(model, modes.gpb2, prune_weight=0.0, most=ALL, hopeless=hopeless)
+    return Mmg(model, mode_mixture.gpb2, prune_weight=0.0, most=ALL, hopeless=hopeless)
 
 
 def b_best(model: Model, components: int = 15, hopeless: float = 20.0) -> Mmg:

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmr_gym.association import distances_seen, expand, gates
-from gmr_gym.kalman import predict
+from gmr_gym.filters.association import expand
+from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed
-from gmr_gym.models import Model, check_one_motion
-from gmr_gym.tracker import Report, check_scan
+from gmr_gym.models.gating import distances_seen, gates
+from gmr_gym.models.kalman import predict
+from gmr_gym.models.model import Model, check_one_motion
 
 
 @dataclass(frozen=True)

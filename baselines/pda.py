@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmr_gym.hypotheses import fused
+from gmr_gym.filters.mht import fused
+from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed
-from gmr_gym.models import Model, check_one_motion
-from gmr_gym.tracker import Report, check_scan
+from gmr_gym.models.model import Model, check_one_motion
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,13 @@ from rows import MISSING, stone_soup
 from timing import Plan, Row, Stopwatch, interleaved, timed
 
 from baselines.gm_phd import GmPhd
-from gmr_gym.clutter_learning import learn
-from gmr_gym.crowd import ManyScenario, draw, scan
-from gmr_gym.finite_mixture import fit_em
-from gmr_gym.multitarget import ManyTracker, nothing
+from gmr_gym.filters.clutter_estimation import learn
+from gmr_gym.filters.finite_mixture import fit_em
+from gmr_gym.filters.registry import make_tracker
+from gmr_gym.filters.tracker import ManyTracker
+from gmr_gym.models.clutter import nothing
 from gmr_gym.scenarios.lv import unknown_clutter
-from gmr_gym.tracker import make_tracker
+from gmr_gym.simulation.multi_target import ManyScenario, draw, scan
 
 COMPONENTS = 100
 FULL = 40  # scans, from which on a learner forgets as much as it learns

@@ -9,16 +9,17 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 from timing import Plan, Row, interleaved, timed
 
-from gmr_gym.clustering import hierarchical
-from gmr_gym.dissimilarity import dissimilarity
+from gmr_gym.evaluation.loop import play
+from gmr_gym.filters.registry import make_tracker
+from gmr_gym.filters.tracker import Tracker
 from gmr_gym.mixture import Mixture, matched
-from gmr_gym.play import play
-from gmr_gym.reduction import Reduced
+from gmr_gym.reduction.clustering import hierarchical
+from gmr_gym.reduction.dissimilarity import dissimilarity
+from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.scenarios.maybeck import agile_flight
 from gmr_gym.scenarios.zhang import MARGIN, SCANS, START, jump_markov
-from gmr_gym.simulate import Scenario, draw, scan
-from gmr_gym.tracker import Tracker, make_tracker
+from gmr_gym.simulation.single_target import Scenario, draw, scan
 
 try:
     from filterpy.kalman import IMMEstimator, KalmanFilter

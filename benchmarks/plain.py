@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from gmr_gym.association import gate_size
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, moments
-from gmr_gym.models import Model
-from gmr_gym.simulate import Scenario
+from gmr_gym.models.gating import gate_size
+from gmr_gym.models.model import Model
+from gmr_gym.simulation.single_target import Scenario
 
 
 def runnalls_in_numpy(p: Mixture, components: int, budget: float = np.inf) -> np.ndarray:

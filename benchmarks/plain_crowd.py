@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from gmr_gym.clutter_learning import NEIGHBOURHOOD, Learner, Lessons
-from gmr_gym.finite_mixture import LEAST_UNIFORM, Management, Parts
+from gmr_gym.filters.clutter_estimation import NEIGHBOURHOOD, Learner, Lessons
+from gmr_gym.filters.finite_mixture import LEAST_UNIFORM, Management, Parts
 from gmr_gym.mixture import Mixture, joined, take
-from gmr_gym.multitarget import Clutter, Population
+from gmr_gym.models.clutter import Clutter
+from gmr_gym.models.multi_target import Population
 
 
 def phd_scan(

@@ -3,11 +3,12 @@
 import numpy as np
 
 from baselines.mht import Mht
+from gmr_gym.evaluation.loop import play
 from gmr_gym.mixture import Mixture, normalised
-from gmr_gym.play import play
-from gmr_gym.reduction import capping, runnalls
+from gmr_gym.reduction.pruning import capping
+from gmr_gym.reduction.runnalls import runnalls
 from gmr_gym.scenarios.dortenzio import turning_target
-from gmr_gym.simulate import Scenario, draw, scan
+from gmr_gym.simulation.single_target import Scenario, draw, scan
 
 
 def posteriors(n: int, components: int, clutter_rate: float, count: int) -> list[Mixture]:

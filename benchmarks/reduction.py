@@ -8,9 +8,9 @@ import plain
 from problems import drawn, partition, posteriors
 from timing import Plan, Row, interleaved, timed
 
-from gmr_gym.ise import integral_squared_error
 from gmr_gym.mixture import Mixture
-from gmr_gym.reduction import adaptive, runnalls
+from gmr_gym.reduction.ise import integral_squared_error
+from gmr_gym.reduction.runnalls import adaptive, runnalls
 
 if find_spec("stonesoup"):
     import stone_soup

@@ -9,10 +9,10 @@ import plain
 from problems import scans
 from timing import Plan, Row, Stopwatch, Timing, interleaved, timed
 
-from gmr_gym import montecarlo
+from gmr_gym.evaluation import montecarlo
+from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.dortenzio import turning_target
-from gmr_gym.simulate import draw
-from gmr_gym.tracker import make_tracker
+from gmr_gym.simulation.single_target import draw
 
 if find_spec("stonesoup"):
     import stone_soup

@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from timing import Plan, Row, Timing
 from vectors import vector_rows
 
-from gmr_gym.output import write_json
+from gmr_gym.experiments.output import write_json
 
 SECTIONS: tuple[Callable[[Plan], Iterator[Row]], ...] = (
     reduction_rows, scan_rows, mode_rows, crowd_rows, environment_rows, vector_rows, worker_rows, start_rows,

@@ -17,10 +17,10 @@ from start import COMMAND, peak
 from timing import interleaved, timed
 from vectors import side_by_side
 
-from gmr_gym import montecarlo
-from gmr_gym.reduction import runnalls
+from gmr_gym.evaluation import montecarlo
+from gmr_gym.filters.registry import make_tracker
+from gmr_gym.reduction.runnalls import runnalls
 from gmr_gym.scenarios.dortenzio import turning_target
-from gmr_gym.tracker import make_tracker
 
 FEW = 4  # points that need no logarithmic scale
 Curves = Mapping[str, tuple[list[float], list[float]]]  # name to x and y

@@ -27,11 +27,11 @@ from stonesoup.types.update import GaussianStateUpdate
 from stonesoup.updater.kalman import KalmanUpdater
 from stonesoup.updater.pointprocess import PHDUpdater
 
-from gmr_gym.kalman import Motion, Sensor
 from gmr_gym.mixture import Mixture
-from gmr_gym.models import Model
-from gmr_gym.multitarget import Population
-from gmr_gym.simulate import Scenario
+from gmr_gym.models.kalman import Motion, Sensor
+from gmr_gym.models.model import Model
+from gmr_gym.models.multi_target import Population
+from gmr_gym.simulation.single_target import Scenario
 
 START = datetime(2000, 1, 1)
 MERGE = 5  # squared Mahalanobis distance, as in the Gaussian-mixture PHD tutorial

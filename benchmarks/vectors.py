@@ -9,10 +9,10 @@ from problems import scans
 from rows import MISSING, STONE_SOUP_SCANS, Tracked
 from timing import Plan, Row, Stopwatch, interleaved, timed
 
-from gmr_gym.envs import TUNING
+from gmr_gym.envs.registry import TUNING
+from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.dortenzio import turning_target
-from gmr_gym.simulate import draw
-from gmr_gym.tracker import make_tracker
+from gmr_gym.simulation.single_target import draw
 
 if find_spec("stonesoup"):
     import stone_soup

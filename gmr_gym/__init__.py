@@ -7,14 +7,15 @@ is imported when it is first used: numba, which all of it needs, takes longer to
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from gmr_gym.envs import register_envs
+from gmr_gym.envs.registry import register_envs
 from gmr_gym.version import __version__
 
 if TYPE_CHECKING:
+    from gmr_gym.envs.policy import CrowdPolicy, Policy
+    from gmr_gym.filters.registry import make_tracker, trackers
+    from gmr_gym.filters.tracker import Report, Tracker
     from gmr_gym.mixture import Mixture
-    from gmr_gym.models import Model, model
-    from gmr_gym.policy import CrowdPolicy, Policy
-    from gmr_gym.tracker import Report, Tracker, make_tracker, trackers
+    from gmr_gym.models.model import Model, model
 
 __all__ = [
     "CrowdPolicy", "Mixture", "Model", "Policy", "Report", "Tracker", "__version__",
@@ -22,9 +23,10 @@ __all__ = [
 ]  # fmt: skip
 _HOME = {
     "mixture": ("Mixture",),
-    "models": ("Model", "model"),
-    "policy": ("CrowdPolicy", "Policy"),
-    "tracker": ("Report", "Tracker", "make_tracker", "trackers"),
+    "models.model": ("Model", "model"),
+    "envs.policy": ("CrowdPolicy", "Policy"),
+    "filters.registry": ("make_tracker", "trackers"),
+    "filters.tracker": ("Report", "Tracker"),
 }
 
 register_envs()

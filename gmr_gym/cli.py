@@ -13,9 +13,16 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from gmr_gym import detections
-from gmr_gym.blocks import check_folder
-from gmr_gym.commands import (
+from gmr_gym.data.loader import flight_names
+from gmr_gym.envs.registry import ENVIRONMENTS
+from gmr_gym.evaluation import recordings as detections
+from gmr_gym.evaluation.blocks import check_folder
+from gmr_gym.evaluation.loop import play
+from gmr_gym.evaluation.workers import WorkersLost
+from gmr_gym.experiments.output import console, progress, spell_out
+from gmr_gym.experiments.records import check_free, named, question
+from gmr_gym.experiments.running import rerun, sharded
+from gmr_gym.experiments.specs import (
     Once,
     check_ending,
     check_once,
@@ -24,25 +31,19 @@ from gmr_gym.commands import (
     key_values,
     numbers,
     parsed,
-    runs_shown,
     said,
     scenario_of,
     single_target,
     tracker_of,
 )
-from gmr_gym.crowd import ManyScenario
-from gmr_gym.data import flight_names
-from gmr_gym.envs import ENVIRONMENTS
-from gmr_gym.output import console, progress, spell_out
-from gmr_gym.play import play
-from gmr_gym.records import check_free, named, question
-from gmr_gym.reducers import REDUCERS
-from gmr_gym.reproduce.running import rerun, sharded
-from gmr_gym.simulate import draw
-from gmr_gym.sweeps import BLOCKS, Sweep, merge_results, say_what_is_left, shard_of
-from gmr_gym.tracker import CROWD_GROUP, Tracker, make_tracker, trackers
+from gmr_gym.experiments.sweeps import BLOCKS, Sweep, merge_results, runs_shown, say_what_is_left, shard_of
+from gmr_gym.filters.registry import CROWD_GROUP, make_tracker, trackers
+from gmr_gym.filters.tracker import Tracker
+from gmr_gym.models.priors import constant_velocity_model, prior_from_first_scan, prior_given
+from gmr_gym.reduction.registry import REDUCERS
+from gmr_gym.simulation.multi_target import ManyScenario
+from gmr_gym.simulation.single_target import draw
 from gmr_gym.version import __version__
-from gmr_gym.workers import WorkersLost
 
 PAPERS = {
     "dortenzio": "adaptive reduction of a single target's hypotheses: Tables 1-4, Fig. 1",
@@ -176,7 +177,7 @@ def reproduce(
     """A paper's tables and figures: its numbers beside ours, with intervals and verdicts."""
     if paper not in PAPERS:
         raise ValueError(f"unknown paper {paper!r}; choose one of {', '.join(PAPERS)}")
-    module = import_module(f"gmr_gym.reproduce.{paper.replace('-', '_')}")
+    module = import_module(f"gmr_gym.experiments.papers.{paper.replace('-', '_')}")
     known = {entry.name: entry for entry in (*module.TABLES, *getattr(module, "MAPS", ()))}
     for name in table:
         if name not in known:
@@ -220,7 +221,7 @@ def watch(
     out: Annotated[Path, typer.Option("--out", help=".gif or .mp4")] = Path("episode.gif"),
 ) -> None:
     """One episode as a film: clutter, gates, hypotheses, truth and estimates."""
-    from gmr_gym.watch import film
+    from gmr_gym.experiments.film import film
 
     check_writable(out)
     scenario = scenario_of(env_id, key_values(settings))
@@ -297,10 +298,10 @@ def track_(
                 raise ValueError(
                     f"{name} must be {axes} positions and {axes} velocities, got {len(values)} numbers"
                 )
-        start, prior_time = detections.prior_given(*state), None
+        start, prior_time = prior_given(*state), None
     else:
         scans = detections.from_first_detection(scans)
-        start = detections.prior_from_first_scan(scans.z[0], sensor_deviation, speed)
+        start = prior_from_first_scan(scans.z[0], sensor_deviation, speed)
         prior_time = scans.times[0]
     if len(scans.times) == 1 and not (prior and period):
         raise ValueError(
@@ -309,7 +310,7 @@ def track_(
         )
 
     def build(interval: float) -> Tracker:
-        told = detections.constant_velocity_model(
+        told = constant_velocity_model(
             interval, start, axes=len(scans.coordinates), acceleration_deviation=acceleration_deviation,
             sensor_deviation=sensor_deviation, detection_probability=detection_probability,
             clutter_density=clutter_density,

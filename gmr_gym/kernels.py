@@ -1,9 +1,11 @@
 """How kernels are compiled, all of them alike but for what they ask for."""
 
 import multiprocessing
+import os
 import warnings
-from collections.abc import Callable
-from functools import cache, partial
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -73,3 +75,19 @@ def warn_uncached() -> None:
 # an atomic operation, and half of the time of a scan went into them. It may call none but its like, which
 # would otherwise be compiled as it is.
 uncounted = kernel(nogil=True, _nrt=False)
+
+
+def together(call: Callable[..., object], shares: Sequence[tuple]) -> None:
+    """call(*share) for every share, the first on the thread of the caller; what one raises is raised."""
+    helpers = len(shares) - 1
+    pool = _pool(os.getpid(), helpers) if helpers else None
+    others = [pool.submit(call, *share) for share in shares[1:]] if pool else []
+    call(*shares[0])
+    for other in others:
+        other.result()
+
+
+@lru_cache
+def _pool(process: int, helpers: int) -> ThreadPoolExecutor:
+    """Threads to help the caller's own; a forked process has to have others than its parent."""
+    return ThreadPoolExecutor(helpers, "gmr_gym")

@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.kernels import kernel, uncounted
-from gmr_gym.validation import doubles, refuse_unsound, sound
-
-LOG_2PI = float(np.log(2 * np.pi))
+from gmr_gym.checks import doubles, refuse_unsound, sound
+from gmr_gym.kernels import kernel
+from gmr_gym.linalg import cholesky_into, log_gaussian_scale, mahalanobis_squared, pairwise_sum
 
 
 class Mixture(NamedTuple):
@@ -168,85 +167,6 @@ def rescaled(w):
     if not whole > 0.0:
         raise ValueError("the weights sum to 0 or are no numbers; a mixture needs at least one above 0")
     return w / whole
-
-
-@uncounted
-def pairwise_sum(w):
-    """Sum of w (n,), in pairs of pairs and so on, which keeps its rounding small; to the last bit that of
-    NumPy."""
-    n = len(w)
-    if n < 8:
-        out = 0.0
-        for i in range(n):
-            out += w[i]
-        return out
-    if n > 128:
-        half = n // 2 - n // 2 % 8
-        return pairwise_sum(w[:half]) + pairwise_sum(w[half:])
-    s0, s1, s2, s3, s4, s5, s6, s7 = w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7]
-    whole = n - n % 8
-    for i in range(8, whole, 8):
-        s0, s1, s2, s3 = s0 + w[i], s1 + w[i + 1], s2 + w[i + 2], s3 + w[i + 3]
-        s4, s5, s6, s7 = s4 + w[i + 4], s5 + w[i + 5], s6 + w[i + 6], s7 + w[i + 7]
-    out = ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
-    for i in range(whole, n):
-        out += w[i]
-    return out
-
-
-@uncounted
-def cholesky_into(L, S):
-    """Lower factor of the symmetric S (p, p) written into L; False when S is not definite."""
-    p = len(S)
-    for r in range(p):
-        for c in range(r + 1):
-            total = S[r, c]
-            for k in range(c):
-                total -= L[r, k] * L[c, k]
-            if r == c:
-                if not total > 0.0:
-                    return False
-                L[r, r] = np.sqrt(total)
-            else:
-                L[r, c] = total / L[c, c]
-    return True
-
-
-@kernel
-def root_determinants(P):
-    """sqrt|P[i]| (n,) of positive definite matrices (n, d, d)."""
-    n, d = P.shape[:2]
-    out, L = np.empty(n), np.zeros((d, d))
-    for i in range(n):
-        if not cholesky_into(L, P[i]):
-            raise ValueError("a covariance of the mixture is not positive definite")
-        out[i] = 1.0
-        for r in range(d):
-            out[i] *= L[r, r]
-    return out
-
-
-@uncounted
-def mahalanobis_squared(L, z, z_hat, y):
-    """(z - z_hat)' S^-1 (z - z_hat) with S = L L'; y (p,) is room to work in."""
-    d2 = 0.0
-    for r in range(len(z)):
-        total = z[r] - z_hat[r]
-        for k in range(r):
-            total -= L[r, k] * y[k]
-        y[r] = total / L[r, r]
-        d2 += y[r] * y[r]
-    return d2
-
-
-@uncounted
-def log_gaussian_scale(L):
-    """log of N(z; z, L L'), the density at its mean."""
-    p = len(L)
-    total = -0.5 * p * LOG_2PI
-    for r in range(p):
-        total -= np.log(L[r, r])
-    return total
 
 
 @kernel

@@ -6,7 +6,7 @@ import signal
 import numpy as np
 
 from gmr_gym.mixture import Mixture
-from gmr_gym.reduction import runnalls
+from gmr_gym.reduction.runnalls import runnalls
 
 
 def loses_weight(p, components):

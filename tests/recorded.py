@@ -20,17 +20,18 @@ import scipy
 
 import gmr_gym
 from baselines.learned import SHIPPED
-from gmr_gym.crowd_runs import crowd_once
-from gmr_gym.distances import integral_squared_difference
-from gmr_gym.envs import CROWDS, TRACKING
+from gmr_gym.envs.registry import CROWDS, TRACKING
+from gmr_gym.evaluation.montecarlo import run_once
+from gmr_gym.evaluation.multi_target_runs import crowd_once
+from gmr_gym.filters.registry import CROWD_GROUP, trackers
 from gmr_gym.mixture import Mixture, mixture, moments
-from gmr_gym.montecarlo import run_once
-from gmr_gym.network import forward, load
-from gmr_gym.reducers import REDUCERS
-from gmr_gym.reduction import adaptive, heaviest, prune, prune_density
-from gmr_gym.threshold_features import FEATURES
-from gmr_gym.thresholds import Thresholds
-from gmr_gym.tracker import CROWD_GROUP, trackers
+from gmr_gym.reduction.distances import integral_squared_difference
+from gmr_gym.reduction.pruning import heaviest, prune, prune_density
+from gmr_gym.reduction.registry import REDUCERS
+from gmr_gym.reduction.runnalls import adaptive
+from gmr_gym.tuning.features import FEATURES
+from gmr_gym.tuning.network import forward, load
+from gmr_gym.tuning.thresholds import Thresholds
 
 FILE = Path(__file__).with_suffix(".json")
 SCANS = 12

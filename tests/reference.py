@@ -8,12 +8,13 @@ from math import factorial, perm
 import numpy as np
 from scipy.stats import chi2, poisson
 
-from gmr_gym.kalman import motion, position_sensor
-from gmr_gym.metrics import truth_outside_gates
+from gmr_gym.evaluation.montecarlo import Runs
 from gmr_gym.mixture import gaussian, mixture
-from gmr_gym.models import model
-from gmr_gym.motions import constant_velocity
-from gmr_gym.simulate import Scenario, Truth, Window
+from gmr_gym.models.kalman import motion, position_sensor
+from gmr_gym.models.model import model
+from gmr_gym.models.motions import constant_velocity
+from gmr_gym.simulation.loss import truth_outside_gates
+from gmr_gym.simulation.single_target import Scenario, Truth, Window
 
 
 def random_mixture(rng, n, d, spread=3.0, total=1.0):
@@ -465,3 +466,16 @@ def vo_ma_groups(w, m, P, distance):
         groups.append(frozenset(near))
         left -= near
     return groups
+
+
+def runs_of(error, off=None, claimed=None, seed=0):
+    """Runs with these errors (runs, T, d), and off target in the scans of `off` (runs, T)."""
+    rng = np.random.default_rng(seed)
+    n, scans, d = error.shape
+    truth = rng.standard_normal(error.shape)
+    P = np.tile(np.eye(d), (n, scans, 1, 1)) if claimed is None else claimed
+    return Runs(
+        truth, truth + error, P, rng.integers(1, 9, (n, scans)), rng.exponential(50, (n, scans)),
+        np.ones((n, scans)), np.zeros((n, scans), bool) if off is None else off, np.ones((n, scans, 1)),
+        rng.exponential(1e-3, (n, scans)),
+    )  # fmt: skip

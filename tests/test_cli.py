@@ -17,23 +17,23 @@ import pytest
 from PIL import Image
 
 import gmr_gym
-from gmr_gym import detections
 from gmr_gym.cli import PAPERS, main
-from gmr_gym.commands import key_value, scenario_of, tracker_of
-from gmr_gym.curves import CURVES
-from gmr_gym.data import flight_names
-from gmr_gym.envs import CROWDS, ENVIRONMENTS, TRACKING
+from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.episodic import settings
-from gmr_gym.montecarlo import run
-from gmr_gym.output import RUN_COLUMNS, write_runs
-from gmr_gym.play import play
-from gmr_gym.reducers import REDUCERS
+from gmr_gym.envs.registry import CROWDS, ENVIRONMENTS, TRACKING
+from gmr_gym.evaluation import recordings as detections
+from gmr_gym.evaluation.curves import CURVES
+from gmr_gym.evaluation.loop import play
+from gmr_gym.evaluation.montecarlo import run
+from gmr_gym.evaluation.summary import FEWEST, summary
+from gmr_gym.experiments.output import RUN_COLUMNS, write_runs
+from gmr_gym.experiments.specs import key_value, scenario_of, tracker_of
+from gmr_gym.filters.registry import CROWD_GROUP, GROUP, make_tracker, trackers
+from gmr_gym.reduction.registry import REDUCERS
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
-from gmr_gym.simulate import draw, scan
-from gmr_gym.summary import FEWEST, summary
-from gmr_gym.tracker import CROWD_GROUP, GROUP, make_tracker, trackers
+from gmr_gym.simulation.single_target import draw, scan
 
 JUMP, TURNING, RADAR = (f"gmr_gym/{name}-v0" for name in ("JumpMarkov", "TurningTarget", "AirborneRadar"))
 
@@ -42,7 +42,7 @@ JUMP, TURNING, RADAR = (f"gmr_gym/{name}-v0" for name in ("JumpMarkov", "Turning
 def call(monkeypatch, capsys, tmp_path):
     """The command line in a folder of its own: (exit code, what it printed, its errors)."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("gmr_gym.curves.RESAMPLES", 20)  # of the intervals nothing is asked here
+    monkeypatch.setattr("gmr_gym.evaluation.curves.RESAMPLES", 20)  # of the intervals nothing is asked here
 
     def call(*words):
         monkeypatch.setattr(sys, "argv", ["gmr-gym", *map(str, words)])
@@ -237,7 +237,9 @@ def test_watch_films_every_scan(call, monkeypatch, settings):
         episode = draw(scenario, seed)
         return episode._replace(x=episode.x[:4])
 
-    monkeypatch.setattr("gmr_gym.watch.draw", the_first_scans)  # a picture takes a fifth of a second
+    monkeypatch.setattr(
+        "gmr_gym.experiments.film.draw", the_first_scans
+    )  # a picture takes a fifth of a second
     code, _, errors = call("watch", JUMP, "--tracker", "mmg-10", *settings, "--out", "films/f.gif")
     assert code == 0 and "drawing: 4 of 4" in errors
     with Image.open("films/f.gif") as film:
@@ -306,7 +308,7 @@ def test_record_names_what_a_radar_detects_and_track_refuses_angles(call):
     code, printed, errors = call("track", "z.csv", "--sensor-deviation", 10, "--clutter-density", 1e-6)
     assert code == 2 and printed == "" and len(errors.splitlines()) == 1
     assert errors.startswith("error: z.csv, column azimuth_rad: an angle, but only positions in metres are")
-    assert "gmr_gym.radar.cartesian" in errors and not Path("track.csv").exists()
+    assert "gmr_gym.models.radar.cartesian" in errors and not Path("track.csv").exists()
 
 
 def test_what_a_radar_recorded_is_tracked_from_python(call):
@@ -516,7 +518,7 @@ def test_an_interrupted_command_says_where_it_goes_on(call, monkeypatch, number)
     def interrupted(*_, **__):
         signal.raise_signal(number)
 
-    monkeypatch.setattr("gmr_gym.commands.run", interrupted)
+    monkeypatch.setattr("gmr_gym.experiments.specs.run", interrupted)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job has it ignored
     code, printed, errors = call(*EVALUATE, "mmg-5", "--out", "e")
     assert code == 130 and printed == ""
@@ -532,10 +534,10 @@ def test_a_kernel_that_is_interrupted_while_it_is_called_stops_the_command_as_ct
     def broken(*_, **__):
         raise SystemError("of another cause")
 
-    monkeypatch.setattr("gmr_gym.commands.run", stopped)
+    monkeypatch.setattr("gmr_gym.experiments.specs.run", stopped)
     code, _, errors = call(*EVALUATE, "mmg-5", "--out", "e")
     assert code == 130 and errors.startswith("stopped: finished blocks of runs are kept in e/blocks;")
-    monkeypatch.setattr("gmr_gym.commands.run", broken)
+    monkeypatch.setattr("gmr_gym.experiments.specs.run", broken)
     monkeypatch.setattr(sys, "argv", [str(word) for word in ("gmr-gym", *EVALUATE, "mmg-5", "--out", "e")])
     with pytest.raises(SystemError, match="of another cause"):
         main()

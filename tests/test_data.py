@@ -6,7 +6,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from gmr_gym.data import COLUMNS, flight, flight_names
+from gmr_gym.data.loader import COLUMNS, flight, flight_names
 
 FOLDER = files("gmr_gym.data") / "flights"
 

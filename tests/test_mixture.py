@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import reference
 
+from gmr_gym.linalg import pairwise_sum
 from gmr_gym.mixture import (
     Mixture,
     collapsed,
@@ -13,7 +14,6 @@ from gmr_gym.mixture import (
     mixture,
     moments,
     normalised,
-    pairwise_sum,
     rescaled,
     take,
 )

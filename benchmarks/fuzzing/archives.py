@@ -10,9 +10,10 @@ from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
 from fuzzing.inputs import Rng, decades
 from fuzzing.stored import folder, stored, with_bytes_wrong
-from gmr_gym import blocks, network
-from gmr_gym.threshold_features import FEATURES
-from gmr_gym.thresholds import Thresholds
+from gmr_gym.evaluation import blocks
+from gmr_gym.tuning import network
+from gmr_gym.tuning.features import FEATURES
+from gmr_gym.tuning.thresholds import Thresholds
 
 DIGEST = "0" * 32
 

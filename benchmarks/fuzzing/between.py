@@ -7,8 +7,8 @@ import numpy as np
 from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
 from fuzzing.inputs import Rng, hostile_mixture, spoilt_array, spoilt_mixture
-from gmr_gym import distances
 from gmr_gym.mixture import Mixture
+from gmr_gym.reduction import distances
 
 PAIRS = ("kullback_leibler", "bhattacharyya", "hellinger", "correlation", "wasserstein")
 MIXTURES = (

@@ -8,7 +8,7 @@ from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
 from fuzzing.inputs import LAYOUTS, Rng, decades, in_layout, spoilt_points
 from fuzzing.worlds import possible
-from gmr_gym import radar
+from gmr_gym.models import radar
 
 ALONE = ("raw", "debiased", "unbiased", "modified_unbiased")
 PREDICTED = ("decorrelated", "debiased_at")

@@ -10,7 +10,7 @@ import numpy as np
 from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
 from fuzzing.inputs import LAYOUTS, Rng, decades, in_layout, spoilt_array
-from gmr_gym.envs import CROWDS, ENVIRONMENTS
+from gmr_gym.envs.registry import CROWDS, ENVIRONMENTS
 
 STEPS = 6
 MANY = 3  # environments at once

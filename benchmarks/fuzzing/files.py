@@ -9,9 +9,9 @@ from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
 from fuzzing.inputs import Rng, decades
 from fuzzing.stored import folder, stored, with_bytes_wrong
-from gmr_gym import instances
-from gmr_gym.data import f16_flight, flight, flight_names
-from gmr_gym.detections import Scans, read_scans, write_scans
+from gmr_gym.data.loader import f16_flight, flight, flight_names
+from gmr_gym.evaluation.recordings import Scans, read_scans, write_scans
+from gmr_gym.tuning import instances
 
 CELLS = ("nan", "inf", "x", "1_0", "", '"', "1e999", "--1", "0x10", "\x00", "٣", "1,5", "1;5", " ")
 

@@ -9,7 +9,7 @@ import numpy as np
 from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
 from fuzzing.inputs import LAYOUTS, Rng, decades, hostile_mixture, in_layout, spoilt_points
-from gmr_gym import metrics
+from gmr_gym.evaluation import metrics
 
 SETS = ("ospa", "gospa", "wasserstein")
 ORDERS = (1.0, 1.5, 2.0, 2.0, 2.0, 7.0, 155.0, 400.0, 1e6)

@@ -8,10 +8,12 @@ import numpy as np
 from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
 from fuzzing.inputs import WORDS, Rng, hostile_mixture, mixture_in_layout, spoilt_array, spoilt_mixture
-from gmr_gym import reduction
 from gmr_gym.mixture import Mixture, collapsed, log_density, moments, normalised
-from gmr_gym.phd import vo_ma
-from gmr_gym.reducers import REDUCERS, reducer
+from gmr_gym.reduction.pruning import heaviest, prune, prune_density
+from gmr_gym.reduction.registry import REDUCERS, reducer
+from gmr_gym.reduction.runnalls import adaptive, total_merge_cost
+from gmr_gym.reduction.salmond_west import salmond
+from gmr_gym.reduction.vo_ma import vo_ma
 
 COUNTS = (0, -1, 1.5, np.nan, "3", ())  # of components, that are none
 # what a reduction does besides merging, which keeps total weight, mean and covariance; of any not named here
@@ -27,11 +29,11 @@ def reduction_targets() -> list[Target]:
     named = [reduction_target(name, partial(_reduced, reduce)) for name, reduce in REDUCERS.items()]
     others = {
         "vo-ma": vo_ma,
-        "adaptive-by": lambda p, components: reduction.adaptive(p, 1 / components),
-        "salmond-by": lambda p, components: reduction.salmond(p, 1, 1 / components),
-        "prune": lambda p, components: reduction.prune(p, 0.1**components),
-        "prune-density": lambda p, components: reduction.prune_density(p, 0.1**components),
-        "heaviest": lambda p, components: reduction.heaviest(p, 0.01, components),
+        "adaptive-by": lambda p, components: adaptive(p, 1 / components),
+        "salmond-by": lambda p, components: salmond(p, 1, 1 / components),
+        "prune": lambda p, components: prune(p, 0.1**components),
+        "prune-density": lambda p, components: prune_density(p, 0.1**components),
+        "heaviest": lambda p, components: heaviest(p, 0.01, components),
     }
     budgets = {"vo-ma", "heaviest"}
     rest = [
@@ -157,7 +159,7 @@ def mixture_targets() -> list[Target]:
         "moments": (moments, _moments),
         "collapsed": (collapsed, _collapsed),
         "normalised": (normalised, lambda p, q: checks.mixture(q, p.m.shape[1], 1.0)),
-        "total_merge_cost": (reduction.total_merge_cost, _merge_cost),
+        "total_merge_cost": (total_merge_cost, _merge_cost),
         "log_density": (lambda p: log_density(p, p.m), _log_density),
     }
     return [

@@ -13,7 +13,7 @@ from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
 from fuzzing.inputs import LAYOUTS, Rng, in_layout, spoilt_points
 from fuzzing.worlds import MODELS, POPULATIONS, hostile_model, hostile_population, hostile_scan
-from gmr_gym.tracker import CROWD_GROUP, GROUP, make_tracker, trackers
+from gmr_gym.filters.registry import CROWD_GROUP, GROUP, make_tracker, trackers
 
 UNFIT = "knows one motion|needs a radar|linear sensor|of one motion|has an update of its own"
 BEYOND = "1e10|1e\\+10"  # coordinates that a tracker refuses

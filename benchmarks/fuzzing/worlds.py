@@ -5,12 +5,13 @@ from functools import cache
 import numpy as np
 
 from fuzzing.inputs import Rng, decades, hostile_mixture
-from gmr_gym import kalman
 from gmr_gym.mixture import Mixture, normalised
-from gmr_gym.models import Model, model
-from gmr_gym.motions import constant_velocity
-from gmr_gym.multitarget import Clutter, Population, nothing, population, uniform_clutter
-from gmr_gym.radar import Radar, radar
+from gmr_gym.models import kalman
+from gmr_gym.models.clutter import Clutter, nothing, uniform_clutter
+from gmr_gym.models.model import Model, model
+from gmr_gym.models.motions import constant_velocity
+from gmr_gym.models.multi_target import Population, population
+from gmr_gym.models.radar import Radar, radar
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.scenarios.lv import unknown_clutter

@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from gmr_gym.points import check_unmasked
-from gmr_gym.simulate import Scan
+from gmr_gym.simulation.single_target import Scan
 
 ORIGIN = np.int16  # of the indices of targets in info
 EXTENT = 1e7  # m and m/s: no coordinate, velocity or estimate in any scenario comes near

@@ -8,9 +8,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
-from gmr_gym.radar import Radar
-from gmr_gym.simulate import Episode, Scan, Scenario
-from gmr_gym.tracker import Report
+from gmr_gym.filters.tracker import Report
+from gmr_gym.models.radar import Radar
+from gmr_gym.simulation.single_target import Episode, Scan, Scenario
 
 INK, CLUTTER, TRUTH, ESTIMATE, HYPOTHESIS = "#222222", "#9aa0a6", "#1a7f37", "#c5221f", "#1967d2"
 GATES, PAPER = "#d0d7de", "#ffffff"

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from gmr_gym.envs.render import Canvas
-from gmr_gym.hypotheses import Expanded, expanded, reduced
+from gmr_gym.filters.mht import Expanded, expanded, reduced
+from gmr_gym.filters.tracker import Report
 from gmr_gym.mixture import Mixture, mean_and_covariance, moments
-from gmr_gym.reduction import greedy
-from gmr_gym.simulate import Episode, Scan, Scenario, scan
-from gmr_gym.thresholds import Thresholds
-from gmr_gym.tracker import Report
+from gmr_gym.reduction.runnalls import greedy
+from gmr_gym.simulation.single_target import Episode, Scan, Scenario, scan
+from gmr_gym.tuning.thresholds import Thresholds
 
 
 class TuningCanvas:

@@ -8,8 +8,8 @@ from numba.extending import register_jitable
 
 from gmr_gym.envs.episodic import EXTENT, ORIGIN, EpisodicEnv
 from gmr_gym.mixture import moments
-from gmr_gym.scans import label_into
-from gmr_gym.simulate import Episode, Scan, Scenario, capacity, draw, make_scan, scan, viewed
+from gmr_gym.simulation.scans import label_into
+from gmr_gym.simulation.single_target import Episode, Scan, Scenario, capacity, draw, make_scan, scan, viewed
 
 STRAYED = 10  # scans in a row beyond the cutoff that end an episode
 

@@ -10,16 +10,16 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from gmr_gym.checks import at_least_one
 from gmr_gym.envs.episodic import DrawnEnv, check_keywords, keywords
 from gmr_gym.envs.tracking import STRAYED
-from gmr_gym.instances import Instance, world
-from gmr_gym.instances import instances as table_of
-from gmr_gym.reduction import at_least_one
-from gmr_gym.simulate import Episode, Scenario, draw
-from gmr_gym.threshold_features import BOUND, FEATURES
-from gmr_gym.threshold_hindsight import HINDSIGHT
-from gmr_gym.threshold_scans import EPISODE, STEP, begin, stepped
-from gmr_gym.thresholds import PAPER, Thresholds, check_parameters, decoded, encoded
+from gmr_gym.simulation.single_target import Episode, Scenario, draw
+from gmr_gym.tuning.features import BOUND, FEATURES
+from gmr_gym.tuning.hindsight import HINDSIGHT
+from gmr_gym.tuning.instances import Instance, world
+from gmr_gym.tuning.instances import instances as table_of
+from gmr_gym.tuning.scans import EPISODE, STEP, begin, stepped
+from gmr_gym.tuning.thresholds import PAPER, Thresholds, check_parameters, decoded, encoded
 
 # of a unit of work; a scan with the target lost costs 1. At the paper's thresholds work then costs about as
 # much as the error of a target that is followed
@@ -37,11 +37,11 @@ class ReductionTuningEnv(DrawnEnv):
     scores the estimate, and expands the next scan. A constant action is the tracker `adaptive`.
 
     ## Observation space
-    `Box(-2, 2, (k,), float32)`: the features named in `gmr_gym.threshold_features.FEATURES`.
+    `Box(-2, 2, (k,), float32)`: the features named in `gmr_gym.tuning.features.FEATURES`.
 
     ## Action space
     `Box(-1, 1, (j,), float32)`: one number for each of `parameters`, the logarithm of the threshold scaled
-    over its range in `gmr_gym.thresholds.RANGES`.
+    over its range in `gmr_gym.tuning.thresholds.RANGES`.
 
     ## Reward
     Minus the position error, in units of the cutoff of 100 m and no more than 1, minus `price` times the work
@@ -62,9 +62,10 @@ class ReductionTuningEnv(DrawnEnv):
 
     ## Arguments
     `parameters`: which thresholds an action sets, of `Thresholds`. `instances`: "train", "valid", "test",
-    "extrapolation", or a CSV file as `gmr_gym.instances.instances` reads it. `price`: of a unit of work.
+    "extrapolation", or a CSV file as `gmr_gym.tuning.instances.instances` reads it. `price`: of a unit of
+    work.
     `components`: the limit of hypotheses where it is not one of the parameters. `hindsight`: whether what
-    only a simulation knows, `gmr_gym.threshold_hindsight.HINDSIGHT`, stands behind the features: for critics
+    only a simulation knows, `gmr_gym.tuning.hindsight.HINDSIGHT`, stands behind the features: for critics
     that learn, never for policies. `render_mode`: "rgb_array" or "human": the scan last reduced, with what
     was kept of its hypotheses; after `reset` scan 1, with all of them.
     """
@@ -216,7 +217,7 @@ def spaces_of(parameters: Sequence[str], hindsight: bool) -> tuple[gym.spaces.Bo
 
 
 class ThresholdSchedule(gym.Wrapper):
-    """A `ReductionTuning` environment that a policy of `gmr_gym.threshold_policies` drives: `step` takes no
+    """A `ReductionTuning` environment that a policy of `gmr_gym.tuning.policies` drives: `step` takes no
     heed of the action that it is given."""
 
     def __init__(self, env: gym.Env, policy: Callable[[np.ndarray, int], np.ndarray]):

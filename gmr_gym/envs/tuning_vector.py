@@ -8,14 +8,14 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from gmr_gym.checks import at_least_one
 from gmr_gym.envs.episodic import check_keywords, keywords
 from gmr_gym.envs.tracking import STRAYED
 from gmr_gym.envs.tuning import PRICE, Draws, checked_price, rest_of, spaces_of
 from gmr_gym.envs.vector import UNDRAWN, autoreset_of, check_not_drawn, seeds_of
-from gmr_gym.instances import instances as table_of
-from gmr_gym.reduction import at_least_one
-from gmr_gym.threshold_scans import EPISODE, STEP, begin, stepped
-from gmr_gym.thresholds import PAPER, RANGES, check_actions, check_parameters, decode, places
+from gmr_gym.tuning.instances import instances as table_of
+from gmr_gym.tuning.scans import EPISODE, STEP, begin, stepped
+from gmr_gym.tuning.thresholds import PAPER, RANGES, check_actions, check_parameters, decode, places
 
 
 class ReductionTuningVectorEnv(VectorEnv):

@@ -11,15 +11,15 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numba import config
 
+from gmr_gym.checks import at_least_one
 from gmr_gym.envs.episodic import EXTENT, check_keywords, keywords, settings
 from gmr_gym.envs.scores import first_beyond, score_into
 from gmr_gym.envs.tracking import TrackingEnv, blank
+from gmr_gym.kernels import together
 from gmr_gym.points import check_unmasked
-from gmr_gym.reduction import at_least_one
-from gmr_gym.scans import label_into, scans_into
-from gmr_gym.seeds import keys_of
-from gmr_gym.simulate import carried, draw, is_scripted, key_of, make_scan, true, viewed
-from gmr_gym.threads import together
+from gmr_gym.simulation.scans import label_into, scans_into
+from gmr_gym.simulation.seeds import keys_of
+from gmr_gym.simulation.single_target import carried, draw, is_scripted, key_of, make_scan, true, viewed
 
 SHARE = 32  # environments that a thread is worth
 AHEAD = 16  # seeds drawn at a time

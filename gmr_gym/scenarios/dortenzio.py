@@ -3,9 +3,9 @@ section 4: one turning target, a fixed field of view, a filter that is told a li
 
 import numpy as np
 
-from gmr_gym.motions import constant_velocity
+from gmr_gym.models.motions import constant_velocity
 from gmr_gym.scenarios.planar import along, bounding_box, fixed_box, following_box, path, shortened
-from gmr_gym.simulate import Scenario
+from gmr_gym.simulation.single_target import Scenario
 
 PERIOD = 1.0  # s
 START = (0.0, 0.0, 10.0, -10.0)  # [px, py, vx, vy], m and m/s

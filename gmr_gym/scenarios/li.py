@@ -7,15 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.metrics import truth_outside_gates
+from gmr_gym.checks import check_probability
 from gmr_gym.mixture import gaussian
-from gmr_gym.models import Model, check_probability, model
-from gmr_gym.modes import staying
-from gmr_gym.motions import constant_velocity, singer, with_accelerations
+from gmr_gym.models.model import Model, model
+from gmr_gym.models.motions import constant_velocity, singer, with_accelerations
+from gmr_gym.models.radar import WIDEST, modified_unbiased, radar, spherical
+from gmr_gym.models.switching import staying
 from gmr_gym.points import check_unmasked
-from gmr_gym.radar import WIDEST, modified_unbiased, radar, spherical
 from gmr_gym.scenarios.planar import moving_as_told, shortened
-from gmr_gym.simulate import Scenario, Truth, Window, scripted
+from gmr_gym.simulation.loss import truth_outside_gates
+from gmr_gym.simulation.single_target import Scenario, Truth, Window, scripted
 
 DURATION = 60.0  # s, of the legs
 SCANS = 600  # of a drawn target
@@ -75,7 +76,7 @@ def airborne_radar(
     regime: "near", "far" or "extreme", where the target starts and how sharp the radar is, unless
     range_deviation (m) and angle_deviation (rad, azimuth and elevation) are given.
     clutter_rate: a scan, uniform in range, azimuth and elevation about the submitted estimate.
-    update: what a tracker's detections do to its Gaussians, one of `gmr_gym.radar.UPDATES`.
+    update: what a tracker's detections do to its Gaussians, one of `gmr_gym.models.radar.UPDATES`.
     time_constant (s) and acceleration (m/s^2): of the Singer model that trackers are told beside nearly
     constant velocity; stay: probability that a motion lasts from scan to scan.
     period: s, of a scan.

@@ -7,14 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.association import gate_size
-from gmr_gym.crowd import ManyScenario
-from gmr_gym.kalman import Motion, position_sensor
+from gmr_gym.checks import check_probability
 from gmr_gym.mixture import Mixture
-from gmr_gym.models import check_probability
-from gmr_gym.motions import constant_acceleration, constant_velocity
-from gmr_gym.multitarget import Clutter, nothing, population, uniform_clutter
+from gmr_gym.models.clutter import Clutter, nothing, uniform_clutter
+from gmr_gym.models.gating import gate_size
+from gmr_gym.models.kalman import Motion, position_sensor
+from gmr_gym.models.motions import constant_acceleration, constant_velocity
+from gmr_gym.models.multi_target import population
 from gmr_gym.scenarios.planar import shortened
+from gmr_gym.simulation.multi_target import ManyScenario
 
 LOW, HIGH = np.array([[-1000.0, -1000.0], [1000.0, 1000.0]])  # m, corners of the region
 SCANS = 100

@@ -5,15 +5,16 @@ from functools import partial
 
 import numpy as np
 
-from gmr_gym.data import f16_flight
-from gmr_gym.kalman import position_sensor
-from gmr_gym.metrics import detection_outside_gates
+from gmr_gym.checks import check_probability
+from gmr_gym.data.loader import f16_flight
 from gmr_gym.mixture import gaussian
-from gmr_gym.models import Model, check_probability, model
-from gmr_gym.motions import constant_acceleration
+from gmr_gym.models.kalman import position_sensor
+from gmr_gym.models.model import Model, model
+from gmr_gym.models.motions import constant_acceleration
 from gmr_gym.points import check_unmasked
 from gmr_gym.scenarios.planar import following_box, moving_as_told, shortened
-from gmr_gym.simulate import Scenario, Truth, scripted
+from gmr_gym.simulation.loss import detection_outside_gates
+from gmr_gym.simulation.single_target import Scenario, Truth, scripted
 
 PERIOD = 0.5  # s
 SENSOR_DEVIATION = 10.0  # m, R = 100 m^2

@@ -4,13 +4,14 @@ from functools import partial
 
 import numpy as np
 
-from gmr_gym.kalman import position_sensor
-from gmr_gym.metrics import truth_outside_gates
+from gmr_gym.checks import check_probability
 from gmr_gym.mixture import gaussian
-from gmr_gym.models import Model, check_probability, model
-from gmr_gym.motions import constant_velocity
+from gmr_gym.models.kalman import position_sensor
+from gmr_gym.models.model import Model, model
+from gmr_gym.models.motions import constant_velocity
 from gmr_gym.points import check_unmasked
-from gmr_gym.simulate import Scenario, Truth, Window, scripted
+from gmr_gym.simulation.loss import truth_outside_gates
+from gmr_gym.simulation.single_target import Scenario, Truth, Window, scripted
 
 
 def along(

@@ -1,9 +1,9 @@
 """Real aircraft as truth: recorded flights, seen through the sensor and clutter of
 D'Ortenzio, section 4."""
 
-from gmr_gym.data import flight
+from gmr_gym.data.loader import flight
 from gmr_gym.scenarios.planar import along, following_box, path, shortened
-from gmr_gym.simulate import Scenario
+from gmr_gym.simulation.single_target import Scenario
 
 PERIOD = 1.0  # s
 PAPER_DENSITY = 150 / (1316.5 * 662.5)  # m^-2, D'Ortenzio, Table 1

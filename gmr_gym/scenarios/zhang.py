@@ -6,13 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from gmr_gym.kalman import Motion, motion, sensor
-from gmr_gym.metrics import truth_outside_gates
+from gmr_gym.checks import check_probability
 from gmr_gym.mixture import gaussian
-from gmr_gym.models import Model, check_probability, model
-from gmr_gym.modes import staying
+from gmr_gym.models.kalman import Motion, motion, sensor
+from gmr_gym.models.model import Model, model
+from gmr_gym.models.switching import staying
 from gmr_gym.scenarios.planar import fixed_box, following_box, moving_as_told
-from gmr_gym.simulate import Scenario, Truth, Window
+from gmr_gym.simulation.loss import truth_outside_gates
+from gmr_gym.simulation.single_target import Scenario, Truth, Window
 
 PERIOD = 1.0  # s
 # [px, py, vx, vy], m and m/s. Departs: the states are in the order of the other scenarios, the paper's

@@ -1,0 +1,199 @@
+"""Arguments checked once, at the border: each check raises ValueError that names the argument.
+
+Arrays from outside are taken as they are where they fit a kernel, converted where they can be, else refused:
+a kernel trusts the shapes it is given and is compiled anew for every kind of array."""
+
+from numbers import Real
+
+import numpy as np
+
+from gmr_gym.kernels import kernel
+
+DOUBLE = np.dtype(float)
+HEAVIEST = 1e300  # that all the weights add up to, so that none that are merged is beyond it
+BLOCK = 64  # covariances factored together
+DROWNED = 1e-15  # a pivot that is no larger share of its entry may be rounding alone
+
+
+def doubles(name: str, a, at: str = "") -> np.ndarray:
+    """The array-like in float64, C-ordered and writeable: itself where it is that already, a copy where it is
+    not. Raises ValueError naming it where something is masked or is no real number."""
+    if type(a) is np.ndarray and a.dtype == DOUBLE and a.flags.carray:
+        return a
+    try:
+        given = np.ma.asarray(a)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{at}{name} must be an array of real numbers, but its rows differ in length"
+        ) from None
+    if given.dtype.kind not in "fiub":
+        raise ValueError(f"{at}{name} must be an array of real numbers, got dtype {given.dtype}")
+    if np.ma.is_masked(given):
+        raise ValueError(f"{at}{name} must have no masked entries; leave out the components that have")
+    return np.require(given.data, DOUBLE, "CAWE")
+
+
+def refuse_unsound(at: str, w: np.ndarray, m: np.ndarray, P: np.ndarray) -> None:
+    """Raise ValueError naming what is wrong with a mixture that is not `sound`, `at` before its names."""
+    if w.ndim != 1:
+        raise ValueError(f"{at}w must have shape (n,), got {w.shape}")
+    if m.ndim != 2 or len(m) != len(w) or m.shape[1] == 0:
+        raise ValueError(f"{at}m must have shape (n, d) with n = len(w) = {len(w)}, got {m.shape}")
+    if P.shape != (*m.shape, m.shape[1]):
+        raise ValueError(f"{at}P must have shape {(*m.shape, m.shape[1])} to fit m, got {P.shape}")
+    if not ((w >= 0) & (w <= HEAVIEST)).all() or not w.sum() <= HEAVIEST:
+        raise ValueError(f"{at}w must be finite and non-negative, and sum to no more than {HEAVIEST:g}")
+    if not np.isfinite(m).all():
+        raise ValueError(f"{at}m must be finite")
+    for i, covariance in enumerate(P):
+        check_covariance(f"{at}P[{i}]", covariance)
+
+
+def check_covariance(name: str, P: np.ndarray) -> None:
+    """Raise ValueError naming the argument unless P (d, d) is symmetric positive definite."""
+    if P.ndim != 2 or P.shape[0] != P.shape[1]:
+        raise ValueError(f"{name} must be a square matrix, got shape {P.shape}")
+    if not np.isfinite(P).all():
+        raise ValueError(f"{name} must be finite")
+    if not np.allclose(P, P.T, rtol=1e-9, atol=1e-12 * np.abs(P).max(initial=0.0)):
+        raise ValueError(f"{name} must be symmetric, got {P.tolist()}; pass (P + P.T) / 2")
+    try:
+        np.linalg.cholesky(P)
+    except np.linalg.LinAlgError:
+        least = np.linalg.eigvalsh(P)[0]
+        raise ValueError(
+            f"{name} must be positive definite, but its least eigenvalue is {least:.3g}"
+        ) from None
+
+
+@kernel
+def sound(w, m, P):
+    """Whether weights (n,), means (n, d) and covariances (n, d, d) fit each other, the first finite and not
+    negative, the second finite, the third symmetric and positive definite."""
+    n, d = m.shape
+    if d == 0 or len(w) != n or P.shape[0] != n or P.shape[1] != d or P.shape[2] != d:
+        return False
+    good, symmetric, total, flat = True, True, 0.0, m.reshape(-1)
+    for i in range(n):
+        good &= w[i] >= 0.0
+        total += w[i]
+    good &= total <= HEAVIEST
+    for i in range(n * d):
+        good &= abs(flat[i]) < np.inf
+    A = np.empty((d * (d + 1) // 2, BLOCK))  # lower triangles, by entry
+    for start in range(0, n, BLOCK):
+        k, block, q = min(BLOCK, n - start), P[start : start + BLOCK], 0
+        for r in range(d):
+            row = A[q]
+            for c in range(r + 1):
+                row = A[q]
+                for j in range(k):
+                    row[j] = block[j, r, c]
+                    symmetric &= row[j] == block[j, c, r]
+                q += 1
+            for j in range(k):
+                good &= row[j] < np.inf
+        good &= _definite(A, block, k, d)
+    return good and (symmetric or _nearly_symmetric(P))
+
+
+@kernel(inline="always")
+def _definite(A, P, n, d):
+    """Whether the first n matrices of P, by entry in A (d (d + 1) / 2, BLOCK), are positive definite beyond
+    their rounding, by LDL'; A is overwritten."""
+    positive = True
+    for k in range(d):
+        pivot = A[k * (k + 3) // 2]
+        for j in range(n):
+            positive &= pivot[j] > DROWNED * P[j, k, k]
+            pivot[j] = 1.0 / pivot[j]
+        for r in range(k + 1, d):
+            below = A[r * (r + 1) // 2 + k]
+            for c in range(k + 1, r + 1):
+                target, beside = A[r * (r + 1) // 2 + c], A[c * (c + 1) // 2 + k]
+                for j in range(n):
+                    target[j] -= below[j] * pivot[j] * beside[j]
+    return positive
+
+
+@kernel
+def _nearly_symmetric(P):
+    """Whether every matrix (d, d) of P is symmetric to rounding."""
+    for A in P:
+        largest = np.abs(A).max()
+        if not largest < np.inf:  # of which everything would be a rounding
+            return False
+        for r in range(len(A)):
+            for c in range(r):
+                if not abs(A[r, c] - A[c, r]) <= 1e-9 * min(abs(A[r, c]), abs(A[c, r])) + 1e-12 * largest:
+                    return False
+    return True
+
+
+def _check_positive(**values: float) -> None:
+    for name, value in values.items():
+        if not 0 < value < np.inf:
+            raise ValueError(f"{name} must be positive and finite, got {value}")
+
+
+def check_choice(name: str, choice: str, choices: tuple[str, ...]) -> None:
+    """Raise ValueError naming the argument unless the choice is one of those there are."""
+    if choice not in choices:
+        raise ValueError(f"{name} must be one of {', '.join(choices)}, got {choice!r}")
+
+
+def check_whole(name: str, value: int, least: int) -> None:
+    """Raise ValueError naming the parameter unless it is a whole number, at least `least`."""
+    if isinstance(value, bool) or not isinstance(value, Real) or not value % 1 == 0:
+        raise ValueError(f"{name} must be a whole number, got {value!r}")
+    if value < least:
+        raise ValueError(f"{name} must be at least {least}, got {value}")
+
+
+LEAST_DENSITY = float(np.finfo(float).tiny)  # of clutter; less has lost digits, or its inverse is infinite
+
+
+def check_probability(name: str, value: float) -> None:
+    """Raise ValueError naming the argument unless value lies in (0, 1]."""
+    if not 0 < value <= 1:
+        raise ValueError(f"{name} must lie in (0, 1], got {value}")
+
+
+def check_density(name: str, value: float) -> None:
+    """Raise ValueError naming the argument unless value is a finite density of clutter, and no less than what
+    can be divided by."""
+    if not LEAST_DENSITY <= value < np.inf:
+        raise ValueError(
+            f"{name} must be positive and finite, {LEAST_DENSITY:.3g} or more, got {value}; where there is "
+            "no clutter pass a very small density, so that a second detection has an explanation"
+        )
+
+
+ANY = 2**62  # components: more than there ever are
+
+
+def at_least_one(count: int, name: str = "components") -> int:
+    """A count, by default the budget of components, checked, and no more than kernels can take, ANY;
+    ValueError naming it unless it is a whole number of at least 1."""
+    if not isinstance(count, Real) or not count >= 1:
+        raise ValueError(f"{name} must be at least 1, got {count!r}")
+    if count % 1 != 0:
+        raise ValueError(f"{name} must be a whole number, got {count!r}")
+    return min(int(count), ANY)
+
+
+def at_least_zero(name: str, value: float) -> float:
+    """A threshold, checked; ValueError naming it unless it is a number that is not negative."""
+    if not isinstance(value, Real) or not value >= 0:
+        raise ValueError(f"{name} must be a number, at least 0, got {value!r}")
+    return float(value)
+
+
+def check_limits(prune_weight: float, most: int, hopeless: float = np.inf) -> None:
+    """Raise ValueError naming the limit of a tracker's work that is none."""
+    if not 0 <= prune_weight < np.inf:
+        raise ValueError(f"prune_weight must be non-negative and finite, got {prune_weight}")
+    if not most >= 1 or most % 1 != 0:
+        raise ValueError(f"most must be a whole number, at least 1, got {most}")
+    if not hopeless > 0:
+        raise ValueError(f"hopeless must be positive, got {hopeless}")

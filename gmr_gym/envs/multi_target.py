@@ -1,0 +1,136 @@
+"""One environment for every scenario of many targets."""
+
+from numbers import Integral
+
+import gymnasium as gym
+import numpy as np
+
+from gmr_gym.envs.episodic import EXTENT, EpisodicEnv
+from gmr_gym.evaluation.metrics import gospa, ospa
+from gmr_gym.points import absent
+from gmr_gym.simulation.multi_target import Crowd, ManyScenario, draw, scan
+from gmr_gym.simulation.single_target import Scan, capacity
+
+SURE = 0.5  # existence from which a row counts as an estimate
+METRICS = ("gospa", "ospa")
+
+
+class CrowdEnv(EpisodicEnv):
+    """Targets that come and go in clutter, to be counted and placed scan by scan.
+
+    ## Description
+    A sensor reports a scan of points; each target has at most one of them. `reset` emits scan 1;
+    `step(estimates)` scores the estimates for the scan just seen and emits the next.
+
+    ## Observation space
+    A flat `Dict` of float64 boxes (and one of int8), metres and seconds:
+
+    | key | shape | meaning |
+    |---|---|---|
+    | `scan` | (capacity, p) | detections in random order, padded with zeros |
+    | `mask` | (capacity,) | 1 where a row of `scan` is a detection |
+    | `time` | (1,) | time of the scan, s; the first is one period after 0 |
+
+    The capacity is the Poisson quantile of the clutter at 1 - 1e-12 in the scan that has most of it, plus one
+    for each target.
+
+    ## Action space
+    `Box((targets, 1 + d), float64)`: a row for each estimate, its existence in [0, 1] and its state within
+    +-1e7. A row counts as an estimate when its existence is at least 0.5; the others must be finite all the
+    same. A row of which anything is masked is none. More targets than rows cannot be submitted: `targets` is
+    the most that can be said to be there.
+
+    ## Reward
+    Minus the GOSPA distance (or OSPA) of the estimated positions to the true ones, with the scenario's cutoff
+    and order (100 m and 2 for UnknownClutter).
+
+    ## Starting state
+    None is told. Truth, detections and clutter come from separate streams of the seed, so that every policy
+    meets the same world, whatever it submits.
+
+    ## Episode end
+    `truncated` after the last scan, with an empty observation; never `terminated`.
+
+    ## Info
+    Of the scan observed `truth` (m, d), zeros where a target is absent, `present` (m,), whether it is there,
+    and `origin` (capacity,), the index of a target, -1 clutter, -2 padding. After a step `error`, the
+    distance in m, and what GOSPA is made of, whatever the metric: `localisation`, `missed` and `false`,
+    m^order. They are for scoring and drawing: a policy that reads them cheats.
+
+    ## Arguments
+    `scenario`: "module:function" that returns a ManyScenario; `targets`: rows of an action; `metric`: "gospa"
+    or "ospa"; every other keyword goes to the function.
+    """
+
+    scenario: ManyScenario
+    metric: str
+
+    def __init__(
+        self,
+        scenario: str,
+        targets: int = 10,
+        metric: str = "gospa",
+        render_mode: str | None = None,
+        **world,
+    ):
+        if metric not in METRICS:
+            raise ValueError(f"metric must be one of {', '.join(METRICS)}, got {metric!r}")
+        if isinstance(targets, bool) or not (isinstance(targets, Integral) and 1 <= targets <= 1000):
+            raise ValueError(f"targets must be a whole number of rows between 1 and 1000, got {targets!r}")
+        super().__init__(scenario, render_mode, world)
+        self.metric = metric
+        p, d = self.scenario.sensor.H.shape
+        self._capacity = capacity(self.scenario.busiest) - 1 + self.scenario.targets
+        end = (self.scenario.horizon + 1) * self.scenario.period
+        self.observation_space = gym.spaces.Dict({
+            "scan": gym.spaces.Box(-EXTENT, EXTENT, (self._capacity, p), np.float64),
+            "mask": gym.spaces.Box(0, 1, (self._capacity,), np.int8),
+            "time": gym.spaces.Box(0.0, end, (1,), np.float64),
+        })  # fmt: skip
+        low, high = np.full((2, targets, 1 + d), EXTENT)
+        low *= -1
+        low[:, 0], high[:, 0] = 0.0, 1.0
+        self.action_space = gym.spaces.Box(low, high, dtype=np.float64)
+
+    def step(self, action):
+        """Scores the estimates (targets, 1 + d) for the scan just seen; the next scan, if there is one."""
+        rows = self._checked(action)
+        at = rows[rows[:, 0] >= SURE, 1:][:, self._position]
+        x = self._episode.x[self._t][:, self._position]
+        there = x[~np.isnan(x).any(axis=1)]
+        cutoff, order = self.scenario.cutoff, self.scenario.order
+        parts = gospa(at, there, cutoff, order)
+        error = parts.total if self.metric == "gospa" else ospa(at, there, cutoff, order)
+        self._estimates.append(at)
+        self._t += 1
+        observation, info = self._emit()
+        info |= {"error": error}
+        info |= {"localisation": parts.localisation, "missed": parts.missed, "false": parts.false}
+        return observation, -error, False, self._t >= self.scenario.horizon, info
+
+    def _drawn(self, seed: int) -> Crowd:
+        return draw(self.scenario, seed)
+
+    def _seen(self, t: int) -> Scan:
+        return scan(self._episode, t)
+
+    def _truth(self, t: int):
+        x = self._episode.x[t]
+        present = ~np.isnan(x).any(axis=1)
+        # nan would not equal itself where two copies are compared
+        return {"truth": np.where(present[:, None], x, 0.0), "present": present}
+
+    def _checked(self, action) -> np.ndarray:
+        if (hidden := absent(action)) is not None:
+            action = np.where(hidden.reshape(-1, 1), 0.0, np.ma.getdata(action))
+        rows = super()._checked(action)
+        if not ((rows[:, 0] >= 0) & (rows[:, 0] <= 1)).all():
+            raise ValueError(f"existence, the first column, must lie in [0, 1], got {rows[:, 0].tolist()}")
+        if not (np.abs(rows[:, 1:]) <= EXTENT).all():
+            raise ValueError(f"action must be finite and within +-{EXTENT:g} in every row")
+        return rows
+
+    def _new_canvas(self, on_screen: bool):
+        from gmr_gym.envs.render_multi_target import CrowdCanvas
+
+        return CrowdCanvas(self.scenario, on_screen)

@@ -1,0 +1,39 @@
+"""Gymnasium environments; their ids are data, and listing them imports nothing heavy."""
+
+import gymnasium as gym
+
+# one target, to be estimated
+TRACKING = {
+    "gmr_gym/TurningTarget-v0": "gmr_gym.scenarios.dortenzio:turning_target",
+    "gmr_gym/RecordedFlight-v0": "gmr_gym.scenarios.recorded:recorded_flight",
+    "gmr_gym/AgileFlight-v0": "gmr_gym.scenarios.maybeck:agile_flight",
+    "gmr_gym/JumpMarkov-v0": "gmr_gym.scenarios.zhang:jump_markov",
+    "gmr_gym/AirborneRadar-v0": "gmr_gym.scenarios.li:airborne_radar",
+}
+# many targets, to be scored as a set
+CROWDS = {
+    "gmr_gym/UnknownClutter-v0": "gmr_gym.scenarios.lv:unknown_clutter",
+}
+TUNING = "gmr_gym/ReductionTuning-v0"  # a tracker, to be set
+ENVIRONMENTS = (*TRACKING, *CROWDS, TUNING)
+
+
+def register_envs() -> None:
+    """Make every id known to `gymnasium.make`; harmless when done twice."""
+    for scenarios, one, many in (
+        (TRACKING, "tracking:TrackingEnv", "gmr_gym.envs.vector:TrackingVectorEnv"),
+        (CROWDS, "multi_target:CrowdEnv", None),
+    ):
+        for env_id, scenario in scenarios.items():
+            if env_id not in gym.registry:
+                gym.register(
+                    env_id,
+                    f"gmr_gym.envs.{one}",
+                    kwargs={"scenario": scenario},
+                    vector_entry_point=many,
+                )
+    if TUNING not in gym.registry:
+        gym.register(
+            TUNING, "gmr_gym.envs.tuning:ReductionTuningEnv",
+            vector_entry_point="gmr_gym.envs.tuning_vector:ReductionTuningVectorEnv",
+        )  # fmt: skip

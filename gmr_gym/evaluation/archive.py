@@ -1,0 +1,75 @@
+"""Arrays in a file, an .npz of NumPy's: written whole or not at all, read without trust, and with a digest of
+what they hold. The digest finds damage and what another program has put there; whoever means to deceive can
+make one as well."""
+
+import hashlib
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from zipfile import ZIP_STORED, ZipFile, ZipInfo
+
+import numpy as np
+from numpy.lib import format as npy
+
+from gmr_gym.evaluation.writing import whole
+
+DIGEST = "digest"  # the member that holds it
+HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+
+def save(file: Path, arrays: Mapping[str, Any], of: str = "") -> None:
+    """Writes the arrays and their digest, which is also of what they are arrays `of`."""
+    members: dict[str, Any] = {name: np.asarray(array) for name, array in arrays.items()}
+    members[DIGEST] = digest(members, of)
+    with whole(file) as partial, partial.open("wb") as stream:
+        np.savez(stream, **members)
+
+
+def load(file: Path, of: str = "") -> dict[str, np.ndarray]:
+    """The arrays, with their digest as DIGEST where the file has one. Raises ValueError, which leaves it to
+    the caller to name the file, for what is no such file, and for arrays that are not those of the digest, or
+    are not `of` what is wanted.
+    Nothing is unpickled or inflated, and no more is read than the file is long."""
+    try:
+        if not file.is_file():  # a pipe or a device has no end
+            raise ValueError("it is no plain file")
+        size = file.stat().st_size
+        with ZipFile(file) as packed:
+            members = packed.infolist()
+            if (total := sum(member.file_size for member in members)) > size:
+                raise ValueError(f"it unpacks to {total} bytes, and is {size} long")
+            arrays = {member.filename.removesuffix(".npy"): _array(packed, member) for member in members}
+    except Exception as error:  # zipfile and NumPy raise many kinds over what is damaged
+        raise ValueError(str(error) or type(error).__name__) from None
+    kept = arrays.get(DIGEST)
+    if kept is not None and not np.array_equal(kept, digest(arrays, of)):
+        raise ValueError("its digest is not that of its arrays and name: it is not what was written here")
+    return arrays
+
+
+def digest(arrays: Mapping[str, np.ndarray], of: str = "") -> np.ndarray:
+    """BLAKE2 (32,) of what they are arrays `of`, and of their names, types, shapes and bytes."""
+    hashed = hashlib.blake2b(of.encode(), digest_size=32)
+    for name in sorted(arrays.keys() - {DIGEST}):
+        array = arrays[name]
+        hashed.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
+        hashed.update(array.tobytes())
+    return np.frombuffer(hashed.digest(), np.uint8)
+
+
+def _array(packed: ZipFile, member: ZipInfo) -> np.ndarray:
+    """The array of a member, which must be as long as its header says before room is made for it."""
+    if member.compress_type != ZIP_STORED:
+        raise ValueError(f"{member.filename} is compressed")
+    with packed.open(member) as stream:
+        version = npy.read_magic(stream)
+        if version not in HEADERS:
+            raise ValueError(f"{member.filename} has format {version}")
+        shape, _, dtype = HEADERS[version](stream)
+        if dtype.hasobject:
+            raise ValueError(f"{member.filename} holds objects")
+        if (bytes_ := math.prod(shape) * dtype.itemsize) != member.file_size - stream.tell():
+            raise ValueError(f"{member.filename} says that it has {bytes_} bytes, and has others")
+        stream.seek(0)
+        return npy.read_array(stream, allow_pickle=False)

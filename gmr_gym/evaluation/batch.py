@@ -1,0 +1,93 @@
+"""Many runs of an MHT in one compiled call, each as if played alone, to the last bit."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gmr_gym.filters.mht import expand_scan, odds, reduce_scan
+from gmr_gym.kernels import ONE, kernel
+from gmr_gym.mixture import match
+from gmr_gym.models.gating import mean_volume, outside_all, unit_ball
+from gmr_gym.models.kalman import Sensor
+from gmr_gym.simulation.loss import detection_outside_gates, truth_outside_gates
+from gmr_gym.simulation.philox import words_for
+from gmr_gym.simulation.scans import carry_into, scan_by
+from gmr_gym.simulation.single_target import Episode, Scenario, capacity, carried, viewed
+
+
+def offered(scenario: Scenario, tracker: Any) -> bool:
+    """Whether `played` can play this tracker in this scenario: it has `limits`, the sensors are linear, and
+    the loss rule is one of `gmr_gym.evaluation.metrics`."""
+    return (
+        getattr(tracker, "limits", None) is not None
+        and all(isinstance(s, Sensor) for s in (scenario.sensor, scenario.model.sensor, tracker.model.sensor))
+        and _rule(scenario) in (truth_outside_gates, detection_outside_gates)
+    )
+
+
+def played(
+    scenario: Scenario, tracker: Any, episodes: Sequence[Episode], scans: int | None = None
+) -> tuple[np.ndarray, ...]:
+    """truth, x, P, components, gate_volume, gated and off_target of the Runs of these episodes, all of their
+    scans or the first few."""
+    told, prior = tracker.model, scenario.model.prior
+    x, _, z, detected, slot, key = map(np.array, zip(*episodes, strict=True))
+    x, own = x[:, :scans], _rule(scenario) is detection_outside_gates
+    watched = z if own else _expected(scenario, x)
+    runs, T, d = x.shape
+    out = (
+        np.empty((runs, T, d)), np.empty((runs, T, d, d)), np.empty((runs, T), int),
+        np.empty((runs, T)), np.empty((runs, T)), np.empty((runs, T), bool),
+    )  # fmt: skip
+    _play(
+        viewed(scenario), carried(scenario), scenario.centre(prior.w @ prior.m), key, z, detected, slot,
+        capacity(scenario.clutter_rate), tracker.init(), (*told.motion, *told.sensor, *odds(told)),
+        tracker.limits, unit_ball(z.shape[2]), watched, own, out,
+    )  # fmt: skip
+    return x, *out
+
+
+def _rule(scenario: Scenario) -> Any:
+    return getattr(scenario.off_target, "func", scenario.off_target)
+
+
+def _expected(scenario: Scenario, x: np.ndarray) -> np.ndarray:
+    """What `truth_outside_gates` looks for, in the words of that rule, for states x (runs, T, d)."""
+    (H,) = scenario.off_target.args  # type: ignore[attr-defined]
+    return np.array([[H @ state for state in run] for run in x])
+
+
+@kernel
+def _play(
+    view, carried, start, key, target, detected, slot, capacity, belief, told, limits, ball, watched, own, out
+):
+    """The loop of `gmr_gym.evaluation.loop` over the scans of all runs, and `montecarlo.run_once` of what it
+    yields; of what is `watched` (runs, T, p), if it is the target's own detection, there has to be one."""
+    # element by element: slices take long to compile
+    x, P_out, components, volume, gated, off_target = out
+    runs, T, d = x.shape
+    F, Q, offset, H, R, size, log_miss, log_detect = told
+    z, centre, words = np.empty((capacity, len(R))), np.empty(len(R)), words_for(capacity)
+    for i in range(runs):
+        w, m, P = belief
+        for c in range(len(R)):
+            centre[c] = start[c]
+        for t in range(T):
+            k, place = scan_by(z, view, key[i], t, centre, target[i, t], detected[i, t], slot[i, t], words)
+            centres, S, w, m, P, _, detection, _ = expand_scan(
+                w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z[:k]
+            )
+            hits = 0
+            for j in detection:
+                hits += j >= 0
+            gated[i, t], volume[i, t] = hits / len(S), mean_volume(S, size, ball)
+            off_target[i, t] = (own and place < 0) or outside_all(centres, S, size, watched[i, t])
+            w, m, P, _, _ = reduce_scan(w, m, P, *limits)
+            _, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), ONE)
+            components[i, t] = len(w)
+            for r in range(d):
+                x[i, t, r] = mean[0, r]
+                for c in range(d):
+                    P_out[i, t, r, c] = covariance[0, r, c]
+            carry_into(centre, carried, x[i, t])

@@ -1,0 +1,102 @@
+"""Error and credibility scan by scan, over runs: the figures of Zhang, section 6.2, with intervals."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import NamedTuple
+from warnings import catch_warnings, simplefilter
+
+import numpy as np
+from scipy.special import ndtri
+
+from gmr_gym.evaluation.metrics import credibility, nees
+from gmr_gym.evaluation.montecarlo import Runs
+from gmr_gym.evaluation.summary import CONFIDENCE, Figure, in_common, kept, mean, proportion
+from gmr_gym.simulation.single_target import Scenario
+
+RESAMPLES = 200
+
+
+class Errors(NamedTuple):
+    """What the curves of one tracker are made of, run by run and scan by scan."""
+
+    error: np.ndarray  # (runs, T, d)
+    claimed: np.ndarray  # (runs, T), normalised by the covariance the tracker claims
+    position: np.ndarray  # (runs, T), squared, m^2
+    velocity: np.ndarray  # (runs, T), squared, (m/s)^2
+
+
+class Curves(NamedTuple):
+    """One figure per scan (T,), over runs."""
+
+    rmse: np.ndarray  # position, m
+    velocity_rmse: np.ndarray  # m/s
+    nci: np.ndarray  # dB
+    inclination: np.ndarray  # dB
+
+
+CURVES = Curves._fields
+
+
+def errors_of(scenario: Scenario, runs: Runs) -> Errors:
+    """The errors of all runs."""
+    error = runs.x - runs.truth
+    position, velocity = (
+        (error[..., list(states)] ** 2).sum(axis=-1) for states in (scenario.position, scenario.velocity)
+    )
+    return Errors(error, nees(error, runs.P), position, velocity)
+
+
+def curves(errors: Errors, weight: np.ndarray) -> Curves:
+    """The curves over the runs, each counted as often as weight (runs,) says: a mask, or a resampling;
+    all nan where none counts."""
+    if not weight.any():
+        return Curves(*np.full((len(CURVES), errors.position.shape[1]), np.nan))
+    share = weight / weight.sum()
+    index, inclination = credibility(errors.error, errors.claimed, weight)
+    return Curves(np.sqrt(share @ errors.position), np.sqrt(share @ errors.velocity), index, inclination)
+
+
+def resampled(statistic: Callable[[np.ndarray], np.ndarray], mask: np.ndarray) -> list[Figure]:
+    """statistic(weight) -> (s,) of the runs in the mask (runs,), each with the interval that the standard
+    error of a bootstrap over runs gives: percentiles would be off, for with every run that is drawn twice
+    a credibility comes out higher. All nan for fewer than two runs."""
+    from scipy.stats import DegenerateDataWarning, bootstrap
+
+    chosen = np.flatnonzero(mask)
+    if len(chosen) < 2:
+        return [Figure(np.nan)] * len(statistic(np.ones(len(mask))))
+    with catch_warnings():
+        simplefilter("ignore", DegenerateDataWarning)  # of an interval that is not used
+        error = bootstrap(
+            (chosen,), lambda drawn: statistic(np.bincount(drawn.astype(int), minlength=len(mask))),
+            vectorized=False, n_resamples=RESAMPLES, method="percentile", rng=np.random.default_rng(0),
+        ).standard_error  # fmt: skip
+    value = statistic(mask.astype(float))
+    reach = ndtri((1 + CONFIDENCE) / 2) * error
+    return [Figure(*map(float, row)) for row in zip(value, value - reach, value + reach, strict=True)]
+
+
+def averages(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
+    """One row per tracker: share of runs lost; averages over the scans of the four curves, `_all` over
+    all runs and `_common` over those that all trackers kept that kept any; components, gate area (m^2) and
+    time a scan (s, median; the longest is `time_worst`)."""
+    own = {name: kept(scenario, runs) for name, runs in results.items()}
+    common = in_common(own)
+    rows = {}
+    for name, runs in results.items():
+        errors = errors_of(scenario, runs)
+        rows[name] = {"track_loss": proportion(int((~own[name]).sum()), len(runs.x))}
+        for which, mask in (("all", np.ones(len(runs.x), bool)), ("common", common[name])):
+            figures = resampled(partial(_over_scans, errors), mask)
+            rows[name] |= {f"{field}_{which}": f for field, f in zip(CURVES, figures, strict=True)}
+        rows[name] |= {
+            "components": mean(runs.components.mean(axis=1)),
+            "gate_area": mean(runs.gate_volume.mean(axis=1)),
+            "time_per_scan": Figure(float(np.nanmedian(runs.seconds))),
+            "time_worst": Figure(float(np.nanmax(runs.seconds))),
+        }
+    return rows
+
+
+def _over_scans(errors: Errors, weight: np.ndarray) -> np.ndarray:
+    return np.mean(curves(errors, weight), axis=1)

@@ -1,0 +1,232 @@
+"""Detections recorded elsewhere: a file of scans in, a tracker over them, a file of its track out.
+
+A file of scans is CSV in seconds and metres: the header `time,x,y`, say, then one row `0.5,12.5,-3.0` for
+each detection. Rows of equal time make one scan, and `1.0,,` is a scan that detected nothing. A radar's
+columns are `time,range_m,azimuth_rad,elevation_rad`.
+"""
+
+import csv
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym.checks import _check_positive
+from gmr_gym.evaluation.times import duration, seconds
+from gmr_gym.evaluation.writing import whole
+from gmr_gym.filters.tracker import Tracker
+from gmr_gym.mixture import moments
+from gmr_gym.points import check_points, present
+
+RESOLUTION = 9  # decimals of a second to which intervals are told apart, at most
+ANY = float(np.finfo(float).max)  # however far a file's detections are: who tracks them has a limit
+OFF_GRID = 0.1  # of a period, how far from its multiples a scan may lie
+MOST_FILLED = 1_000_000  # scans; only a period far too short makes more
+
+
+class Scans(NamedTuple):
+    """Detections by scan."""
+
+    times: np.ndarray  # (T,), s, increasing; or datetimes, see `times.seconds`
+    z: list[np.ndarray]  # T arrays (k, p), m and rad; (0, p) where nothing was detected
+    coordinates: tuple[str, ...]  # p names
+
+
+class Track(NamedTuple):
+    """What a tracker made of the scans."""
+
+    times: np.ndarray  # (T,), s
+    x: np.ndarray  # (T, d), estimates
+    P: np.ndarray  # (T, d, d), the covariances claimed for them
+    components: np.ndarray  # (T,), hypotheses kept
+    alive: np.ndarray  # (T,), False once the tracker has given the target up and only coasts
+
+
+def read_scans(path: Path | str) -> Scans:
+    """Scans from a CSV file in UTF-8 whose rows are in order of time. Blank lines and lines that start
+    with # are passed over; ValueError names the file, line and column of anything else amiss."""
+    lines = _lines(path)
+    line, header = next(lines, (1, [""]))
+    names = _checked_header(f"{path}, line {line}", header)
+    scans: dict[float, list[list[float]]] = {}
+    for line, cells in lines:
+        where = f"{path}, line {line}, column"
+        time, point = _row(where, names, cells)
+        last = next(reversed(scans), -np.inf)
+        if time < last:
+            raise ValueError(f"{where} {names[0]}: {time} comes after {last}; sort the rows by time")
+        if time == last and not (point and scans[time]):
+            raise ValueError(f"{where} {names[1]}: an empty scan must be the only row of its time")
+        scans.setdefault(time, []).extend([point] if point else [])
+    if not scans:
+        raise ValueError(f"{path}, line {line}, column {names[0]}: no rows follow the header")
+    z = [np.array(points).reshape(-1, len(names) - 1) for points in scans.values()]
+    return Scans(np.array(list(scans)), z, names[1:])
+
+
+def check_positions(path: Path | str, scans: Scans) -> None:
+    """ValueError naming the file and the column whose name ends in _rad or _deg: an angle, no position."""
+    for name in scans.coordinates:
+        if name.endswith(("_rad", "_deg")):
+            raise ValueError(
+                f"{path}, column {name}: an angle, but only positions in metres are tracked; convert them "
+                "with gmr_gym.radar.cartesian, or track it from Python with a gmr_gym.radar.radar as sensor"
+            )
+
+
+def write_scans(path: Path | str, times, z: Sequence, coordinates: Sequence[str]) -> None:
+    """Writes the scans z, T arrays (k, p), at `times` (T,), in seconds, so that `read_scans` returns every
+    bit; masked rows are absent."""
+    scans = _checked(Scans(times, list(z), tuple(coordinates)))
+    nothing = [[""] * len(scans.coordinates)]
+    each = zip(scans.times.tolist(), scans.z, strict=True)
+    rows = ([time, *point] for time, points in each for point in points.tolist() or nothing)
+    _write(path, ["time", *scans.coordinates], rows)
+
+
+def write_track(path: Path | str, track: Track, names: Sequence[str]) -> None:
+    """Writes the track as CSV: time, the d states under `names`, the upper triangle of their
+    covariance (var_a, cov_a_b, ...), components, and alive, 1 or 0."""
+    d = track.x.shape[1]
+    if len(names) != d:
+        raise ValueError(f"names must name the {d} states of the track, got {len(names)}")
+    upper = [(i, j) for i in range(d) for j in range(i, d)]
+    entries = [f"var_{names[i]}" if i == j else f"cov_{names[i]}_{names[j]}" for i, j in upper]
+    each = zip(*(column.tolist() for column in track), strict=True)
+    rows = ([time, *x, *(P[i][j] for i, j in upper), n, int(alive)] for time, x, P, n, alive in each)
+    _write(path, ["time", *names, *entries, "components", "alive"], rows)
+
+
+def track(
+    scans: Scans,
+    build: Callable[[float], Tracker],
+    period: float | None = None,
+    prior_time: float | None = None,
+) -> Track:
+    """The scans through the trackers that `build` makes for each interval (s), all with one prior.
+
+    period: s, of a sensor that leaves no row where nothing was detected; see `filled`.
+    prior_time: s, the moment the prior describes; by default one period, or else the median interval,
+    before the first scan. A prior of the first scan's own time knows that scan already: it is not
+    stepped through, and the first estimate is the mean and covariance of the prior.
+    Both may be given as `times.duration` and `times.seconds` take them.
+    """
+    if period is not None:
+        period = duration(period, "period")
+    if prior_time is not None:
+        prior_time = float(seconds(prior_time, "prior_time"))
+    scans = _checked(scans) if period is None else filled(scans, period)
+    intervals = _intervals(scans.times, period, prior_time).tolist()
+    built = {interval: build(interval) for interval in dict.fromkeys(intervals) if interval}
+    tracker = next(iter(built.values()))
+    if (p := len(tracker.model.sensor.H)) != len(scans.coordinates):
+        raise ValueError(f"scans have {len(scans.coordinates)} coordinates, but the tracker's sensor {p}")
+    belief, prior = tracker.init(), tracker.model.prior
+    rows = [] if intervals[0] else [(*moments(prior), len(prior.w), True)]
+    for t in range(len(rows), len(intervals)):
+        belief, report = built[intervals[t]].step(belief, scans.z[t])
+        rows.append((report.x[0], report.P[0], len(report.mixture.w), report.alive))
+    return Track(scans.times, *map(np.array, zip(*rows, strict=True)))
+
+
+def filled(scans: Scans, period: float) -> Scans:
+    """With an empty scan at each multiple of `period` (s) after the first scan that has none; ValueError
+    for a time further than a tenth of a period from all of them."""
+    times, z, coordinates = _checked(scans)
+    period = duration(period, "period")
+    _check_positive(period=period)
+    elapsed = (times - times[0]) / period
+    at = np.rint(elapsed).astype(int)
+    misfit = (np.abs(elapsed - at) > OFF_GRID) | (np.diff(at, prepend=-1) < 1) | (at >= MOST_FILLED)
+    for i in np.flatnonzero(misfit)[:1]:
+        raise ValueError(f"period {period} does not fit time {times[i]}: it makes scan {elapsed[i] + 1:.6g}")
+    all_times = times[0] + period * np.arange(at[-1] + 1)
+    all_times[at], found = times, dict(zip(at.tolist(), z, strict=True))
+    nothing = np.empty((0, len(coordinates)))
+    return Scans(all_times, [found.get(i, nothing) for i in range(len(all_times))], coordinates)
+
+
+def from_first_detection(scans: Scans) -> Scans:
+    """Without the empty scans before the first detection; ValueError when there is none."""
+    held = [i for i, points in enumerate(scans.z) if len(present(points))]
+    if not held:
+        raise ValueError(f"scans hold no detection: all {len(scans.z)} are empty")
+    return Scans(scans.times[held[0] :], scans.z[held[0] :], scans.coordinates)
+
+
+def _lines(path: Path | str) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of each line that is neither blank nor a comment."""
+    data = Path(path).read_bytes()
+    try:
+        text = data.decode("utf-8").removeprefix("\ufeff")  # spreadsheets put this mark first
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise ValueError(f"{path}, line {line}: not text in UTF-8; save it as CSV in UTF-8") from None
+    for line, content in enumerate(text.split("\n"), 1):
+        if content.strip() and not content.startswith("#"):
+            try:
+                yield line, [cell.strip() for cell in next(csv.reader([content], strict=True))]
+            except csv.Error as error:
+                raise ValueError(f"{path}, line {line}: not a row of CSV: {error}") from None
+
+
+def _checked_header(where: str, names: Sequence[str]) -> tuple[str, ...]:
+    if not names[0].startswith("time") or len(names) < 2:
+        raise ValueError(f"{where}, column 1: a header is time,x,... with commas, got {','.join(names)!r}")
+    for i, name in enumerate(names):
+        if not name or name != name.strip() or not name.isprintable() or name in names[:i]:
+            raise ValueError(f"{where}, column {i + 1}: {name!r} is no name or is there twice")
+    return tuple(names)
+
+
+def _row(where: str, names: tuple[str, ...], cells: list[str]) -> tuple[float, list[float]]:
+    """Time and coordinates of a row, no coordinates for an empty scan."""
+    if len(cells) != len(names):
+        name = names[min(len(cells), len(names) - 1)]
+        raise ValueError(f"{where} {name}: {len(cells)} cells under {len(names)} columns")
+    numbers = []
+    for name, cell in zip(names, cells if any(cells[1:]) else cells[:1], strict=False):
+        try:
+            number = float(cell.replace("_", "?"))  # float() would take 1_0 for ten
+        except ValueError:
+            number = np.nan
+        if not -np.inf < number < np.inf:
+            raise ValueError(f"{where} {name}: {cell!r} is not a finite number")
+        numbers.append(number)
+    return numbers[0], numbers[1:]
+
+
+def _write(path: Path | str, header: list[str], rows: Iterable[list]) -> None:
+    _checked_header("names", header)
+    with whole(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([header, *rows])
+
+
+def _checked(scans: Scans) -> Scans:
+    times, T = seconds(scans.times), len(scans.z)
+    if times.shape != (T,) or T == 0 or not np.isfinite(times).all():
+        raise ValueError(f"times must be finite, one for each of the {T} scans in z")
+    for i in np.flatnonzero(_told_apart(np.diff(times), times) <= 0)[:1]:
+        before, after = np.asarray(scans.times)[i : i + 2]
+        raise ValueError(f"times must increase, but {after} follows {before}")
+    p = len(scans.coordinates)
+    return Scans(times, [check_points(z, p, ANY) for z in scans.z], scans.coordinates)
+
+
+def _intervals(times: np.ndarray, period: float | None, prior_time: float | None) -> np.ndarray:
+    """From the prior to the first scan and on from scan to scan (T,), s."""
+    gaps = np.diff(times)
+    if prior_time is None:
+        usual = np.quantile(gaps, 0.5, method="lower") if len(gaps) else 0.0
+        prior_time = times[0] - (usual if period is None else period)
+    intervals = _told_apart(np.append(times[0] - prior_time, gaps), times)
+    if not (0 <= intervals[0] < np.inf and intervals.any()):
+        raise ValueError(f"give a period, or a prior_time before {times[0]} (at it if a second scan follows)")
+    return intervals
+
+
+def _told_apart(gaps: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """The gaps, s, to as many decimals as there are between such times: seconds since 1970 hold six."""
+    between = 4 * np.spacing(np.abs(times).max())
+    return gaps.round(min(RESOLUTION, int(-np.log10(between) // 1)))

@@ -1,0 +1,83 @@
+"""The source code that a run depends on: what names finished runs, and what every worker must have alike."""
+
+import marshal
+import socket
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, partial
+from pathlib import Path
+
+import joblib
+
+PACKAGE = "gmr_gym"
+# of the package's source, what only looks at runs and has no part in them
+LOOKERS = (
+    "cli.py", "envs", "evaluation/curves.py", "evaluation/multi_target_summary.py", "evaluation/summary.py",
+    "experiments",
+)  # fmt: skip
+
+
+def code(tracker) -> str:
+    """Digest of the source that a run depends on, so that an edited tracker is run again."""
+    # what was typed at a prompt has no file, but its own code
+    typed = [
+        marshal.dumps(thing.__code__.replace(co_filename=""))
+        for thing in _things(tracker)
+        if _file(thing.__module__) is None and hasattr(thing, "__code__")
+    ]
+    return joblib.hash([*typed, sources(tracker)])
+
+
+def sources(tracker) -> dict[str, str]:
+    """Digest of each module that a run depends on, by its name; the package is one."""
+    modules = {thing.__module__ for thing in _things(tracker)}
+    return {name: digest(name) for name in (PACKAGE, *sorted(modules)) if name == PACKAGE or _file(name)}
+
+
+def digest(module: str) -> str:
+    """Of the files of a module that is imported here."""
+    if module != PACKAGE:
+        return joblib.hash(Path(_file(module) or "").read_bytes())
+    root = Path(__file__).parents[1]
+    own = [file for file in root.glob("**/*.py") if not _only_looks(file.relative_to(root))]
+    return joblib.hash([file.read_bytes() for file in sorted(own)])
+
+
+def _only_looks(file: Path) -> bool:
+    return any(looker in (file.as_posix(), *map(Path.as_posix, file.parents)) for looker in LOOKERS)
+
+
+def check_sources(told: Mapping[str, str]) -> None:
+    """Raises ValueError where a module here is not what another machine was `told` (by name) it is: its
+    runs would be kept under a name that is not theirs."""
+    for module, wanted in told.items():
+        # a program's own classes travel by value, and its file here is another program's
+        if module != "__main__" and module in sys.modules and _imported(module) != wanted:
+            raise ValueError(
+                f"{module} on {socket.gethostname()} is not the source that this sweep was started with; "
+                "install the same version there and restart its workers"
+            )
+
+
+_imported = cache(digest)  # a file edited later is not what this process has imported
+
+
+def _file(module: str) -> str | None:
+    return getattr(sys.modules.get(module), "__file__", None)
+
+
+def _things(tracker) -> Iterator[Callable]:
+    """The class of a tracker and the functions it holds, and those of trackers that it holds."""
+    yield type(tracker)
+    for field in getattr(tracker, "__dataclass_fields__", ()):
+        part = getattr(tracker, field, None)
+        yield from _things(part) if hasattr(part, "__dataclass_fields__") else _functions(part)
+
+
+def _functions(part) -> Iterator[Callable]:
+    """The function, or those inside a partial one."""
+    if isinstance(part, partial):
+        for inner in (part.func, *part.args, *part.keywords.values()):
+            yield from _functions(inner)
+    elif callable(part):
+        yield part

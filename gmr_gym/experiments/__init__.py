@@ -1,0 +1,4 @@
+"""Named trackers in named worlds, run, judged and written: what the command line does.
+
+Stands on everything but the command line. Open `tables.py` first; a paper is a file in `papers/`.
+"""

@@ -1,0 +1,137 @@
+"""The screen, progress on long work, and the files a command leaves behind."""
+
+import codecs
+import csv
+import json
+import sys
+from collections.abc import Iterable, Sequence
+from contextlib import contextmanager
+from io import TextIOWrapper
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from gmr_gym.evaluation.metrics import lost_at
+from gmr_gym.evaluation.montecarlo import Runs
+from gmr_gym.evaluation.multi_target_runs import CrowdRuns
+from gmr_gym.evaluation.multi_target_summary import compared
+from gmr_gym.evaluation.summary import errors
+from gmr_gym.evaluation.writing import whole
+from gmr_gym.experiments.sheets import plain
+from gmr_gym.simulation.multi_target import ManyScenario
+from gmr_gym.simulation.single_target import Scenario
+
+RUN_COLUMNS = (
+    "tracker", "run", "lost_at_scan", "rmse_m", "error_m", "velocity_rmse_mps", "components", "gate_area_m2",
+)  # fmt: skip
+# means over scans
+CROWD_FIELDS = [field for field in CrowdRuns._fields if field not in ("seconds", "density_error")]
+CROWD_COLUMNS = ("tracker", "run", *CROWD_FIELDS, "wasserstein_undefined")
+
+
+def write_runs(file: Path, scenario: Any, results: dict[str, Any]) -> None:
+    """One row per tracker and run, of one target or of many; nothing in it depends on the clock."""
+    many = isinstance(scenario, ManyScenario)
+    columns, figures = (CROWD_COLUMNS, _crowd_run_figures) if many else (RUN_COLUMNS, _run_figures)
+    rows = [
+        [tracker, i, *row]
+        for tracker, runs in results.items()
+        for i, row in enumerate(zip(*figures(scenario, runs), strict=True))
+    ]
+    write_rows(file, columns, rows)
+
+
+def _run_figures(scenario: Scenario, runs: Runs) -> list[list]:
+    position, velocity = errors(scenario, runs)
+    lost = lost_at(runs.off_target, scenario.patience) + 1
+    figures = [
+        np.sqrt((position**2).mean(axis=1)), position.mean(axis=1), np.sqrt((velocity**2).mean(axis=1)),
+        runs.components.mean(axis=1), runs.gate_volume.mean(axis=1),
+    ]  # fmt: skip
+    return [[scan or "" for scan in lost], *(figure.tolist() for figure in figures)]
+
+
+def _crowd_run_figures(scenario: ManyScenario, runs: CrowdRuns) -> list[list]:
+    """Means over scans, of the Wasserstein distance over those at which it is defined."""
+    undefined = np.isnan(runs.wasserstein).mean(axis=1)
+    means = runs._replace(wasserstein=compared(runs.wasserstein)[:, None])
+    return [*(getattr(means, field).mean(axis=1).tolist() for field in CROWD_FIELDS), undefined.tolist()]
+
+
+def write_rows(file: Path, header: Sequence[str], rows: Iterable[Sequence]) -> None:
+    """A CSV file; floats keep all their digits."""
+    with whole(file) as partial, partial.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
+
+
+def write_json(file: Path, record: dict[str, Any]) -> None:
+    """Plain data as JSON."""
+    with whole(file) as partial:
+        partial.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+
+
+def write_csv(file: Path, record: dict[str, Any]) -> None:
+    """A paper's record, one figure a line."""
+    keys = ("value", "low", "high", "paper", "verdict")
+    rows = [
+        [table["name"], row["tracker"], metric, *(cell.get(key) for key in keys)]
+        for table in record["tables"]
+        for row in table["rows"]
+        for metric, cell in row["metrics"].items()
+    ]
+    write_rows(file, ("table", "tracker", "metric", *keys), rows)
+
+
+def spell_out(*streams: Any) -> None:
+    """Has the streams show in plain letters what their encoding lacks, where they would raise."""
+    for stream in streams:
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors=SPELLED)
+
+
+def _spelled(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return plain(error.object[error.start : error.end]), error.end
+
+
+SPELLED = "gmr_gym.spelled"
+codecs.register_error(SPELLED, _spelled)
+
+
+def console() -> Console:
+    """Wide and plain where the output is no terminal."""
+    spell_out(sys.stdout)
+    screen = Console()
+    return screen if screen.is_terminal else Console(width=240)
+
+
+@contextmanager
+def progress(label: str):
+    """A progress(done, total) callback: a bar on a terminal, a line every tenth elsewhere."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        said = -1
+
+        def tell(done: int, total: int) -> None:
+            nonlocal said
+            if done * 10 // total > said:
+                said = done * 10 // total
+                print(f"{label}: {done} of {total}", file=sys.stderr, flush=True)
+
+        yield tell
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task(label, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)

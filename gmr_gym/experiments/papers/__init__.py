@@ -1,0 +1,1 @@
+"""The papers, a module each: their tables, what they print, their claims and their figures."""

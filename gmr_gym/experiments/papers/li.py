@@ -1,0 +1,344 @@
+"""Li, Wu and Zhang: Figs. 1-4 and what they stand for, over three regimes and every way to take a radar's
+detections; the formulas as printed; and a map of where which conversion wins. The paper prints no numbers."""
+
+from collections.abc import Mapping
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure as Drawing
+
+from gmr_gym.evaluation.curves import resampled
+from gmr_gym.evaluation.metrics import nees
+from gmr_gym.evaluation.montecarlo import Runs
+from gmr_gym.evaluation.summary import Figure, in_common, kept, mean, paired_share, proportion
+from gmr_gym.experiments.drawings import save
+from gmr_gym.experiments.tables import Claim, Map, Table, judged, widened
+from gmr_gym.models.radar import UPDATES
+from gmr_gym.scenarios.li import REGIMES
+from gmr_gym.simulation.single_target import Scenario
+
+EKF, DCM = "imm-ekf-pda", "imm-dcm-pda"
+OTHERS = tuple(f"imm-pda:update={update}" for update in UPDATES if update not in ("extended", "debiased"))
+PRINTED = "imm-dcm-pda-printed"
+AXES = ("x", "y", "z")
+ERRORS = ("rmse", *(f"{axis}_rmse" for axis in AXES))
+COLUMNS = (
+    "track_loss", *(f"{error}_own" for error in ERRORS), "sight_bias_own", "position_anees_own",
+    "gate_volume", "time_per_scan",
+)  # fmt: skip
+SETTLED = 20  # scans of the map that are left out: of the first what was told decides
+NO_SLOWER = 10.0  # per cent of time more that is none
+
+
+class Tracked(NamedTuple):
+    """What the sentences need of one tracker's runs."""
+
+    squared: np.ndarray  # (runs, 3), error by axis, mean over scans, m^2
+    kept: np.ndarray  # (runs,)
+    seconds: np.ndarray  # (runs,), median scan
+
+
+def tracked(scenario: Scenario, runs: Runs, first: int = 0) -> Tracked:
+    """The runs of one tracker, from the scan `first` on."""
+    error = (runs.x - runs.truth)[:, first:, list(scenario.position)]
+    return Tracked((error**2).mean(axis=1), kept(scenario, runs), np.median(runs.seconds, axis=1))
+
+
+def _rmse(one: Tracked, weight: np.ndarray) -> np.ndarray:
+    """Of the position, and of each axis (4,), m."""
+    squared = weight / weight.sum() @ one.squared
+    return np.sqrt(np.append(squared.sum(), squared))
+
+
+def _gain(one: Tracked, against: Tracked, weight: np.ndarray) -> np.ndarray:
+    return _rmse(one, weight) - _rmse(against, weight)
+
+
+def _saved(one: Tracked, against: Tracked, weight: np.ndarray) -> np.ndarray:
+    """Share (4,) of the error of `against` that `one` does not make, %."""
+    return 100 * (1 - _rmse(one, weight) / _rmse(against, weight))
+
+
+def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
+    """One row per tracker: share of runs lost; root mean square errors (m) of the position and by axis, over
+    all scans, `_own` over the runs the tracker kept and `_common` over those that all trackers kept that kept
+    any; and over the runs it kept mean error along the line of sight (m), normalised error squared of the
+    position by the dimension, 1 for a credible tracker, and volume (m^3) of the gates by which tracks are
+    called lost, the same for every update; time a scan (s)."""
+    every = {name: tracked(scenario, runs) for name, runs in results.items()}
+    common = in_common({name: one.kept for name, one in every.items()})
+    rows = {}
+    for name, one in every.items():
+        runs, row = results[name], {"track_loss": proportion(int((~one.kept).sum()), len(one.kept))}
+        for which, mask in (("own", one.kept), ("common", common[name])):
+            figures = resampled(partial(_rmse, one), mask)
+            row |= {f"{error}_{which}": figure for error, figure in zip(ERRORS, figures, strict=True)}
+        at = list(scenario.position)
+        truth, error = runs.truth[one.kept][..., at], (runs.x - runs.truth)[one.kept][..., at]
+        sight = truth / np.linalg.norm(truth, axis=-1, keepdims=True)
+        claimed = nees(error, runs.P[one.kept][..., at, :][..., at])
+        rows[name] = row | {
+            "sight_bias_own": mean((error * sight).sum(axis=-1).mean(axis=1)),
+            "position_anees_own": mean(claimed.mean(axis=1) / len(at)),
+            "gate_volume": mean(runs.gate_volume[one.kept].mean(axis=1)),
+            "time_per_scan": Figure(float(np.median(runs.seconds))),
+        }
+    return rows
+
+
+def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
+    """Every tracker minus the first on the same episodes: track_loss over all runs, the errors (m) over the
+    runs that neither of the two lost."""
+    (reference, against), *others = ((name, tracked(scenario, runs)) for name, runs in results.items())
+    rows = {}
+    for name, one in others:
+        figures = resampled(partial(_gain, one, against), one.kept & against.kept)
+        lost = paired_share(against.kept.astype(float) - one.kept)
+        rows[f"{name} - {reference}"] = {"track_loss": lost} | {
+            f"{error}_common": figure for error, figure in zip(ERRORS, figures, strict=True)
+        }
+    return rows
+
+
+def _evidence(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Tracked]:
+    return {name: tracked(scenario, results[name]) for name in (EKF, DCM)}
+
+
+CLAIMS = tuple(
+    Claim(sentence, measure, threshold, lambda table, weight, i=i: float(_numbers(table, weight)[i]))
+    for i, (sentence, measure, threshold) in enumerate((
+        ("better tracking performance than IMM-EKF-PDA", "position error saved, %", 0.0),
+        *(
+            (f"smaller {axis} error (Fig. {figure})", f"{axis} error saved, %", 0.0)
+            for figure, axis in enumerate(AXES, 2)
+        ),
+        ("better tracking performance than IMM-EKF-PDA", "share of runs lost less", 0.0),
+        ("no more computation than IMM-EKF-PDA", "time of a scan saved, %", -NO_SLOWER),
+    ))
+)  # fmt: skip
+
+
+def _numbers(table: Mapping[str, Tracked], weight: np.ndarray) -> np.ndarray:
+    """What the claims are about: errors over the runs that neither lost, losses and times over all."""
+    dcm, ekf = table[DCM], table[EKF]
+    both = weight * (dcm.kept & ekf.kept)
+    errors = _saved(dcm, ekf, both) if both.any() else np.full(len(ERRORS), np.nan)
+    fewer = weight @ (dcm.kept.astype(float) - ekf.kept) / weight.sum()
+    faster = 100 * (1 - weight @ dcm.seconds / (weight @ ekf.seconds))
+    return np.array([*errors, fewer, faster])
+
+
+def claims(evidence: Mapping[str, Mapping[str, Tracked]]) -> list[dict[str, Any]]:
+    """The paper's sentences in each regime."""
+    records = []
+    for name, table in evidence.items():
+        runs = len(table[DCM].kept)
+        figures = resampled(partial(_numbers, table), np.ones(runs, bool))
+        figures[4:5] = widened(figures[4:5], runs)
+        about = {"table": name, "runs": f"all {runs}"}
+        records += [
+            judged(claim, figure, runs, **about) for claim, figure in zip(CLAIMS, figures, strict=True)
+        ]
+    return records
+
+
+def _cell(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Figure]:
+    """Of one cell of the map: the position's error by each update, as so many times the least of them; and
+    how much less the debiased conversion's is than the linearised update's, %."""
+    every = {name.partition("=")[2]: tracked(scenario, runs, SETTLED) for name, runs in results.items()}
+    whole = np.ones(len(next(iter(every.values())).kept), bool)
+    best = min(every.values(), key=lambda one: _rmse(one, whole.astype(float))[0])
+    row = {update: resampled(partial(_ratio, one, best), whole)[0] for update, one in every.items()}
+    saved = partial(_saved, every["debiased"], every["extended"])
+    return row | {SAVED: resampled(saved, whole)[0]}
+
+
+def _ratio(one: Tracked, best: Tracked, weight: np.ndarray) -> np.ndarray:
+    return _rmse(one, weight)[:1] / _rmse(best, weight)[:1]
+
+
+SAVED = "debiased saves on extended, %"
+
+
+def _regime(name: str, title: str) -> Table:
+    return Table(
+        name=name,
+        title=title,
+        env_id="gmr_gym/AirborneRadar-v0",
+        settings={"regime": name},
+        trackers={tracker: {} for tracker in (EKF, DCM, *OTHERS)},
+        runs=300,
+        summarise=_rows,
+        columns=COLUMNS,
+        evidence=_evidence,
+        paired=_differences,
+    )
+
+
+def _mixing(regime: str, tracker: str) -> Table:
+    """Constant velocity mixed into Singer's model without an acceleration, and with Singer's."""
+    return Table(
+        name=f"mixing-{regime}-{tracker.split('-')[1]}",
+        title=f"{tracker} by mixing, {regime}",
+        env_id="gmr_gym/AirborneRadar-v0",
+        settings={"regime": regime},
+        trackers={tracker: {}, f"{tracker}:mixing=unbiased": {}},
+        runs=300,
+        summarise=_rows,
+        columns=COLUMNS,
+        paired=_differences,
+    )
+
+
+TABLES = (
+    _regime("near", "11-13 km, 20 m, 2 mrad"),
+    _regime("far", "54-56 km, 20 m, 25 mrad"),
+    _regime("extreme", "145-147 km, 5 m, 40 mrad"),
+    Table(
+        name="printed",
+        title="the first 20 s of far, the formulas as they are printed",
+        env_id="gmr_gym/AirborneRadar-v0",
+        settings={"regime": "far", "horizon": 200},
+        trackers={
+            "imm-pda:update=debiased-at-prediction": {},
+            f"{PRINTED}:likelihood_as_printed=False": {},
+            f"{PRINTED}:covariance_as_printed=False": {},
+            PRINTED: {},
+        },
+        runs=300,
+        summarise=_rows,
+        columns=COLUMNS,
+        paired=_differences,
+    ),
+    *(_mixing(regime, tracker) for regime in REGIMES for tracker in (EKF, DCM)),
+)
+MAPS = (
+    Map(
+        name="map",
+        title="a target at nearly constant velocity, 55 km away, 20 m, no clutter",
+        env_id="gmr_gym/AirborneRadar-v0",
+        settings={
+            "regime": "far", "trajectory": "drawn", "clutter_rate": 0.0, "detection_probability": 1.0,
+            "horizon": 60,
+        },
+        axes={
+            "period": (0.1, 0.2, 0.5, 1.0, 2.0), "angle_deviation": (0.003, 0.01, 0.025, 0.045, 0.08, 0.14),
+        },
+        trackers={f"imm-pda:update={update}": {} for update in UPDATES},
+        share=10,
+        summarise=_cell,
+        columns=(*UPDATES, SAVED),
+    ),
+)  # fmt: skip
+
+
+def figures(
+    table: Table,
+    scenario: Scenario,
+    results: Mapping[str, Runs],
+    rows: Mapping[str, Mapping[str, Figure]],
+    out: Path,
+) -> None:
+    """Of a regime the paper's Fig. 1, and Figs. 2-4 in one; of every table errors by time."""
+    time = scenario.period * np.arange(1, scenario.horizon + 1)
+    if table.name in REGIMES:
+        save(_trajectory(results, time), out / f"figure-1-{table.name}.png")
+        two = {name: results[name] for name in (DCM, EKF)}
+        save(_errors_by_axis(scenario, two, time), out / f"figures-2-4-{table.name}.png")
+    save(_errors(scenario, results, time), out / f"errors-{table.name}.png")
+
+
+def _trajectory(results: Mapping[str, Runs], time: np.ndarray) -> Drawing:
+    """Of the first run, relative to the radar: from above, and height by time."""
+    drawing = Drawing(figsize=(10, 4.5), layout="constrained")
+    above, side = drawing.subplots(1, 2)
+    paths = {name: results[name].x[0] / 1e3 for name in (DCM, EKF)} | {"truth": results[DCM].truth[0] / 1e3}
+    for (name, path), colour in zip(paths.items(), ("C0", "C1", "k"), strict=True):
+        above.plot(path[:, 0], path[:, 1], colour, lw=0.9, label=name)
+        side.plot(time, path[:, 2], colour, lw=0.9)
+    above.set(xlabel="x, km", ylabel="y, km", title="target relative to the aircraft")
+    side.set(xlabel="time, s", ylabel="z, km")
+    above.legend(fontsize=8)
+    return drawing
+
+
+def _errors_by_axis(scenario: Scenario, results: Mapping[str, Runs], time: np.ndarray) -> Drawing:
+    """Root mean square over the runs that neither lost, and the mean, its sign shows a bias."""
+    drawing = Drawing(figsize=(10, 8), layout="constrained")
+    common = np.logical_and.reduce([kept(scenario, runs) for runs in results.values()])
+    panels = drawing.subplots(3, 1, sharex=True)
+    if common.any():
+        for i, (name, runs) in enumerate(results.items()):
+            error = (runs.x - runs.truth)[common][..., list(scenario.position)]
+            for axis, axes in enumerate(panels):
+                axes.plot(time, np.sqrt((error[..., axis] ** 2).mean(axis=0)), f"C{i}", label=name)
+                axes.plot(time, error[..., axis].mean(axis=0), f"C{i}:", lw=0.9)
+    for letter, axes in zip(AXES, panels, strict=True):
+        axes.set(ylabel=f"{letter} error, m")
+        axes.axhline(0, color="0.7", lw=0.6)
+    title = f"root mean square and, dotted, mean over the {common.sum()} runs that neither lost"
+    panels[0].set_title(title, size=10)
+    panels[0].legend(*panels[0].get_legend_handles_labels(), fontsize=8)
+    panels[-1].set(xlabel="time, s")
+    return drawing
+
+
+def _errors(scenario: Scenario, results: Mapping[str, Runs], time: np.ndarray) -> Drawing:
+    drawing = Drawing(figsize=(10, 5.5), layout="constrained")
+    axes = drawing.subplots()
+    for name, runs in results.items():
+        own = kept(scenario, runs)
+        if own.any():
+            error = (runs.x - runs.truth)[own][..., list(scenario.position)]
+            label = f"{name} ({own.sum()} of {len(own)} kept)"
+            axes.plot(time, np.sqrt((error**2).sum(axis=-1).mean(axis=0)), lw=1, label=label)
+            axes.set(yscale="log")
+    axes.set(xlabel="time, s", ylabel="position rms error over the runs kept by each, m")
+    drawing.legend(*axes.get_legend_handles_labels(), fontsize=7, ncols=2, loc="outside upper center")
+    return drawing
+
+
+def map_figures(entry: Map, rows: Mapping[str, Mapping[str, Figure]], out: Path) -> None:
+    """By update, how much worse it is than the best, a ring where chance may have made it worse, and where
+    debiasing beats linearising; over the period and r s^2 / s_r."""
+    shape = [len(values) for values in entry.axes.values()]
+    range_deviation = REGIMES[entry.settings["regime"]].range_deviation
+    distance = np.linalg.norm(REGIMES[entry.settings["regime"]].start)
+    ratio = distance * np.array(entry.axes["angle_deviation"]) ** 2 / range_deviation
+    period = np.array(entry.axes["period"])
+    drawing = Drawing(figsize=(13, 9), layout="constrained")
+    panels = drawing.subplots(2, 5, sharex=True, sharey=True)
+    for axes, column in zip(panels.flat, entry.columns, strict=True):
+        value, low, high = (
+            np.array([getattr(row[column], part) for row in rows.values()]).reshape(shape)
+            for part in Figure._fields
+        )
+        last = column == SAVED
+        shown = value if last else 100 * (value - 1)
+        limits, colours = (-30, 30) if last else (0, 30), "RdBu" if last else "magma_r"
+        mesh = axes.pcolormesh(
+            _edges(ratio), _edges(period), shown, cmap=colours, vmin=limits[0], vmax=limits[1]
+        )
+        marked = (low > 0) | (high < 0) if last else low <= 1
+        at = np.meshgrid(ratio, period)
+        axes.plot(at[0][marked], at[1][marked], "o", mfc="none", mec="0.4", ms=7)
+        axes.set(xscale="log", yscale="log", title=column)
+        if axes in panels[:, -1]:
+            label = "saved, %" if last else "worse than the best, %"
+            drawing.colorbar(mesh, ax=axes, label=label, extend="both" if last else "max")
+    drawing.supxlabel("r σ² / σ_r")
+    drawing.supylabel("period, s")
+    drawing.suptitle(
+        "rings: not worse than the best beyond chance (95 %); in the last panel, beyond chance", size=10
+    )
+    save(drawing, out / f"{entry.name}.png")
+
+
+def _edges(centres: np.ndarray) -> np.ndarray:
+    """Where cells meet on a logarithmic axis."""
+    log = np.log(centres)
+    middle = [(a + b) / 2 for a, b in pairwise(log)]
+    return np.exp([log[0] - (middle[0] - log[0]), *middle, log[-1] + (log[-1] - middle[-1])])

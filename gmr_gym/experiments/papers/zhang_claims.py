@@ -1,0 +1,253 @@
+"""What Zhang and Liu say of their curves in section 6.4, each sentence as a number with an interval."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym.evaluation.curves import Curves, Errors, curves, errors_of, resampled
+from gmr_gym.evaluation.montecarlo import Runs
+from gmr_gym.evaluation.summary import kept
+from gmr_gym.experiments.tables import Claim, judged
+from gmr_gym.scenarios.zhang import SWITCHES
+from gmr_gym.simulation.single_target import Scenario
+
+BEFORE, AFTER = 5, 5  # scans before a switch, and from it on, that a peak is looked for in
+PEAK = 0.1  # of what is on either side, what a peak must rise above it
+MOST, CONSTANTLY = 0.5, 0.9  # shares of the scans
+MUCH = 1.0  # dB
+
+
+class Evidence(NamedTuple):
+    """The runs of one table that the sentences are about."""
+
+    case: str
+    mmg: Errors
+    imm_mht: Errors
+    imm_pda: Errors
+    kept: np.ndarray  # (runs,), by all three
+
+
+class Trio(NamedTuple):
+    """The curves of the three trackers over some runs."""
+
+    mmg: Curves
+    imm_mht: Curves
+    imm_pda: Curves
+
+    @property
+    def rivals(self) -> tuple[Curves, Curves]:
+        return self.imm_mht, self.imm_pda
+
+
+def evidence(case: str, scenario: Scenario, results: Mapping[str, Runs]) -> Evidence:
+    """Evidence from a table's results, whose first three trackers are MMG, IMM+MHT and IMM+PDA."""
+    trio = list(results.values())[:3]
+    mmg, imm_mht, imm_pda = (errors_of(scenario, runs) for runs in trio)
+    kept_by_all = np.logical_and.reduce([kept(scenario, runs) for runs in trio])
+    return Evidence(case, mmg, imm_mht, imm_pda, kept_by_all)
+
+
+def claims(tables: Mapping[str, Evidence]) -> list[dict]:
+    """Every sentence that the tables run can speak to, over all runs and over the runs kept by all three,
+    as plain data. A sentence on both cases needs both tables at the same process noise."""
+    records = []
+    for name, one in tables.items():
+        about = CASE_1 if one.case == "1" else CASE_2
+        records += _judged(name, about, [one])
+        first = tables.get(name.replace("2", "1", 1))
+        if one.case == "2" and first is not None:
+            records += _judged(f"{name} against {name.replace('2', '1', 1)}", BOTH, [first, one])
+    return records
+
+
+def _judged(name: str, about: tuple[Claim, ...], tables: list[Evidence]) -> list[dict]:
+    everything = np.ones(len(tables[0].kept), bool)
+    records = []
+    for which, mask in (("all", everything), ("kept", np.logical_and.reduce([one.kept for one in tables]))):
+
+        def values(weight):
+            trios = [Trio(*(curves(errors, weight) for errors in one[1:4])) for one in tables]
+            return np.array([claim.value(*trios) for claim in about])
+
+        figures = resampled(values, mask)
+        records += [
+            judged(claim, figure, int(mask.sum()), table=name, runs=f"{which} {mask.sum()}")
+            for claim, figure in zip(about, figures, strict=True)
+        ]
+    return records
+
+
+def _lead(field: str, trio: Trio) -> float:
+    """By how much the better rival's average over the scans exceeds MMG's."""
+    own, *others = (getattr(one, field).mean() for one in trio)
+    return min(others) - own
+
+
+def _lowest(field: str, trio: Trio) -> float:
+    """Share of the scans at which MMG's curve is the lowest."""
+    own, *others = (getattr(one, field) for one in trio)
+    return float((own < np.minimum(*others)).mean())
+
+
+def _peak(field: str, one: Curves, switch: int) -> float:
+    """By what share the curve (its mean over `AFTER` scans from a switch on) exceeds both sides: its mean
+    over the scans before, and over the last ones before the next switch or the end."""
+    curve = getattr(one, field)
+    first = switch - 1  # scans are counted from 1
+    last = min((later - 1 for later in SWITCHES if later > switch), default=len(curve))
+    sides = curve[first - BEFORE : first].mean(), curve[last - BEFORE : last].mean()
+    return curve[first : first + AFTER].mean() / max(sides) - 1
+
+
+def _peaks(field: str, trio: Trio) -> float:
+    return min(_peak(field, trio.mmg, switch) for switch in SWITCHES)
+
+
+def _flat(field: str, trio: Trio) -> float:
+    return PEAK - max(_peak(field, one, SWITCHES[0]) for one in trio.rivals)
+
+
+def _calmer(field: str, trio: Trio) -> float:
+    return _peak(field, trio.mmg, SWITCHES[0]) - max(_peak(field, one, SWITCHES[0]) for one in trio.rivals)
+
+
+def _beaten_after_switches(field: str, trio: Trio) -> float:
+    """Share of the scans from a switch on at which MMG's curve is not the lowest."""
+    after = np.concatenate([np.arange(first - 1, first - 1 + AFTER) for first in SWITCHES])
+    own, *others = (getattr(one, field)[after] for one in trio)
+    return float((own > np.minimum(*others)).mean())
+
+
+def _pessimistic(trio: Trio) -> float:
+    """Share of the scans, those after the start and the switches apart, with inclination below 0."""
+    steady = np.ones(len(trio.mmg.inclination), bool)
+    for first in (1, *SWITCHES):
+        steady[first - 1 : first - 1 + AFTER] = False
+    return float((trio.mmg.inclination[steady] < 0).mean())
+
+
+def _optimistic(one: Curves) -> float:
+    return float((one.inclination > 0).mean())
+
+
+def _worse_pda(field: str, trio: Trio) -> float:
+    mmg, mht, pda = (np.abs(getattr(one, field)).mean() for one in trio)
+    return pda - max(mmg, mht)
+
+
+def _rise(field: str, first: Curves, second: Curves) -> float:
+    """Average magnitude in case 2 less that in case 1."""
+    return np.abs(getattr(second, field)).mean() - np.abs(getattr(first, field)).mean()
+
+
+def _sensitive_pda(field: str, first: Trio, second: Trio) -> float:
+    mmg, mht, pda = (_rise(field, a, b) for a, b in zip(first, second, strict=True))
+    return pda - max(mmg, mht)
+
+
+def _least_rise(field: str, first: Trio, second: Trio) -> float:
+    return min(_rise(field, a, b) for a, b in zip(first, second, strict=True))
+
+
+SHARE = "share of scans"
+PEAKS = "rise of MMG's {} RMSE over both sides of a switch, the lesser switch"
+CALM = f"{PEAK:g} less the rivals' greater rise of {{}} RMSE at the first switch"
+ROBUST = "MMG's rise of {} RMSE at the first switch less the rivals' greater rise"
+WORSE = "average less the worse of the others', dB"
+POSITION, VELOCITY = ("rmse", "position"), ("velocity_rmse", "velocity")
+AT_FIRST_SWITCH = tuple(
+    claim
+    for field, name in (POSITION, VELOCITY)
+    for claim in (
+        Claim(
+            f"the IMM based methods have no peak at the first switch ({name})",
+            CALM.format(name), 0.0, partial(_flat, field),
+        ),
+        Claim(
+            f"the IMM based methods are more robust to the first switch ({name})",
+            ROBUST.format(name), 0.0, partial(_calmer, field),
+        ),
+    )
+)  # fmt: skip
+LOWEST = tuple(
+    Claim(f"MMG has the lowest {name} RMSE for most of the time", SHARE, MOST, partial(_lowest, field))
+    for field, name in (POSITION, VELOCITY)
+)
+CASE_1 = (
+    Claim(
+        "MMG has the best position RMSE",
+        "better rival's average less MMG's, m", 0.0, partial(_lead, "rmse"),
+    ),
+    Claim(
+        "MMG has the best velocity RMSE",
+        "better rival's average less MMG's, m/s", 0.0, partial(_lead, "velocity_rmse"),
+    ),
+    *LOWEST,
+    *(
+        Claim(
+            f"except right after a switch, where MMG has not the lowest {name} RMSE",
+            "share of five scans from each switch", MOST, partial(_beaten_after_switches, field),
+        )
+        for field, name in (POSITION, VELOCITY)
+    ),
+    *(
+        Claim(
+            f"two peaks of MMG are the two switches ({name})",
+            PEAKS.format(name), PEAK, partial(_peaks, field),
+        )
+        for field, name in (POSITION, VELOCITY)
+    ),
+    *AT_FIRST_SWITCH,
+    Claim("MMG has the lowest NCI for most of the time", SHARE, MOST, partial(_lowest, "nci")),
+    Claim(
+        "MMG is constantly pessimistic except at the transients",
+        "share of scans away from start and switches", CONSTANTLY, _pessimistic,
+    ),
+    Claim(
+        "IMM+PDA is constantly optimistic", SHARE, CONSTANTLY, lambda trio: _optimistic(trio.imm_pda),
+    ),
+    Claim(
+        "IMM+MHT shows no consistent pattern of inclination",
+        "share of scans on the rarer side of 0", 1 - CONSTANTLY,
+        lambda trio: min(_optimistic(trio.imm_mht), 1 - _optimistic(trio.imm_mht)),
+    ),
+)  # fmt: skip
+CASE_2 = (
+    *LOWEST,
+    *AT_FIRST_SWITCH,
+    Claim(
+        "the NCI of IMM+PDA is much worse than that of the other two",
+        WORSE, MUCH, partial(_worse_pda, "nci"),
+    ),
+    Claim(
+        "the inclination of IMM+PDA is much worse than that of the other two",
+        f"magnitude's {WORSE}", MUCH, partial(_worse_pda, "inclination"),
+    ),
+)  # fmt: skip
+BOTH = (
+    *(
+        Claim(
+            f"all filters have larger {name} errors than in case 1",
+            "average in case 2 less case 1, the least of the three", 0.0, partial(_least_rise, field),
+        )
+        for field, name in (POSITION, VELOCITY)
+    ),
+    *(
+        Claim(
+            f"the {name} of IMM+PDA is much worse than in case 1",
+            "average magnitude in case 2 less case 1, dB", MUCH,
+            lambda first, second, field=field: _rise(field, first.imm_pda, second.imm_pda),
+        )
+        for field, name in (("nci", "NCI"), ("inclination", "inclination"))
+    ),
+    *(
+        Claim(
+            f"PDA is more sensitive to the clutter density ({name})",
+            "IMM+PDA's rise from case 1 less the greater of the others', dB", 0.0,
+            partial(_sensitive_pda, field),
+        )
+        for field, name in (("nci", "NCI"), ("inclination", "inclination"))
+    ),
+)  # fmt: skip

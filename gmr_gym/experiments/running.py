@@ -1,0 +1,113 @@
+"""A paper's tables and maps, run, and the files they leave."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from gmr_gym.experiments.output import write_csv, write_json, write_runs
+from gmr_gym.experiments.records import answered
+from gmr_gym.experiments.sheets import claims_grid, comparison, notes
+from gmr_gym.experiments.specs import scenario_of, tracker_of
+from gmr_gym.experiments.sweeps import Sweep, Work, runs_shown
+from gmr_gym.experiments.tables import Map, Table, table_record
+
+
+def rerun(
+    paper: str,
+    module: ModuleType,
+    entries: Mapping[str, Table | Map],
+    asked: dict[str, Any],
+    sweep: Sweep,
+    out: Path,
+    copy: Path | None,
+) -> Iterator[Any]:
+    """Runs tables and maps one after the other, and gives what a screen shows of each once its files are left
+    in `out`; at the end what the paper says. The record, and its copy, hold what there is so far."""
+    tables: list[dict[str, Any]] = []
+    evidence, further = {}, {}
+    for name, entry in entries.items():
+        if isinstance(entry, Map):
+            found, title = [mapped(module, entry, sweep, out)], f"{paper}, {name}: {entry.title}"
+        else:
+            found, kept = reproduced(module, entry, sweep, out)
+            title = f"{paper}, table {name}: {entry.title}; {sweep.runs} runs"
+            if kept is not None:
+                evidence[name] = kept
+        tables += found
+        _keep(out / paper, copy, answered(asked, tables))
+        first, *paired = found
+        yield comparison(title, first, entry.columns)
+        for record in paired:
+            yield comparison(record["name"], record, list(record["rows"][0]["metrics"]))
+        yield from first["notes"]
+    if evidence:
+        further["claims"] = module.claims(evidence)
+        _keep(out / paper, copy, answered(asked, tables, **further))
+    if further.get("claims"):
+        yield claims_grid(further["claims"])
+    yield f"tables, figures and runs are in {out}"
+
+
+def _keep(stem: Path, copy: Path | None, record: dict[str, Any]) -> None:
+    for file in filter(None, (stem.with_name(f"{stem.name}.json"), copy)):
+        write_json(file, record)
+    write_csv(stem.with_name(f"{stem.name}.csv"), record)
+
+
+def reproduced(paper: ModuleType, entry: Table, sweep: Sweep, out: Path) -> tuple[list[dict[str, Any]], Any]:
+    """Runs a table and leaves its files; the records of it, and the evidence its paper's claims need. The
+    results are gone by then: a table of a thousand runs is a hundred megabytes."""
+    work = _work(entry)
+    (results,) = runs_shown(_label(entry), work, sweep)
+    ((scenario, _),) = work
+    rows = entry.summarise(scenario, results)
+    write_runs(out / f"runs-{entry.name}.csv", scenario, results)
+    paper.figures(entry, scenario, results, rows, out)
+    evidence = entry.evidence(scenario, results) if entry.evidence else None
+    said = {"env": entry.env_id, "trackers": entry.trackers, "notes": notes(rows, sweep.runs)}
+    records = [table_record(entry.name, entry.settings, rows, entry, sweep.runs) | said]
+    if entry.paired:
+        name = f"{entry.name}, paired differences"
+        records.append(table_record(name, entry.settings, entry.paired(scenario, results)))
+    return records, evidence
+
+
+def mapped(paper: ModuleType, entry: Map, sweep: Sweep, out: Path) -> dict[str, Any]:
+    """Runs every cell of a map and leaves its drawing; the record of it."""
+    work, sweep = _work(entry), _share(entry, sweep)
+    results = runs_shown(_label(entry), work, sweep)
+    rows = {
+        name: entry.summarise(scenario, found)
+        for name, (scenario, _), found in zip(entry.cells(), work, results, strict=True)
+    }
+    paper.map_figures(entry, rows, out)
+    said = {"env": entry.env_id, "trackers": entry.trackers, "notes": notes({}, sweep.runs)}
+    return table_record(entry.name, entry.settings | {"runs": sweep.runs}, rows) | said
+
+
+def sharded(entries: Iterable[Table | Map], sweep: Sweep) -> tuple[int, int]:
+    """Runs a shard of tables and maps: how many blocks of runs are in the folder then, and of how many."""
+    found: list = []
+    for entry in entries:
+        found += runs_shown(_label(entry), _work(entry), _share(entry, sweep))
+    there, total = map(sum, zip(*found, strict=True))
+    return there, total
+
+
+def _label(entry: Table | Map) -> str:
+    return entry.name if isinstance(entry, Map) else f"table {entry.name}"
+
+
+def _share(entry: Table | Map, sweep: Sweep) -> Sweep:
+    return sweep._replace(runs=max(2, sweep.runs // entry.share)) if isinstance(entry, Map) else sweep
+
+
+def _work(entry: Table | Map) -> list[Work]:
+    """The scenario of a table, or those of a map's cells, with the trackers."""
+    every = entry.cells().values() if isinstance(entry, Map) else [entry.settings]
+    scenarios = [scenario_of(entry.env_id, settings) for settings in every]
+    return [
+        (scenario, {spec: tracker_of(spec, scenario, **told) for spec, told in entry.trackers.items()})
+        for scenario in scenarios
+    ]

@@ -1,0 +1,175 @@
+"""What the commands share: scenarios and trackers by what a user types, and runs under a progress bar."""
+
+import ast
+import errno
+import os
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+from typer.core import TyperCommand
+
+from gmr_gym.envs.episodic import make_scenario
+from gmr_gym.envs.registry import CROWDS, ENVIRONMENTS, TRACKING
+from gmr_gym.evaluation.blocks import check_folder
+from gmr_gym.evaluation.multi_target_summary import crowd_differences, crowd_summary
+from gmr_gym.evaluation.summary import differences, summary
+from gmr_gym.experiments.output import write_json, write_runs
+from gmr_gym.experiments.records import answered
+from gmr_gym.experiments.sheets import grid, notes
+from gmr_gym.experiments.sweeps import Sweep, runs_shown
+from gmr_gym.experiments.tables import table_record
+from gmr_gym.filters.registry import make_tracker
+from gmr_gym.simulation.multi_target import ManyScenario
+from gmr_gym.simulation.single_target import Scenario
+
+
+def key_value(text: str) -> tuple[str, Any]:
+    """key=value with the value read as a Python literal where it is one."""
+    key, sign, value = text.partition("=")
+    if not sign or not key:
+        raise ValueError(f"expected key=value, got {text!r}")
+    for read in (ast.literal_eval, float):  # float reads nan and inf, which are then refused by name
+        try:
+            return key, read(value)
+        except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):  # two of deep nesting
+            pass
+    if value.startswith(("[", "(", "{")):
+        raise ValueError(f"{key} cannot be read as a list: {value}")
+    return key, value
+
+
+def key_values(texts: Iterable[str]) -> dict[str, Any]:
+    """Values by key, of key=value each; ValueError for a key that is there twice."""
+    found: dict[str, Any] = {}
+    for key, value in map(key_value, texts):
+        if key in found:
+            raise ValueError(f"{key} is given twice, as {found[key]!r} and as {value!r}")
+        found[key] = value
+    return found
+
+
+def check_once(option: str, values: Sequence[str]) -> None:
+    """ValueError for a value that a repeatable option is given twice; NAME: is NAME."""
+    for i, value in enumerate(values):
+        if value.removesuffix(":") in (other.removesuffix(":") for other in values[:i]):
+            raise ValueError(f"{option} {value} is given twice")
+
+
+class Once(TyperCommand):
+    """A command whose options, but for those that make lists, are given once: of two the last would count."""
+
+    def parse_args(self, ctx, args):
+        _, _, given = self.make_parser(ctx).parse_args(args=list(args))
+        for parameter, count in Counter(given).items():
+            if count > 1 and not parameter.multiple:
+                raise ValueError(f"{parameter.opts[0]} is given {count} times")
+        return super().parse_args(ctx, args)
+
+
+def numbers(name: str, text: str) -> list[float]:
+    """Numbers with commas between; ValueError naming the option."""
+    try:
+        return [float(number) for number in text.split(",")]
+    except ValueError:
+        raise ValueError(f"{name} must be numbers with commas between, got {text!r}") from None
+
+
+def check_ending(option: str, file: Path | None, *endings: str) -> None:
+    """ValueError naming the option if a file to be written says by its ending that it is of another kind."""
+    if file is not None and file.suffix.lower() not in endings:
+        raise ValueError(f"{option} must end in {' or '.join(endings)}, got {file.name!r}")
+
+
+def parsed(spec: str) -> tuple[str, dict[str, Any]]:
+    """A tracker's name and parameters from NAME:key=value,key=value."""
+    name, _, parameters = spec.partition(":")
+    return name, key_values(filter(None, parameters.split(",")))
+
+
+def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
+    """The Scenario or ManyScenario of an environment with the settings `world`. Raises ValueError for an id
+    that is none of ours, with the nearest that is, and for an environment without one."""
+    bare = {name.partition("/")[2]: name for name in ENVIRONMENTS}
+    if env_id not in gym.registry and (
+        near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
+    ):
+        raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
+    # of the settings only what the scenario of the id takes: no value names code to be imported
+    module, _, known_as = env_id.rpartition(":")
+    if module:
+        import_module(module)  # `gym.make` does so, and not `gym.spec`
+    kept = gym.spec(known_as).kwargs.get("scenario")
+    scenario = make_scenario(kept, world) if kept else None
+    if not isinstance(scenario, Scenario | ManyScenario):
+        raise ValueError(
+            f"{env_id} is not a tracking environment: no tracker runs in it; choose from "
+            f"{', '.join((*TRACKING, *CROWDS))}"
+        )
+    return scenario
+
+
+def single_target(env_id: str, world: Mapping[str, Any]) -> Scenario:
+    """As `scenario_of`, of one target; ValueError where there are many."""
+    scenario = scenario_of(env_id, world)
+    if isinstance(scenario, ManyScenario):
+        raise ValueError(f"{env_id} has many targets; choose from {', '.join(TRACKING)}")
+    return scenario
+
+
+def tracker_of(spec: str, scenario: Scenario | ManyScenario, **parameters) -> Any:
+    """The tracker NAME:key=value,key=value, with further parameters, told what the scenario tells."""
+    name, further = parsed(spec)
+    told = scenario.population if isinstance(scenario, ManyScenario) else scenario.model
+    return make_tracker(name, told, **parameters, **further)
+
+
+def evaluated(
+    asked: dict[str, Any],
+    scenario: Scenario | ManyScenario,
+    trackers: Mapping[str, Any],
+    sweep: Sweep,
+    out: Path,
+    copy: Path | None,
+) -> Iterator[Any]:
+    """Runs trackers in a scenario, leaves record and runs in `out`, and then gives what a screen shows."""
+    (results,) = runs_shown(asked["env"], [(scenario, trackers)], sweep)
+    many = isinstance(scenario, ManyScenario)
+    rows = (crowd_summary if many else summary)(scenario, results)
+    paired = (crowd_differences if many else differences)(scenario, results)
+    tables = [table_record(asked["env"], asked["settings"], rows)]
+    if paired:
+        tables.append(table_record("paired differences", asked["settings"], paired))
+    remarks = notes(rows, sweep.runs)
+    write_runs(out / "runs.csv", scenario, results)
+    for file in filter(None, (out / "evaluate.json", copy)):
+        write_json(file, answered(asked, tables, notes=remarks))
+    yield grid(f"{asked['env']}: {sweep.runs} runs, seed {sweep.seed}", rows)
+    if paired:
+        yield grid("paired differences", paired)
+    yield from remarks
+    yield f"written to {out}"
+
+
+def check_writable(*files: Path | None, beside: Path | None = None) -> None:
+    """OSError for a file that could not be made, or that is a folder: before the work, and leaving none.
+    ValueError for one that is to be written twice, or over the file `beside` that is read."""
+    taken = {beside.resolve()} if beside else set()
+    for file in filter(None, files):
+        if file.resolve() in taken:
+            raise ValueError(f"{file} is named twice, and what it holds would be lost; choose another file")
+        taken.add(file.resolve())
+        if file.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(file))
+        check_folder(file.parent)
+
+
+def said(error: BaseException) -> str:
+    """An error as a line for who typed the command: of a file which it is, and what is wrong with it."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"{error.filename}: {error.strerror[0].lower()}{error.strerror[1:]}"
+    return str(error)

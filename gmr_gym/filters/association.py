@@ -1,0 +1,118 @@
+"""Which detection came from the target: gates, and the full single-target posterior."""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym.kernels import kernel
+from gmr_gym.linalg import cholesky_into, log_gaussian_scale
+from gmr_gym.mixture import Mixture
+from gmr_gym.models.gating import Gates, pairs_gated
+from gmr_gym.models.sensing import Sensing
+from gmr_gym.models.update import posterior_into
+
+
+class Expansion(NamedTuple):
+    """The full posterior of one scan, and how each hypothesis came about."""
+
+    mixture: Mixture  # N hypotheses, weights sum to 1
+    parent: np.ndarray  # (N,), index of the predicted component
+    detection: np.ndarray  # (N,), index of the detection it takes for the target's, -1 for a miss
+    # (N,), log N(z; H m, S) of that detection per unit of the sensor's own space, infinite for a miss
+    log_density: np.ndarray
+
+
+def expand(
+    predicted: Mixture,
+    gates: Gates,
+    sensor: Sensing,
+    z: np.ndarray,
+    detection_probability: float,
+    gate_probability: float,
+    clutter_density: float,
+) -> Expansion:
+    """Every predicted component with every detection z (k, p) in its gate, and with none
+    (D'Ortenzio, eqs. 3-5). Weights are formed in logarithms:
+
+        missed    w (1 - P_D P_G)           detected    w P_D N(z; H m, S) / clutter_density
+
+    P_G stands in the miss because a detection outside the gate is a miss too. A scan that the
+    model calls impossible (P_D P_G = 1 and every gate empty) leaves the prediction as it was.
+    """
+    look = sensor.look(predicted, gates.z, gates.S, z)
+    w, m, P, parent, detection, log_density = expand_into_hypotheses(
+        *predicted, *look, gates.size, *log_odds(detection_probability, gate_probability, clutter_density)
+    )  # fmt: skip
+    return Expansion(Mixture(w, m, P), parent, detection, log_density)
+
+
+@lru_cache
+def log_odds(
+    detection_probability: float, gate_probability: float, clutter_density: float
+) -> tuple[float, float]:
+    """Logarithms of the weights of a miss, 1 - P_D P_G, and of a detection, P_D / clutter_density."""
+    miss = 1.0 - detection_probability * gate_probability
+    log_miss = float(np.log(miss)) if miss > 0 else -np.inf
+    return log_miss, float(np.log(detection_probability) - np.log(clutter_density))
+
+
+@kernel(inline="always")
+def expand_into_hypotheses(w, m, P, expected, S, C, z, R, log_stretch, H, noise, size, log_miss, log_detect):
+    n, d = m.shape
+    seen, p = len(z), z.shape[2]
+    first, near, d2 = pairs_gated(expected, S, z, R, size)
+    hits = first[n]
+    misses = n if log_miss > -np.inf or hits == 0 else 0
+    # logarithms of the weights at first
+    w_out, top, whole = np.empty(hits + misses), -np.inf, 0.0
+    m_out, P_out = np.empty((hits + misses, d)), np.empty((hits + misses, d, d))
+    parent, detection = np.empty(hits + misses, np.int64), np.empty(hits + misses, np.int64)
+    log_density = np.full(hits + misses, np.inf)
+    L, K, W, P_hit = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty((d, d))
+    pair, L_noise = np.empty((p, p)), np.empty((p, p))
+    at = 0
+    for i in range(n):
+        if misses:
+            w_out[at] = np.log(w[i]) + (log_miss if log_miss > -np.inf else 0.0)
+            top = max(top, w_out[at])
+            parent[at], detection[at] = i, -1
+            for r in range(d):
+                m_out[at, r] = m[i, r]
+                for c in range(d):
+                    P_out[at, r, c] = P[i, r, c]
+            at += 1
+        own = i if seen > 1 else 0
+        conditioned = False
+        log_peak = 0.0
+        for h in range(first[i], first[i + 1]):
+            j = near[h]
+            if not conditioned:
+                for r in range(p):
+                    for c in range(p):
+                        pair[r, c] = S[i, r, c] + (R[j, r, c] if len(R) else 0.0)
+                cholesky_into(L, pair)
+                alike = 0 if len(noise) == 1 else i
+                for r in range(p):
+                    for c in range(p):
+                        pair[r, c] = noise[alike, r, c] + (R[j, r, c] if len(R) else 0.0)
+                posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H[0 if len(H) == 1 else i], pair)
+                log_peak = log_gaussian_scale(L)
+                conditioned = len(R) == 0  # else the next detection has a noise of its own
+            log_density[at] = log_peak - 0.5 * d2[h] + log_stretch[j]
+            w_out[at] = np.log(w[i]) + log_detect + log_density[at]
+            top = max(top, w_out[at])
+            for r in range(d):
+                m_out[at, r] = m[i, r]
+                for c in range(p):
+                    m_out[at, r] += K[r, c] * (z[own, j, c] - expected[i, c])
+                for c in range(d):
+                    P_out[at, r, c] = P_hit[r, c]
+            parent[at], detection[at] = i, j
+            at += 1
+    for h in range(len(w_out)):
+        w_out[h] = np.exp(w_out[h] - top)
+        whole += w_out[h]
+    for h in range(len(w_out)):
+        w_out[h] /= whole
+    return w_out, m_out, P_out, parent, detection, log_density

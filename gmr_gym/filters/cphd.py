@@ -1,0 +1,154 @@
+"""The distribution of the number of targets, p(n) for n = 0..N, ahead and through a scan (Vo, Vo and
+Cantoni 2007).
+
+With clutter a Poisson process the paper's sums (its eqs. 13-19) come down to one polynomial. Let q = 1 - P_D,
+V the weight of the intensity and, of each detection, l(z) = P_D sum_i w_i N(z; H m_i, S_i) / (V kappa(z)).
+With e_j the elementary symmetric functions of all l(z),
+
+    D = sum_j a_j e_j       a_j = sum_n p(n) n! / (n - j)! q^(n - j)
+
+and the scan leaves p(n) with p(n) sum_j n! / (n - j)! q^(n - j) e_j / D, a miss with w_i q M / (V D), where
+M = sum_j a_(j+1) e_j, and a detection with w_i P_D N / (V kappa) times the derivative of D by l(z), over D.
+That derivative is the paper's sum without z. All terms are positive and are added as logarithms; one
+sweep back and one forth give all derivatives, in time proportional to detections times N.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from gmr_gym.filters.intensity_update import log_ratios, posteriors
+from gmr_gym.filters.phd import Labelled
+from gmr_gym.kernels import kernel
+from gmr_gym.mixture import Mixture
+from gmr_gym.models.kalman import Sensor
+
+
+@lru_cache
+def transitions(survival_probability: float, spawned: float, born: float, most: int) -> np.ndarray:
+    """Probability (N + 1, N + 1) of n targets after m, N = `most`: each survives or not and spawns a Poisson
+    number of expectation `spawned`, and as many are born of expectation `born`. Columns lose what
+    goes beyond N.
+
+    Departs: nothing spawns in the paper."""
+    from scipy.stats import binom, poisson
+
+    n = np.arange(most + 1)
+    out = np.empty((most + 1, most + 1))
+    for m in n:
+        new = poisson.pmf(n, born + m * spawned)
+        out[:, m] = np.convolve(binom.pmf(n, m, survival_probability), new)[: most + 1]
+    out.setflags(write=False)
+    return out
+
+
+def update(
+    predicted: Labelled,
+    cardinality: np.ndarray,
+    sensor: Sensor,
+    z: np.ndarray,
+    detection_probability: float,
+    kappa: np.ndarray,
+    prune_weight: float,
+) -> tuple[Labelled, np.ndarray]:
+    """The intensity and p(n) (N + 1,) after the scan z (k, p), as `phd.update` otherwise. A scan that p(n)
+    calls impossible leaves both as they were."""
+    p = predicted.intensity
+    if len(p.w) == 0 or not p.w.sum() > 0:
+        return predicted, cardinality
+    expected, S = sensor.gates(p)
+    C = sensor.look(p, expected, S, z).C
+    with np.errstate(divide="ignore"):
+        log_p = np.log(cardinality)
+    w, m, P, parent, after = _updated(
+        *p, log_p, expected, S, C, *sensor, z, np.log(kappa), detection_probability, prune_weight
+    )
+    return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent]), after
+
+
+@kernel
+def _updated(w, m, P, log_p, expected, S, C, H, R, z, log_kappa, detection_probability, least):
+    table = log_ratios(w, expected, S, z, log_kappa, detection_probability)
+    n, k = table.shape
+    log_V = np.log(w.sum())
+    log_q = np.log(1.0 - detection_probability) if detection_probability < 1.0 else -np.inf
+    log_l = np.full(k, -np.inf)
+    for i in range(n):
+        for j in range(k):
+            if table[i, j] > -np.inf:
+                log_l[j] = log_sum(log_l[j], table[i, j] - log_V)
+    near, log_slope = log_l > -np.inf, np.full(k, -np.inf)  # the rest changes no e_j
+    log_e, log_D, log_M, log_slope[near] = symmetric(log_l[near], log_tails(log_p, log_q))
+    if log_D == -np.inf:
+        return *posteriors(w, np.zeros((n, k)), m, P, expected, S, C, H, R, z, least), np.exp(log_p)
+    for i in range(n):
+        for j in range(k):
+            table[i, j] = np.exp(table[i, j] - log_V + log_slope[j] - log_D)
+    missed = w * np.exp(log_q - log_V + log_M - log_D)
+    after = log_p.copy()
+    for count in range(len(log_p)):
+        after[count] += _log_chance(count, log_e, log_q)
+    found = posteriors(missed, table, m, P, expected, S, C, H, R, z, least)
+    after = np.exp(after - after.max())
+    return *found, after / after.sum()
+
+
+@kernel
+def symmetric(log_l, log_a):
+    """Logarithms of e_j (N + 1,) for j = 0..N, of D = sum_j a_j e_j, of M = sum_j a_(j+1) e_j and of the
+    derivatives of D by each l (k,)."""
+    k, orders = len(log_l), len(log_a)
+    # back[t, j]: what e_j of the first t of them counts for in D
+    back = np.empty((k + 1, orders + 1))
+    back[k, :orders], back[:, orders] = log_a, -np.inf
+    for t in range(k - 1, -1, -1):
+        for j in range(orders):
+            back[t, j] = log_sum(back[t + 1, j], log_l[t] + back[t + 1, j + 1])
+    log_e, log_slope = np.full(orders, -np.inf), np.empty(k)
+    log_e[0] = 0.0
+    for t in range(k):
+        total = -np.inf
+        for j in range(min(t + 1, orders)):
+            total = log_sum(total, log_e[j] + back[t + 1, j + 1])
+        log_slope[t] = total
+        for j in range(min(t + 1, orders - 1), 0, -1):
+            log_e[j] = log_sum(log_e[j], log_l[t] + log_e[j - 1])
+    log_M = -np.inf
+    for j in range(orders - 1):
+        log_M = log_sum(log_M, log_a[j + 1] + log_e[j])
+    return log_e, back[0, 0], log_M, log_slope
+
+
+@kernel
+def log_tails(log_p, log_q):
+    """Logarithm of a_j (N + 1,)."""
+    orders = len(log_p)
+    log_a = np.full(orders, -np.inf)
+    for n in range(orders):
+        falling = 0.0  # log n! / (n - j)!
+        for j in range(n + 1):
+            falling += np.log(n - j + 1) if j > 0 else 0.0
+            log_a[j] = log_sum(log_a[j], log_p[n] + falling + _log_power(log_q, n - j))
+    return log_a
+
+
+@kernel
+def log_sum(a, b):
+    """log(exp a + exp b)."""
+    top = max(a, b)
+    return top if top == -np.inf else top + np.log1p(np.exp(min(a, b) - top))
+
+
+@kernel
+def _log_chance(n, log_e, log_q):
+    """log of the scan's likelihood, but for a factor, were there n targets."""
+    total, falling = -np.inf, 0.0
+    for j in range(n + 1):
+        falling += np.log(n - j + 1) if j > 0 else 0.0
+        total = log_sum(total, falling + _log_power(log_q, n - j) + log_e[j])
+    return total
+
+
+@kernel
+def _log_power(log_q, times):
+    return times * log_q if times > 0 else 0.0

@@ -1,0 +1,196 @@
+"""The finite mixture of one scan drawn by Gibbs sampling (Lv, Lian and Han 2014, section 5)."""
+
+import numpy as np
+
+from gmr_gym.filters.clutter_estimation import responsibilities
+from gmr_gym.filters.finite_mixture import LEAST_UNIFORM, Management, Parts, managed, variance, widened
+from gmr_gym.kernels import kernel
+from gmr_gym.linalg import cholesky_into
+
+DIRICHLET = 1.0  # a_j of eq. 25, for every part
+PRIOR_MEANS, PRIOR_SPREADS = 0.01, 2  # detections that the priors of a mean and of a covariance count as
+
+
+def fit_gibbs(
+    z: np.ndarray,
+    parts: Parts,
+    flat: float,
+    how: Management,
+    rng: np.random.Generator,
+    burn: int = 20,
+    sweeps: int = 40,
+) -> Parts:
+    """Average of `sweeps` draws of the mixture given the scan z (k, p), after `burn` of them (Lv, section 5).
+
+    Departs: labels are drawn, where eqs. 26 and 29 take their probabilities; a Gaussian of clutter has the
+    conjugate normal-inverse-Wishart prior, about the mean of the scan and as wide as eq. 9 says, where eq. 27
+    has a Wishart of a variance; the mean of a target is drawn about that of its detections with its known
+    covariance over their number, where eqs. 28-29 have all of it and swap two symbols, and is back where it
+    began when it has no detection, lest it be lost between two. Management (section 5.3) is by the number of
+    labels, before the weights are drawn, and in the burn-in alone, so that draws can be averaged, and once
+    more at the end; targets are pruned at the end only, by their average, because a target with one detection
+    is without it in many a draw.
+
+    If `how.repaired` the mean of a target stays where it began, for H P H' + R is already the covariance of a
+    detection about the place where it is expected; and targets merge at the end only, where those that shared
+    a detection have the same mean."""
+    if len(z) == 0:
+        return parts
+    floored = widened(parts.P, parts.gaussians, how.deviation)
+    spread = variance(z, how.deviation)
+    w, m, P, origin = _gibbs(
+        z, parts.w, parts.m, floored, parts.origin, flat, how.merging, how.clutter_least,
+        how.target_least, how.deviation, how.repaired, spread, burn, sweeps, rng,
+    )  # fmt: skip
+    return Parts(w, m, P, origin)
+
+
+@kernel
+def _gibbs(
+    z,
+    w,
+    m,
+    P,
+    origin,
+    flat,
+    merging,
+    clutter_least,
+    target_least,
+    deviation,
+    repaired,
+    spread,
+    burn,
+    sweeps,
+    rng,
+):
+    n, p = z.shape
+    centre = np.zeros(p)
+    for j in range(n):
+        centre += z[j] / n
+    began = np.zeros((origin.max() + 1 if len(origin) else 0, p))
+    began[origin] = m[len(m) - len(origin) :]
+    m_sum, P_sum, w_sum, z_sum = m, P, w, m  # of the draws that are kept
+    for sweep in range(burn + sweeps):
+        share = responsibilities(z, w, m, P, flat)
+        if sweep == burn:
+            m_sum, P_sum = np.zeros_like(m), np.zeros_like(P)
+            w_sum, z_sum = np.zeros_like(w), np.zeros_like(m)
+        if sweep >= burn:
+            for j in range(n):
+                w_sum += share[j]
+                for i in range(len(m)):
+                    z_sum[i] += share[j, i + 1] * z[j]
+        label = _labels(share, rng)
+        number = np.zeros(len(w))
+        for j in range(n):
+            number[label[j]] += 1.0
+        c = len(m) - len(origin)
+        m, P = m.copy(), P.copy()
+        for i in range(len(m)):
+            if i < c:
+                m[i], P[i] = _drawn_gaussian(z, label == i + 1, number[i + 1], centre, spread, rng)
+            elif number[i + 1] > 0.0 and not repaired:
+                mean = np.zeros(p)
+                for j in range(n):
+                    if label[j] == i + 1:
+                        mean += z[j] / number[i + 1]
+                m[i] = _drawn_mean(mean, P[i] / number[i + 1], rng)
+            else:
+                m[i] = began[origin[i - c]]
+        P = widened(P, c, deviation)
+        if sweep < burn:
+            number[0] = max(number[0], n * LEAST_UNIFORM)
+            shares, m, P, origin = managed(
+                number / number.sum(),
+                m,
+                P,
+                origin,
+                n,
+                merging,
+                0.0 if repaired else merging,
+                clutter_least,
+                0.0,
+            )
+            number = n * shares
+        else:
+            m_sum += m
+            P_sum += P
+        # eq. 25: gamma variates over their sum are a draw of a Dirichlet
+        w = np.empty(len(number))
+        for i in range(len(w)):
+            w[i] = rng.standard_gamma(DIRICHLET + number[i])
+        w[0] = max(w[0], n * LEAST_UNIFORM)
+        w /= w.sum()
+    for i in range(len(m)):
+        if i < len(m) - len(origin):
+            m[i], P[i] = m_sum[i] / sweeps, P_sum[i] / sweeps
+        elif w_sum[i + 1] > 0.0:
+            m[i] = z_sum[i] / w_sum[i + 1]
+    return managed(w_sum / w_sum.sum(), m, P, origin, n, merging, merging, clutter_least, target_least)
+
+
+@kernel
+def _labels(share, rng):
+    """A part (n,) for each detection, drawn with probabilities share (n, g)."""
+    n, g = share.shape
+    label = np.zeros(n, np.int64)
+    for j in range(n):
+        left = rng.random()
+        for i in range(g):
+            left -= share[j, i]
+            if left < 0.0:
+                label[j] = i
+                break
+    return label
+
+
+@kernel
+def _drawn_mean(mean, P, rng):
+    """A draw (p,) of N(mean, P)."""
+    p = len(mean)
+    L = np.zeros((p, p))
+    if not cholesky_into(L, P):
+        raise ValueError("a covariance of the mixture is not positive definite")
+    out = mean.copy()
+    for r in range(p):
+        e = rng.standard_normal()
+        for s in range(r, p):
+            out[s] += L[s, r] * e
+    return out
+
+
+@kernel
+def _drawn_gaussian(z, mine, number, centre, spread, rng):
+    """A draw of the mean (p,) and covariance (p, p) of the `number` detections of z (n, p) that are `mine`
+    (n,): normal-inverse-Wishart about the centre (p,) and `spread` I."""
+    n, p = z.shape
+    mean = np.zeros(p)
+    for j in range(n):
+        if mine[j]:
+            mean += z[j] / number
+    scatter = PRIOR_SPREADS * spread * np.eye(p)
+    scaled = PRIOR_MEANS + number
+    for r in range(p):
+        for s in range(p):
+            for j in range(n):
+                if mine[j]:
+                    scatter[r, s] += (z[j, r] - mean[r]) * (z[j, s] - mean[s])
+            off = PRIOR_MEANS * number / scaled
+            scatter[r, s] += off * (mean[r] - centre[r]) * (mean[s] - centre[s])
+    # with scatter = L L' and A of Bartlett's decomposition, L A'^-1 A^-1 L' is a draw of the inverse Wishart
+    L = np.zeros((p, p))
+    if not cholesky_into(L, scatter):
+        raise ValueError("the scatter of a scan is not positive definite")
+    A = np.zeros((p, p))
+    freedom = PRIOR_SPREADS + p + 1 + number
+    for r in range(p):
+        A[r, r] = np.sqrt(rng.chisquare(freedom - r))
+        for s in range(r):
+            A[r, s] = rng.standard_normal()
+    B = np.linalg.solve(A, L.T)
+    P = np.zeros((p, p))
+    for r in range(p):
+        for s in range(p):
+            for k in range(p):
+                P[r, s] += B[k, r] * B[k, s]
+    return _drawn_mean((PRIOR_MEANS * centre + number * mean) / scaled, P / scaled, rng), P

@@ -1,0 +1,143 @@
+"""The probability hypothesis density as a Gaussian mixture (Vo and Ma 2006): an intensity carried ahead,
+updated with a whole scan, merged, and asked where its targets are.
+
+Weights are expected numbers: only detections, survival, births and pruning change their sum.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym.checks import check_limits
+from gmr_gym.filters.intensity_update import log_ratios, posteriors
+from gmr_gym.filters.tracker import Account
+from gmr_gym.kernels import kernel
+from gmr_gym.mixture import Mixture, joined
+from gmr_gym.models.clutter import Clutter, nothing
+from gmr_gym.models.kalman import Sensor, predict
+from gmr_gym.models.multi_target import Population
+from gmr_gym.reduction.protocol import Reduced, check_reduced
+from gmr_gym.reduction.pruning import capping
+
+
+class Labelled(NamedTuple):
+    """An intensity whose components know which target they take theirs for."""
+
+    intensity: Mixture
+    label: np.ndarray  # (n,), several components may share one
+    fresh: int  # the next label to give
+
+
+def nobody(told: Population) -> Labelled:
+    """The intensity of no target."""
+    return Labelled(nothing(len(told.motion.F)), np.empty(0, np.int64), 0)
+
+
+def ahead(belief: Labelled, told: Population) -> Labelled:
+    """One period later: those who survive, what they spawn and births (Vo and Ma 2006, eqs. 24-29). The
+    spawned scatter about where their parent moves, and they and the born get labels of their own."""
+    moved = predict(belief.intensity, told.motion)
+    parts = [moved._replace(w=told.survival_probability * moved.w)]
+    if told.spawn_weight > 0:
+        parts.append(Mixture(told.spawn_weight * moved.w, moved.m, moved.P + told.spawn_covariance))
+    intensity = joined([*parts, told.births])
+    new = len(intensity.w) - len(moved.w)
+    label = np.append(belief.label, belief.fresh + np.arange(new))
+    return Labelled(intensity, label, belief.fresh + new)
+
+
+def update(
+    predicted: Labelled,
+    sensor: Sensor,
+    z: np.ndarray,
+    detection_probability: float,
+    kappa: np.ndarray,
+    prune_weight: float,
+) -> tuple[Labelled, np.ndarray]:
+    """After a scan z (k, p), and the probability (k,) that each of its detections is false: every component
+    with every detection, and with none (Vo and Ma 2006, eqs. 30-35):
+
+        missed    w (1 - P_D)       detected    w P_D N(z; H m, S) / (kappa(z) + the same over all components)
+
+    kappa (k,) is the intensity of clutter at the detections; its own share of that sum is false. What comes
+    to less than `prune_weight` is left out, without a word to the others. Labels are the parents'."""
+    p = predicted.intensity
+    expected, S = sensor.gates(p)
+    C = sensor.look(p, expected, S, z).C
+    w, m, P, parent, false = _updated(
+        *p, expected, S, C, *sensor, z, np.log(kappa), detection_probability, prune_weight
+    )
+    return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent]), false
+
+
+def reduced(belief: Labelled, reduce: Callable[[Mixture], Reduced], most: int) -> Labelled:
+    """`reduce` of the `most` heaviest components; what is merged has the label of its heaviest part."""
+    p, label, fresh = belief
+    if len(p.w) == 0:
+        return belief
+    if len(p.w) > most:
+        p, place = capping(p, most)
+        label = label[place >= 0]
+    q, origin = reduce(p)
+    heaviest_last = np.argsort(-p.w, kind="stable")[::-1]
+    heaviest_last = heaviest_last[origin[heaviest_last] >= 0]
+    merged = np.full(len(q.w), -1)
+    merged[origin[heaviest_last]] = label[heaviest_last]  # the last written stays
+    return Labelled(q, merged, fresh)
+
+
+def account(belief: Labelled, clutter: Clutter, number: int | None = None) -> tuple[Labelled, Account]:
+    """The targets that the intensity names, the surest first, and the belief with their labels.
+
+    A component of weight w names one target with existence min(w, 1), one more with min(w - 1, 1) and so
+    on; those above 1/2 are named, round(w) in all (Vo and Ma 2006, Table III), or the `number` surest. A
+    second target of one component has no label, -1; of components that share one the heaviest keeps it,
+    and the others are given fresh ones."""
+    p, label, fresh = belief
+    copies = np.ceil(p.w - (0.5 if number is None else 0.0)).clip(0).astype(int)
+    at = np.repeat(np.arange(len(p.w)), copies)
+    copy = np.arange(len(at)) - np.repeat(np.cumsum(copies) - copies, copies)
+    existence = np.minimum(p.w[at] - copy, 1.0)
+    surest = np.lexsort((-p.w[at], -existence))[:number]
+    at, copy, existence = at[surest], copy[surest], existence[surest]
+    first = at[copy == 0]  # heaviest first
+    _, keeps = np.unique(label[first], return_index=True)
+    others = np.delete(first, keeps)
+    label = label.copy()
+    label[others] = fresh + np.arange(len(others))
+    said = Account(p.m[at], existence, np.where(copy == 0, label[at], -1), float(p.w.sum()), p, clutter)
+    return Labelled(p, label, fresh + len(others)), said
+
+
+def check_filter(
+    told: Population, reduce: Callable[[Mixture], Reduced], prune_weight: float, most: int
+) -> None:
+    """Raise ValueError naming the parameter that is wrong, here rather than in a scan."""
+    check_limits(prune_weight, most)
+    d = len(told.motion.F)
+    check_reduced(reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
+
+
+@kernel
+def _updated(w, m, P, expected, S, C, H, R, z, log_kappa, detection_probability, least):
+    table = log_ratios(w, expected, S, z, log_kappa, detection_probability)
+    n, k = table.shape
+    top = np.zeros(k)  # the logarithm of clutter over itself
+    for i in range(n):
+        for j in range(k):
+            top[j] = max(top[j], table[i, j])
+    false = np.exp(-top)
+    total = false.copy()
+    for i in range(n):
+        for j in range(k):
+            if table[i, j] > -np.inf:
+                table[i, j] = np.exp(table[i, j] - top[j])
+                total[j] += table[i, j]
+            else:
+                table[i, j] = 0.0
+    for i in range(n):
+        for j in range(k):
+            table[i, j] /= total[j]
+    found = posteriors((1.0 - detection_probability) * w, table, m, P, expected, S, C, H, R, z, least)
+    return *found, false / total

@@ -1,0 +1,71 @@
+"""Trackers found by name, through entry points."""
+
+import inspect
+from difflib import get_close_matches
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from gmr_gym.models.model import Model, told_by
+from gmr_gym.models.multi_target import Population
+
+GROUP, CROWD_GROUP = "gmr_gym.trackers", "gmr_gym.crowd_trackers"
+
+
+def trackers(group: str = GROUP) -> dict[str, str]:
+    """Names of the installed trackers, of one target or, with `CROWD_GROUP`, of many, each with the first
+    paragraph of its description."""
+    found = {}
+    for name, point in sorted(_entry_points(group).items()):
+        doc = inspect.getdoc(point.load()) or ""
+        found[name] = " ".join(doc.split("\n\n")[0].split())
+    return found
+
+
+def make_tracker(name: str, model: Model | Population, **parameters) -> Any:
+    """The tracker of that name, told `model`: a Tracker, or told a Population a ManyTracker. A number at
+    the end of the name is its number of components: `runnalls-30` is `runnalls` with components=30. Every
+    tracker of one target takes an `update`, by which it is told another update of its radar, one of
+    `gmr_gym.models.radar.UPDATES`.
+
+    Raises ValueError for a name that no installed package offers, with the nearest that one does,
+    and for a parameter the tracker does not take, with those it does.
+    """
+    known = _entry_points(CROWD_GROUP if isinstance(model, Population) else GROUP)
+    base, _, number = name.rpartition("-")
+    twice = None
+    if name not in known and base in known and number.isdigit():
+        twice = parameters.get("components")
+        name, parameters = base, {**parameters, "components": int(number)}
+    many = isinstance(model, Population)
+    if name not in known and {name, base} & _entry_points(GROUP if many else CROWD_GROUP).keys():
+        kind = "one target, and here there are many" if many else "many targets, and here there is one"
+        raise ValueError(f"tracker {name!r} is for {kind}")
+    if name not in known:
+        near = get_close_matches(name.rstrip("-0123456789"), known, n=1) or get_close_matches(name, known)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise ValueError(f"unknown tracker {name!r}{hint} (installed: {', '.join(sorted(known))})")
+    factory = known[name].load()
+    takes = list(inspect.signature(factory).parameters)[1:]
+    update = parameters.pop("update", None)
+    if update is not None:
+        if isinstance(model, Population):
+            raise ValueError(f"tracker {name!r} of many targets takes no 'update'")
+        model = told_by(model, update)
+    for parameter in parameters:
+        if parameter not in takes:
+            raise ValueError(
+                f"tracker {name!r} takes no parameter {parameter!r}; it takes {', '.join(takes) or 'none'}"
+            )
+    if twice is not None:
+        raise ValueError(f"components is given twice, as {number} in the name and as {twice!r}")
+    try:
+        tracker = factory(model, **parameters)
+    except TypeError as error:  # text where a number belongs
+        raise ValueError(f"tracker {name!r} cannot be made with {parameters}: {error}") from None
+    if update is not None and getattr(tracker.model.sensor, "update", None) != update:
+        raise ValueError(f"tracker {name!r} has an update of its own and takes no {update!r}")
+    return tracker
+
+
+def _entry_points(group: str) -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=group)}

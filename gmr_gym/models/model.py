@@ -1,0 +1,97 @@
+"""What a tracker is told of the world, and nothing else."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym.checks import check_density, check_probability
+from gmr_gym.mixture import Mixture
+from gmr_gym.models.kalman import Motion
+from gmr_gym.models.radar import Radar, radar
+from gmr_gym.models.sensing import Sensing
+from gmr_gym.models.switching import check_switching
+
+
+class Model(NamedTuple):
+    """All that a tracker may know before the first scan; `model` checks one."""
+
+    motions: tuple[Motion, ...]  # the modes the target may move in; one for most scenarios
+    sensor: Sensing
+    detection_probability: float  # P_D
+    gate_probability: float  # P_G
+    clutter_density: float  # expected false detections per unit volume of the sensor's space
+    prior: Mixture  # one period before the first scan
+    switching: np.ndarray  # (r, r), column p: probabilities of each mode after mode p
+    mode_prior: np.ndarray  # (r,), probability of each mode one period before the first scan
+
+    @property
+    def motion(self) -> Motion:
+        """The one motion; ValueError where there are several, for trackers that know no modes."""
+        check_one_motion(self)
+        return self.motions[0]
+
+
+def model(
+    motions: tuple[Motion, ...] | Motion,
+    sensor: Sensing,
+    detection_probability: float,
+    gate_probability: float,
+    clutter_density: float,
+    prior: Mixture,
+    switching=None,
+    mode_prior=None,
+) -> Model:
+    """Checked Model. switching (r, r) may be left out for one motion, and mode_prior (r,) always: all
+    modes are then alike.
+
+    Raises ValueError naming the argument for a probability outside (0, 1], a clutter density that is
+    not positive, motions, sensor and prior of unlike dimension, or a switching matrix whose columns
+    are no distributions."""
+    motions = (motions,) if isinstance(motions, Motion) else tuple(motions)
+    if not motions:
+        raise ValueError("motions must hold at least one Motion")
+    d = sensor.H.shape[1]
+    for i, motion in enumerate(motions):
+        if len(motion.F) != d:
+            raise ValueError(f"motions[{i}] has {len(motion.F)} states, but sensor.H has {d} columns")
+    if prior.m.shape[1] != d:
+        raise ValueError(f"prior has {prior.m.shape[1]} states, but sensor.H has {d} columns")
+    if abs(prior.w.sum() - 1) > 1e-9:
+        raise ValueError(f"prior weights sum to {prior.w.sum():.6g}; pass normalised(prior)")
+    check_probability("detection_probability", detection_probability)
+    check_probability("gate_probability", gate_probability)
+    check_density("clutter_density", clutter_density)
+    if switching is None and len(motions) > 1:
+        raise ValueError(f"switching must be given for {len(motions)} motions")
+    return Model(
+        motions, sensor, float(detection_probability), float(gate_probability), float(clutter_density), prior,
+        check_switching([[1.0]] if switching is None else switching, len(motions)),
+        _checked_mode_prior(mode_prior, len(motions)),
+    )  # fmt: skip
+
+
+def told_by(model: Model, update: str) -> Model:
+    """The model with another update of its radar, one of `gmr_gym.models.radar.UPDATES`; ValueError for
+    another name, and for a sensor that is no radar."""
+    sensor = model.sensor
+    if not isinstance(sensor, Radar):
+        raise ValueError(f"update {update!r} needs a radar; the model's sensor is linear and has one update")
+    return model._replace(sensor=radar(sensor.deviations, sensor.H.shape[1], update))
+
+
+def check_one_motion(model: Model) -> None:
+    """Raise ValueError if there are several motions, for trackers that know no modes."""
+    if len(model.motions) > 1:
+        raise ValueError(
+            f"this tracker knows one motion and the model has {len(model.motions)}: choose one with modes, "
+            "such as imm-pda, imm-mht or mmg"
+        )
+
+
+def _checked_mode_prior(mode_prior, modes: int) -> np.ndarray:
+    if mode_prior is None:
+        return np.full(modes, 1 / modes)
+    mode_prior = np.array(mode_prior, float)
+    if mode_prior.shape != (modes,) or not (mode_prior >= 0).all() or abs(mode_prior.sum() - 1) > 1e-9:
+        raise ValueError(f"mode_prior must be {modes} probabilities that sum to 1, got {mode_prior.tolist()}")
+    return mode_prior

@@ -1,0 +1,77 @@
+"""Many targets: what a tracker of them is told, what it says, and the intensity of clutter.
+
+An intensity is a density whose integral is an expected number; its weights are never normalised.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym.checks import check_covariance, check_density, check_probability
+from gmr_gym.mixture import Mixture, checked
+from gmr_gym.models.clutter import Clutter
+from gmr_gym.models.kalman import Motion, Sensor
+
+
+class Population(NamedTuple):
+    """What a tracker of many targets is told; `population` checks one."""
+
+    motion: Motion
+    sensor: Sensor
+    detection_probability: float  # P_D
+    survival_probability: float  # P_S, of a target from scan to scan
+    births: Mixture  # intensity of targets that appear in a scan, of themselves
+    spawn_weight: float  # expected number that each target spawns in a scan
+    spawn_covariance: np.ndarray  # (d, d), of the spawned about where their parent moves
+    clutter: Clutter  # what it believes of false detections
+
+
+def population(
+    motion: Motion,
+    sensor: Sensor,
+    detection_probability: float,
+    survival_probability: float,
+    births: Mixture,
+    clutter: Clutter,
+    spawn_weight: float = 0.0,
+    spawn_covariance=None,
+) -> Population:
+    """Checked Population. Raises ValueError naming the argument for a probability outside (0, 1], for shapes
+    that do not fit each other, for intensities that are none and for clutter that is nowhere."""
+    d = len(motion.F)
+    if not isinstance(sensor, Sensor):
+        raise ValueError(f"sensor must be linear, a Sensor of positions, got a {type(sensor).__name__}")
+    if sensor.H.shape[1] != d:
+        raise ValueError(f"sensor.H has {sensor.H.shape[1]} columns, but the motion has {d} states")
+    check_probability("detection_probability", detection_probability)
+    check_probability("survival_probability", survival_probability)
+    births = checked(births, "births.")
+    if births.m.shape[1] != d:
+        raise ValueError(f"births have {births.m.shape[1]} states, but the motion has {d}")
+    if not 0 <= spawn_weight < np.inf:
+        raise ValueError(f"spawn_weight must be an expected number, got {spawn_weight}")
+    spread = np.eye(d) if spawn_covariance is None else np.array(spawn_covariance, float)
+    if spread.shape != (d, d):
+        raise ValueError(f"spawn_covariance must have shape {(d, d)}, got {spread.shape}")
+    check_covariance("spawn_covariance", spread)
+    finite = np.isfinite(clutter.low).all() and np.isfinite(clutter.high).all()
+    if len(clutter.low) != len(sensor.H) or not (finite and (clutter.low < clutter.high).all()):
+        raise ValueError(
+            f"clutter must be over a finite box of {len(sensor.H)} sides, got {clutter.low} to {clutter.high}"
+        )
+    clutter = clutter._replace(
+        gaussians=checked(clutter.gaussians, "clutter.gaussians."),
+        ellipses=checked(clutter.ellipses, "clutter.ellipses."),
+    )
+    if not 0 < clutter.uniform < np.inf:
+        raise ValueError(
+            "clutter.uniform must be positive and finite, got "
+            f"{clutter.uniform}: a detection far from all else needs an explanation"
+        )
+    with np.errstate(all="ignore"):
+        density = clutter.uniform / clutter.volume
+    check_density("clutter.uniform over the volume of its box", density)
+    return Population(
+        motion, sensor, float(detection_probability), float(survival_probability), births,
+        float(spawn_weight), spread, clutter,
+    )  # fmt: skip

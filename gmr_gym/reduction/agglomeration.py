@@ -1,0 +1,115 @@
+"""Joining the nearest two again and again: a table of what joining any pair costs, its nearest pairs, and
+groups kept by the lowest index of their members."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gmr_gym.checks import at_least_one
+from gmr_gym.kernels import kernel
+from gmr_gym.mixture import Mixture, moments
+from gmr_gym.reduction.dissimilarity import isd_row, isd_table, own_products
+from gmr_gym.reduction.distances import dimension, pack, products_of_columns
+from gmr_gym.reduction.greedy_merging import first_least
+from gmr_gym.reduction.merge_cost import merge_pair
+from gmr_gym.reduction.protocol import Reduced, grouped, through
+from gmr_gym.reduction.pruning import weighing
+
+LARGE = 1e100  # of a weight whose square a float holds
+
+
+def merged_by(groups: Callable[[Mixture, int], np.ndarray], p: Mixture, components: int) -> Reduced:
+    """Moment match of groups of the components that weigh anything; groups(q, components) (n,) are
+    the groups 0..components-1 of those, called with q when it has more components than that."""
+    components = at_least_one(components)
+    q, place = weighing(p)
+    if len(q.w) <= components:
+        return q, place
+    # squares of tiny weights would underflow, and of huge ones overflow; those between stay, lest tiny ones
+    # beside them vanish
+    top = q.w.max()
+    group = groups(q._replace(w=q.w / max(min(top, 1.0), top / LARGE)), components)
+    return grouped(q, group, components), through(place, group)
+
+
+@kernel
+def nearest_others(table):
+    """The first nearest other (n,) of each row of a table of costs, and its cost (n,); the diagonal
+    becomes infinite."""
+    n = len(table)
+    nearest, least = np.empty(n, np.int64), np.empty(n)
+    for i in range(n):
+        table[i, i] = np.inf
+        nearest[i] = first_least(table[i], n)
+        least[i] = table[i, nearest[i]]
+    return nearest, least
+
+
+@kernel
+def cheapest_pair(nearest, least):
+    """Rows i < j of least cost, the first among equals."""
+    i = first_least(least, len(least))
+    if least[i] == np.inf:
+        raise ValueError("components lie too far apart to tell what merging them costs")
+    return i, nearest[i]
+
+
+@kernel
+def take_in(i, j, group, table, nearest, least):
+    """Closes row j, whose members go to i; row i of the table holds its new costs already."""
+    n = len(table)
+    for k in range(n):
+        group[k] = i if group[k] == j else group[k]
+        table[j, k] = table[k, j] = np.inf
+    nearest[j], least[j] = -1, np.inf
+    for k in range(n):
+        if k == i or nearest[k] == i or nearest[k] == j:
+            nearest[k] = first_least(table[k], n)
+            least[k] = table[k, nearest[k]]
+        elif table[k, i] < least[k] or (table[k, i] == least[k] and i < nearest[k]):
+            nearest[k], least[k] = i, table[k, i]
+
+
+@kernel
+def numbered(group):
+    """Groups (n,) named by their first member, numbered in the order of these."""
+    number, count = np.full(len(group), -1), 0
+    for i in range(len(group)):
+        number[i] = count if group[i] == i else number[group[i]]
+        count += group[i] == i
+    return number
+
+
+def greedy_isd(p: Mixture, components: int) -> Reduced:
+    """Merges the pair that makes the least integral squared difference to the mixture as it then
+    stands, until `components` remain (Zhang, section 3; compared with the original mixture, and
+    with deletions, it is Williams' error in `ise`). At equal cost the lowest indices come first."""
+
+    def groups(q, components):
+        # about the mean, merged means keep the digits that their differences are made of
+        return _merge_nearest(q.w.copy(), pack(q.m - moments(q)[0], q.P), components)
+
+    return merged_by(groups, p, components)
+
+
+@kernel
+def _merge_nearest(w, M, components):
+    """Groups (n,) of greedy merging of the Gaussians packed in M (T, n); w and M are overwritten."""
+    T, n = M.shape
+    means, entries = M[T - dimension(T) :], M[: T - dimension(T)]
+    room = np.empty((len(entries), 1)), np.empty(1)
+    own, table = own_products(M), isd_table(w, M)
+    nearest, least = nearest_others(table)
+    group, alive = np.arange(n), np.arange(n)
+    while len(alive) > components:
+        i, j = cheapest_pair(nearest, least)
+        merge_pair(i, j, w, means, entries, room)
+        merged = M[:, i : i + 1].copy()
+        own[i] = products_of_columns(merged, merged, 1)[0]
+        alive = alive[alive != j]
+        others = alive[alive != i]
+        row = isd_row(i, others, w, M, own)
+        for k in range(len(others)):
+            table[i, others[k]] = table[others[k], i] = row[k]
+        take_in(i, j, group, table, nearest, least)
+    return numbered(group)

@@ -1,0 +1,64 @@
+"""Reductions by name, as a tracker's parameter `reduction` takes them."""
+
+from collections.abc import Callable
+from difflib import get_close_matches
+from functools import partial
+from importlib import import_module
+
+from gmr_gym.checks import at_least_zero
+from gmr_gym.mixture import Mixture
+from gmr_gym.reduction.agglomeration import greedy_isd
+from gmr_gym.reduction.clustering import LINKAGES, hierarchical, k_means, k_medoids
+from gmr_gym.reduction.dissimilarity import MEASURES
+from gmr_gym.reduction.ise import integral_squared_error
+from gmr_gym.reduction.protocol import Reduced
+from gmr_gym.reduction.pruning import capping
+from gmr_gym.reduction.runnalls import adaptive, runnalls
+from gmr_gym.reduction.salmond_west import salmond, west
+from gmr_gym.reduction.vo_ma import vo_ma
+
+REDUCERS: dict[str, Callable] = {
+    "runnalls": runnalls,
+    "greedy-isd": greedy_isd,
+    "adaptive": partial(adaptive, loss_bound=0.05),
+    "ise": integral_squared_error,
+    "ise-unscaled": partial(integral_squared_error, renormalise=False),
+    "salmond": salmond,
+    "west": west,
+    "capping": capping,
+    "k-means": k_means,
+    **{f"k-medoids-{measure}": partial(k_medoids, measure=measure) for measure in MEASURES},
+    **{
+        f"{linkage}-{measure}": partial(hierarchical, linkage=linkage, measure=measure)
+        for linkage in LINKAGES
+        for measure in MEASURES
+    },
+}
+
+
+def reducer(name: str, components: int) -> partial:
+    """The reduction of that name to `components`, to be called with a mixture. A name with a colon,
+    "module:function", is a function of (mixture, components) of your own.
+
+    Raises ValueError for an unknown name, with the nearest there is, and for a function not found.
+    """
+    module, colon, function = str(name).partition(":")
+    if colon:
+        try:
+            return partial(getattr(import_module(module), function), components=components)
+        except (ImportError, AttributeError, ValueError, TypeError) as error:
+            raise ValueError(f"reduction {name!r} is no function that can be imported: {error}") from None
+    if name not in REDUCERS:
+        near = get_close_matches(str(name), REDUCERS, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise ValueError(f"unknown reduction {name!r}{hint} (there are {', '.join(REDUCERS)})")
+    return partial(REDUCERS[name], components=components)
+
+
+def reduction_named(name: str, components: int, merging: float) -> Callable[[Mixture], Reduced]:
+    """The reduction of that name to `components`: "vo-ma", which alone heeds `merging`, or any that
+    `reducer` knows. Raises ValueError for an unknown name and a negative `merging`."""
+    merging = at_least_zero("merging", merging)
+    if name == "vo-ma":
+        return partial(vo_ma, components=components, distance=merging)
+    return reducer(name, components)

@@ -1,0 +1,55 @@
+"""The reduction of Vo and Ma: the heaviest takes in all that is near."""
+
+import numpy as np
+
+from gmr_gym.checks import at_least_one, at_least_zero
+from gmr_gym.kernels import kernel
+from gmr_gym.linalg import cholesky_into, mahalanobis_squared
+from gmr_gym.mixture import Mixture, checked
+from gmr_gym.reduction.protocol import Reduced, grouped, through
+from gmr_gym.reduction.pruning import capping
+
+
+def vo_ma(p: Mixture, components: int, distance: float = 4.0) -> Reduced:
+    """Merges into the heaviest component j every i with (m_i - m_j)' P_i^-1 (m_i - m_j) <= `distance`,
+    then so with the heaviest of the rest until none is left; of these the `components` heaviest
+    (Vo and Ma 2006, Table II). Raises ValueError for a negative distance."""
+    p, components, distance = checked(p), at_least_one(components), at_least_zero("distance", distance)
+    group, count = _near(*p, distance)
+    capped, place = capping(grouped(p, group, count), components)
+    return capped, through(group, place)
+
+
+@kernel
+def _near(w, m, P, distance):
+    """Groups (n,) of `vo_ma`, numbered from that of the heaviest, -1 for a weight of zero; their number."""
+    n, d = m.shape
+    factors, factored = np.zeros((n, d, d)), np.zeros(n, np.bool_)
+    group, count, y = np.full(n, -1), 0, np.empty(d)
+    alone = np.argsort(-w, kind="mergesort")
+    alone = alone[w[alone] > 0.0]
+    left = len(alone)
+    while left > 0:
+        heaviest, rest = alone[0], 0
+        for a in range(left):
+            i = alone[a]
+            within = True
+            for r in range(d):
+                # no axis alone is farther than all together, but for rounding: most end here
+                if (m[i, r] - m[heaviest, r]) ** 2 > distance * (1.0 + 1e-12) * P[i, r, r]:
+                    within = False
+                    break
+            if within and not factored[i]:
+                factored[i] = True
+                if not cholesky_into(factors[i], P[i]):
+                    raise ValueError("a covariance of the mixture is not positive definite")
+            if i == heaviest or (
+                within and mahalanobis_squared(factors[i], m[heaviest], m[i], y) <= distance
+            ):
+                group[i] = count
+            else:
+                alone[rest] = i
+                rest += 1
+        left = rest
+        count += 1
+    return group, count

@@ -1,0 +1,186 @@
+"""Scans of MHTs whose thresholds are set from outside, each with its own target, many of them in one call.
+
+An episode is a record, and n of them are an array (n,): what there is to see, what the tracker is told of it,
+and the posterior that waits for its thresholds.
+"""
+
+import numba
+import numpy as np
+
+from gmr_gym.filters.mht import MOST, expand_scan, odds
+from gmr_gym.kernels import kernel, together
+from gmr_gym.reduction.pruning import among_heaviest, heavier, selected_by
+from gmr_gym.simulation.scans import View, scan_into
+from gmr_gym.simulation.single_target import Episode, Scenario, capacity, viewed
+from gmr_gym.tuning.features import observe, told
+from gmr_gym.tuning.hindsight import FORESEEN, ahead, hindsight
+from gmr_gym.tuning.instances import SCANS
+from gmr_gym.tuning.thresholds import RANGES, adapt
+
+LEAST = RANGES["prune"][0]  # what weighs less enters no reduction
+EPISODE = np.dtype(
+    [
+        # the world
+        ("x", "f8", (SCANS, 4)),
+        ("z", "f8", (SCANS, 2)),  # detections of the target
+        ("slot", "f8", (SCANS,)),
+        ("ahead", "f8", (SCANS, FORESEEN)),  # see `threshold_hindsight.ahead`
+        ("key", "u4", (2,)),
+        ("clutter_rate", "f8"),
+        ("low", "f8", (2,)),
+        ("high", "f8", (2,)),
+        ("capacity", "i8"),  # detections
+        ("cutoff", "f8"),  # m
+        ("patience", "i8"),  # scans in a row beyond the cutoff that make a target lost
+        # what the tracker is told
+        ("prior", "f8", (1, 4)),
+        ("prior_covariance", "f8", (1, 4, 4)),
+        ("F", "f8", (4, 4)),
+        ("Q", "f8", (4, 4)),
+        ("offset", "f8", (4,)),
+        ("H", "f8", (2, 4)),
+        ("R", "f8", (2, 2)),
+        ("odds", "f8", (3,)),
+        ("known", "f8", (3,)),
+        # what has come of it
+        ("t", "i8"),  # the scan, from 0, that waits for its thresholds; -1 before the first look
+        ("scans", "i8"),  # in all; where t is as many, no episode is running
+        ("strayed", "i8"),  # scans in a row beyond the cutoff
+        ("hypotheses", "i8"),  # of the posterior that may enter a reduction
+        ("w", "f8", (MOST,)),
+        ("m", "f8", (MOST, 4)),
+        ("P", "f8", (MOST, 4, 4)),
+        ("cost", "f8"),  # of merging all of the posterior
+        ("gated", "i8"),  # Gaussians updated
+        ("kept", "i8"),  # of the scan before: see `Memory`
+        ("given_up", "f8"),
+        ("work", "i8"),
+        ("detected", "u1", (SCANS,)),
+        ("ends_sight", "u1"),
+    ],
+    align=True,
+)
+STEP = np.dtype(
+    [
+        ("reward", "f8"),
+        ("error", "f8"),  # m
+        ("work", "i8"),
+        ("components", "i8"),
+        ("thresholds", "f8", (len(RANGES),)),
+        ("terminated", "?"),
+        ("truncated", "?"),
+    ],
+    align=True,
+)
+
+
+def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode, patience: int) -> None:
+    """Puts an episode of a scenario of `instances.world` into its record (), to be looked at."""
+    view, model, n = viewed(scenario), scenario.model, scenario.horizon
+    episode["x"][:n], episode["z"][:n], episode["slot"][:n] = drawn.x, drawn.z, drawn.slot
+    episode["detected"][:n], episode["key"] = drawn.detected, drawn.key
+    for name in ("clutter_rate", "low", "high", "ends_sight"):
+        episode[name] = getattr(view, name)
+    episode["ahead"][:n] = ahead(scenario, drawn)
+    episode["capacity"] = capacity(view.clutter_rate)
+    episode["cutoff"], episode["patience"] = scenario.cutoff, patience
+    episode["prior"], episode["prior_covariance"] = model.prior.m, model.prior.P
+    episode["F"], episode["Q"], episode["offset"] = model.motion
+    episode["H"], episode["R"] = model.sensor.H, model.sensor.R
+    episode["odds"], episode["known"] = odds(model), told(model)
+    episode["t"], episode["scans"], episode["strayed"] = -1, n, 0
+    episode["kept"], episode["given_up"], episode["work"] = 1, 0.0, 0
+
+
+def stepped(
+    episodes: np.ndarray,
+    rows: np.ndarray,
+    thresholds: np.ndarray,
+    price: float,
+    steps: np.ndarray,
+    observations: np.ndarray,
+) -> None:
+    """Reduces the posteriors of the episodes at `rows` by the thresholds (n, 4), see `Thresholds`, and looks
+    at their next scans: what came of it to the same rows of `steps` (n,), and FEATURES of the next scan to
+    those of the observations (n, k), zeros where the episode is over. Of an episode that has just begun it
+    looks at the first scan, and there is nothing to reduce."""
+    threads = max(1, min(numba.config.NUMBA_NUM_THREADS, len(rows)))  # type: ignore[attr-defined]
+    if threads > 1:  # dealt out so that each thread has as much to merge
+        rows = rows[np.argsort(-episodes["hypotheses"][rows], kind="stable")]
+    shares = [rows[first::threads].copy() for first in range(threads)]
+    together(step, [(episodes, share, thresholds, price, steps, observations) for share in shares])
+
+
+@kernel(nogil=True)
+def step(episodes, rows, thresholds, price, steps, observations):
+    for i in rows:
+        e = episodes[i]
+        w, m, P, estimate = np.ones(1), e.prior[:], e.prior_covariance[:], e.prior[0]
+        if e.t >= 0:
+            n = e.hypotheses
+            w, m, P, estimate, _, e.given_up, e.work = adapt(
+                e.w[:n], e.m[:n], e.P[:n], thresholds[i], e.cost, e.gated
+            )
+            e.kept = len(w)
+            score(e, estimate, thresholds[i], price, steps[i])
+        e.t += 1
+        observations[i] = 0.0
+        if e.t < e.scans:
+            look(e, w, m, P, estimate, observations[i])
+
+
+@kernel
+def score(e, estimate, thresholds, price, out):
+    """What the estimate (d,) of the scan at which the episode stands is worth; a loss sends it to the end."""
+    # the sensor sees positions
+    squared, left = 0.0, e.scans - e.t - 1
+    for r in range(len(e.H)):
+        away = 0.0
+        for c in range(len(estimate)):
+            away += e.H[r, c] * (estimate[c] - e.x[e.t, c])
+        squared += away * away
+    error = np.sqrt(squared)
+    e.strayed = e.strayed + 1 if error > e.cutoff else 0
+    out.reward = -min(error / e.cutoff, 1.0) - price * e.work
+    out.error, out.work, out.components = error, e.work, e.kept
+    for i in range(len(thresholds)):
+        out.thresholds[i] = thresholds[i]
+    out.terminated = e.strayed >= e.patience
+    out.truncated = left == 0 and not out.terminated
+    if out.terminated:
+        out.reward -= left
+        e.t += left
+
+
+@kernel
+def look(e, w, m, P, estimate, observation):
+    """The scan at which the episode stands, expanded from the belief w, m, P; the window is centred by the
+    estimate (d,), and the features go to the observation (k,)."""
+    d, p, t = len(estimate), len(e.R), e.t
+    ahead, centre = e.offset.copy(), np.zeros(p)
+    for r in range(d):
+        for c in range(d):
+            ahead[r] += e.F[r, c] * estimate[c]
+    for r in range(p):
+        for c in range(d):
+            centre[r] += e.H[r, c] * ahead[c]
+    nowhere = np.empty(0)
+    view = View(e.clutter_rate, e.low[:], e.high[:], e.ends_sight > 0, nowhere, nowhere)
+    z = np.empty((e.capacity, p))
+    k, _ = scan_into(z, view, e.key[:], t, centre, e.z[t], e.detected[t] > 0, e.slot[t])
+    size, log_miss, log_detect = e.odds[0], e.odds[1], e.odds[2]
+    _, S, w, m, P, _, detection, log_density = expand_scan(
+        w, m, P, e.F[:], e.Q[:], e.offset[:], e.H[:], e.R[:], size, log_miss, log_detect, z[:k]
+    )
+    seen, e.cost, e.gated = observe(
+        w, m, P, detection, log_density, S, e.H[:], e.R[:], log_detect, e.known[:], e.kept, e.given_up, e.work
+    )
+    for f in range(len(seen)):
+        observation[f] = seen[f]
+    if len(observation) > len(seen):
+        observation[len(seen) :] = hindsight(
+            w, m, P, e.H[:], size, e.x[t], e.scans - t, e.strayed, e.ahead[t]
+        )
+    w, m, P, _ = selected_by(w, m, P, among_heaviest(w, len(e.w)) & heavier(w, w, LEAST))
+    e.hypotheses = n = len(w)
+    e.w[:n], e.m[:n], e.P[:n] = w, m, P

@@ -1,0 +1,109 @@
+"""Runs played by one compiled call against the same runs scan by scan."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from baselines.mht import Mht, adaptive, capping, runnalls
+from baselines.mhts import of_one_motion
+from gmr_gym.evaluation import batch, montecarlo
+from gmr_gym.evaluation.montecarlo import BLOCK, MANY, Runs, run, run_once
+from gmr_gym.evaluation.summary import summary
+from gmr_gym.filters.registry import make_tracker
+from gmr_gym.reduction.runnalls import Greedy
+from gmr_gym.reduction.salmond_west import salmond
+from gmr_gym.scenarios.dortenzio import turning_target
+from gmr_gym.scenarios.li import airborne_radar
+from gmr_gym.scenarios.recorded import recorded_flight
+from gmr_gym.simulation.loss import detection_outside_gates
+from gmr_gym.simulation.single_target import Window, draw
+
+FIELDS = Runs._fields[:7]
+FIXED = turning_target(horizon=30, clutter_rate=300)
+FOLLOWING = recorded_flight(horizon=30)
+ON_THE_GROUND = replace(
+    turning_target(horizon=30, window=(400.0, 300.0)),
+    region=Window(np.array([-200.0, -600.0]), np.array([900.0, 100.0]), follows=False),
+)
+WORLDS = {
+    "fixed": FIXED,
+    "following": FOLLOWING,
+    "own detection": replace(FIXED, off_target=detection_outside_gates),
+    "own detection in sight": replace(FOLLOWING, off_target=detection_outside_gates),
+    "on the ground": ON_THE_GROUND,
+    "no clutter": turning_target(horizon=30, clutter_rate=0),
+    "lost": turning_target(horizon=30, told_acceleration_deviation=0.05),
+}
+TRACKERS = {
+    "runnalls": partial(runnalls, components=5),
+    "adaptive": partial(adaptive, components=30),
+    "adaptive without limit": partial(adaptive, components=None, loss_bound=0.3),
+    "capping": partial(capping, components=8),
+    "pruned in whole numbers": partial(runnalls, components=8, prune_weight=0, prune_density=0),
+    "few enter": lambda model: Mht(model, Greedy(10), most=25),
+}
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_together_they_are_what_each_is_alone_to_the_last_bit(world, tracker):
+    world = WORLDS[world]
+    tracker = TRACKERS[tracker](world.model)
+    assert batch.offered(world, tracker)
+    together = batch.played(world, tracker, [draw(world, seed) for seed in range(3)])
+    alone = [run_once(world, tracker, seed) for seed in range(3)]
+    for field, got in zip(FIELDS, together, strict=True):
+        wanted = np.array([getattr(runs, field) for runs in alone])
+        assert got.dtype == wanted.dtype and got.tobytes() == wanted.tobytes(), field
+
+
+def test_worlds_are_such_that_every_branch_is_taken():
+    off = {
+        name: batch.played(world, runnalls(world.model, 5), [draw(world, seed) for seed in range(3)])[-1]
+        for name, world in WORLDS.items()
+    }
+    assert 0 < off["lost"].mean() < 1 and 0 < off["own detection"].mean() < 1
+    assert not np.array_equal(off["own detection"], off["fixed"])
+
+
+def test_runs_of_a_block_are_the_same_on_two_workers_together_as_on_one_alone(monkeypatch):
+    world = turning_target(horizon=3, clutter_rate=20)
+    trackers = {"mht": runnalls(world.model, 5), "pda": make_tracker("pda", world.model)}
+    two = run(world, trackers, MANY, seed=3, jobs=2)
+    monkeypatch.setattr(montecarlo, "MANY", MANY + 1)
+    one = run(world, trackers, MANY, seed=3)
+    for name in trackers:
+        for field in Runs._fields[:-1]:
+            np.testing.assert_array_equal(getattr(one[name], field), getattr(two[name], field), err_msg=field)
+    assert (one["mht"].seconds > 0).all() and (two["pda"].seconds > 0).all()
+
+
+def test_the_first_run_of_a_block_is_timed_and_no_other_and_no_figure_is_lost_by_it():
+    world = turning_target(horizon=3, clutter_rate=20)
+    runs = run(world, {"mht": runnalls(world.model, 5)}, MANY)
+    timed = np.isfinite(runs["mht"].seconds)
+    assert (timed == (np.arange(MANY) % BLOCK == 0)[:, None]).all()
+    assert summary(world, runs)["mht"]["time_per_scan"].value > 0
+
+
+class Listening(Mht):
+    def step(self, belief, z):
+        return super().step(belief, z[:1])
+
+
+@pytest.mark.parametrize(
+    ("world", "tracker"),
+    [
+        (FIXED, Listening(FIXED.model, Greedy(5))),
+        (FIXED, Mht(FIXED.model, partial(salmond, components=5))),
+        (FIXED, make_tracker("pda", FIXED.model)),
+        (FIXED, make_tracker("clairvoyant", FIXED.model)),
+        (replace(FIXED, off_target=lambda gates, x, z: False), runnalls(FIXED.model)),
+        (airborne_radar(), runnalls(of_one_motion(airborne_radar().model).model)),
+    ],
+    ids=["own step", "own reduction", "no mixture", "told the origin", "own loss rule", "radar"],
+)
+def test_what_the_call_does_not_know_is_played_scan_by_scan(world, tracker):
+    assert not batch.offered(world, tracker)

@@ -1,0 +1,44 @@
+"""Films by what the extra `video` installs, read back."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import gmr_gym  # noqa: F401  registers the environments
+from baselines.nearest_neighbour import NearestNeighbour
+from gmr_gym.experiments import film as watch
+from gmr_gym.scenarios.dortenzio import turning_target
+
+ffmpeg = pytest.importorskip("imageio_ffmpeg")
+SCANS = 4
+
+
+def pictures(file):
+    """Every frame (height, width, 3) of the film."""
+    frames = ffmpeg.read_frames(str(file))
+    width, height = next(frames)["size"]
+    return [np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in frames]
+
+
+def test_an_mp4_shows_what_was_drawn_scan_by_scan(tmp_path):
+    scenario = turning_target(horizon=SCANS, clutter_rate=20)
+    shown = scenario, NearestNeighbour(scenario.model), 1
+    watch.film(*shown, tmp_path / "f.mp4")
+    drawn = [picture.astype(float) for picture, _ in watch._single(*shown, "")]
+    films = pictures(tmp_path / "f.mp4")
+    assert len(films) == len(drawn) == SCANS
+    for t, film in enumerate(films):
+        apart = [np.abs(film - picture).mean() for picture in drawn]  # of 255; the coding loses some
+        assert np.argmin(apart) == t and apart[t] < 3, apart
+
+
+def test_gymnasium_records_an_environment_to_an_mp4(tmp_path):
+    pytest.importorskip("moviepy")
+    env = gym.make("gmr_gym/TurningTarget-v0", render_mode="rgb_array", horizon=SCANS)
+    env = gym.wrappers.RecordVideo(env, str(tmp_path / "films"), disable_logger=True)
+    env.reset(seed=1)
+    while not env.step(env.action_space.sample())[3]:
+        pass
+    env.close()
+    (file,) = (tmp_path / "films").glob("*.mp4")
+    assert len(pictures(file)) == SCANS + 1
