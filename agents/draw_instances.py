@@ -13,7 +13,7 @@ import numpy as np
 
 from gmr_gym.envs.tuning import ReductionTuningEnv
 from gmr_gym.tuning.instances import SCANS, TABLES, Instance, trajectory
-from gmr_gym.tuning.thresholds import Thresholds, encoded
+from gmr_gym.tuning.thresholds import Thresholds, to_action
 
 SIZES = (56, 16, 24, 12)  # rows, table by table
 SEED = 20261122
@@ -77,7 +77,7 @@ def followed(instance: Instance) -> bool:
     with TemporaryDirectory() as folder:
         write(Path(folder) / "one.csv", [instance])
         env = ReductionTuningEnv(instances=str(Path(folder) / "one.csv"))
-    action, count = encoded(THOROUGH, env.parameters), 0
+    action, count = to_action(THOROUGH, env.parameters), 0
     for seed in range(RUNS):
         env.reset(seed=seed)
         terminated = truncated = False

@@ -31,12 +31,12 @@ from gmr_gym.evaluation.summary import CONFIDENCE
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.experiments.output import console, progress, write_json
 from gmr_gym.experiments.records import question
-from gmr_gym.experiments.sheets import grid as table_of
+from gmr_gym.experiments.sheets import figures_table as table_of
 from gmr_gym.tuning.features import FEATURES
 from gmr_gym.tuning.instances import instances, world
 from gmr_gym.tuning.network import load
 from gmr_gym.tuning.policies import ByNetwork, Constant, Random
-from gmr_gym.tuning.thresholds import PAPER, Thresholds, decoded, encoded
+from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, from_action, to_action
 
 EPISODES = 2000  # of a competitor and table
 BEST, BY_INSTANCE, ORACLE = "best constant", "constant by instance", "greedy oracle"
@@ -131,7 +131,7 @@ class Comparison:
         slow = self._played(f"{table}, random and oracle", self._slow(), table, slow_runs, self.seed)
         episodes |= {name: together([e]) for name, e in slow.items()}
         constants = [
-            {name: getattr(decoded(action, self.parameters), name) for name in self.parameters}
+            {name: getattr(from_action(action, self.parameters), name) for name in self.parameters}
             | place(Episodes(*(part[i] for part in scored)))
             for i, action in enumerate(actions)
         ]
@@ -143,7 +143,7 @@ class Comparison:
 
     def _field(self, by_instance: ByInstance) -> dict[str, list[Policy]]:
         """Competitors by name, with as many policies as seeds."""
-        paper = Constant(encoded(PAPER, self.parameters))
+        paper = Constant(to_action(DORTENZIO, self.parameters))
         alone = {"paper": paper, **self.static, BY_INSTANCE: by_instance}
         return {name: [policy] for name, policy in alone.items()} | self.learned
 

@@ -27,7 +27,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 import gmr_gym  # noqa: F401  registers the environments
 from gmr_gym.experiments.output import write_json
-from gmr_gym.tuning.thresholds import PAPER, encoded
+from gmr_gym.tuning.thresholds import DORTENZIO, to_action
 
 ENV_ID = "gmr_gym/ReductionTuning-v0"
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC}
@@ -123,7 +123,7 @@ class Run:
                 env=self.venv, seed=said.seed, device="cpu", tensorboard_log=str(folder / "tensorboard"),
                 **arguments,
             )  # fmt: skip
-            _begin_at(self.model, encoded(PAPER, self.venv.get_attr("parameters")[0]))
+            _begin_at(self.model, to_action(DORTENZIO, self.venv.get_attr("parameters")[0]))
 
     @property
     def over(self) -> bool:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gmr_gym.evaluation.summary import Figure
+from gmr_gym.evaluation.summary import Estimate
 
 COLUMNS = {
     "track_loss": ("targets lost, %", 100),
@@ -53,7 +53,7 @@ def _table(columns: Mapping[str, tuple[str, float]], rows: Mapping[str, Mapping[
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def _shown(figure: Figure, scale: float) -> str:
+def _shown(figure: Estimate, scale: float) -> str:
     value, low, high = (f"{scale * x:.3g}" if abs(scale * x) < 1000 else f"{scale * x:.0f}" for x in figure)
     if np.isnan(figure.value):
         return "–"

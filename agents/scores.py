@@ -10,7 +10,7 @@ import numpy as np
 from judge import Episodes
 from scipy.stats import DegenerateDataWarning, bootstrap, trim_mean
 
-from gmr_gym.evaluation.summary import CONFIDENCE, Figure
+from gmr_gym.evaluation.summary import CONFIDENCE, Estimate
 
 RESAMPLES = 1000
 Pick = Callable[[np.ndarray], np.ndarray]
@@ -29,7 +29,7 @@ def improvement(values: np.ndarray, reference: np.ndarray) -> float:
     return float(np.mean((values > reference) + (values == reference) / 2))
 
 
-def resampled(statistic: Callable[[Pick], Sequence[float]], shape: tuple[int, int, int]) -> list[Figure]:
+def resampled(statistic: Callable[[Pick], Sequence[float]], shape: tuple[int, int, int]) -> list[Estimate]:
     """statistic(pick) -> f numbers, each with its interval by a stratified bootstrap (Agarwal et al. 2021):
     seeds are drawn again and, within each instance, runs. pick(array (seeds, instances, runs)) are the drawn
     ones; an array of one seed goes with every seed. The instances are what they are: the interval is of
@@ -57,7 +57,7 @@ def resampled(statistic: Callable[[Pick], Sequence[float]], shape: tuple[int, in
             data, of, vectorized=False, n_resamples=RESAMPLES, batch=100, confidence_level=CONFIDENCE,
             method="percentile", rng=np.random.default_rng(0),
         ).confidence_interval  # fmt: skip
-    return [Figure(*map(float, row)) for row in zip(value, interval.low, interval.high, strict=True)]
+    return [Estimate(*map(float, row)) for row in zip(value, interval.low, interval.high, strict=True)]
 
 
 def together(seeds: Sequence[Episodes]) -> Episodes:
@@ -65,7 +65,7 @@ def together(seeds: Sequence[Episodes]) -> Episodes:
     return Episodes(*(np.stack(parts) for parts in zip(*seeds, strict=True)))
 
 
-def figures(episodes: Episodes) -> dict[str, Figure]:
+def figures(episodes: Episodes) -> dict[str, Estimate]:
     """Of one competitor: track_loss (share), error_kept (m, over episodes that were not lost), error_capped
     (m), work and reward, each as mean and, `_iqm`, as interquartile mean, and time_per_scan (s, median)."""
 
@@ -84,10 +84,10 @@ def figures(episodes: Episodes) -> dict[str, Figure]:
     )  # fmt: skip
     found = dict(zip(names, resampled(statistic, episodes.reward.shape), strict=True))
     # one episode of each instance is timed: there is nothing to draw again
-    return found | {"time_per_scan": Figure(found["time_per_scan"].value, np.nan, np.nan)}
+    return found | {"time_per_scan": Estimate(found["time_per_scan"].value, np.nan, np.nan)}
 
 
-def against(episodes: Episodes, reference: Episodes) -> dict[str, Figure]:
+def against(episodes: Episodes, reference: Episodes) -> dict[str, Estimate]:
     """One competitor minus a reference of one seed, episode by episode of those that both played:
     track_loss, error_kept (m, over episodes that neither lost), error_capped (m), reward;
     work_ratio and work_iqm_ratio of their means; and the probability of improvement of the reward."""
@@ -110,7 +110,7 @@ def against(episodes: Episodes, reference: Episodes) -> dict[str, Figure]:
     return dict(zip(names, resampled(statistic, mine.reward.shape), strict=True))
 
 
-def against_front(episodes: Episodes, constants: Episodes) -> dict[str, Figure]:
+def against_front(episodes: Episodes, constants: Episodes) -> dict[str, Estimate]:
     """Work as a share of that which the front of constants (n, instances, runs) takes at the same
     error_capped, and at the same track_loss, on the episodes that all of them played; nan where no constant
     is as good. A front of noisy points flatters the constants."""

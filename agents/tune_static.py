@@ -26,10 +26,10 @@ from optuna.storages.journal import JournalFileBackend
 from optuna.trial import TrialState
 
 from gmr_gym.experiments.specs import key_values
-from gmr_gym.tuning.features import told
+from gmr_gym.tuning.features import model_features
 from gmr_gym.tuning.instances import instances, world
 from gmr_gym.tuning.policies import ByTable, Constant, Rule, Schedule
-from gmr_gym.tuning.thresholds import PAPER, encoded
+from gmr_gym.tuning.thresholds import DORTENZIO, to_action
 
 LOW = -0.5  # of an action: alpha 8e-4, gamma 1e-5; what lies below costs more than a lost target
 PIECES, EVERY = 4, 15  # scans: the start, from the true state, differs most, and some episodes have 44
@@ -181,7 +181,7 @@ def trained_steps() -> int:
 def tuned(tuner: Tuner, steps: int) -> dict[str, Policy]:
     """The best of each family, of which every one takes so many steps on TRAIN. What a search begins with is
     a candidate on VALID too, so that no family ends below the best constant there."""
-    paper = encoded(PAPER, tuner.parameters)
+    paper = to_action(DORTENZIO, tuner.parameters)
     constants = [*tuner.finalists(constant_search(paper), steps), paper]
     constant = constants[tuner.best([Constant(a) for a in constants])]
     schedule = schedule_search(constant)
@@ -210,7 +210,7 @@ def _numbers(trial: Any, search: Search) -> np.ndarray:
 def _known(table: str) -> tuple[np.ndarray, np.ndarray]:
     """Names (n,) of the instances of a table, and their features "clutter" and "detection" (n, 2)."""
     rows = instances(table)
-    return np.array(list(rows)), np.array([told(world(row).model)[:2] for row in rows.values()])
+    return np.array(list(rows)), np.array([model_features(world(row).model)[:2] for row in rows.values()])
 
 
 def _nearest(values: np.ndarray, cells: np.ndarray) -> np.ndarray:

@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from gmr_gym.checks import at_least_one
+from gmr_gym.checks import check_count
 from gmr_gym.filters.association import expand
-from gmr_gym.filters.mode_mixture import Modal, carried, spread
+from gmr_gym.filters.mode_mixture import MixtureWithModes, merge_mode_probabilities, predict_every_mode
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import collapsed, mean_and_covariance
 from gmr_gym.models.gating import gates
@@ -26,24 +26,28 @@ class Clairvoyant:
 
     model: Model
     components: int = 30
-    told_origin: ClassVar[bool] = True
+    knows_origin: ClassVar[bool] = True
 
     def __post_init__(self):
-        at_least_one(self.components)
+        check_count(self.components)
 
-    def init(self) -> Modal:
-        return Modal(collapsed(self.model.prior), self.model.mode_prior[None])
+    def init(self) -> MixtureWithModes:
+        return MixtureWithModes(collapsed(self.model.prior), self.model.mode_prior[None])
 
-    def step(self, belief: Modal, z: np.ndarray) -> tuple[Modal, Report]:
+    def step(self, belief: MixtureWithModes, z: np.ndarray) -> tuple[MixtureWithModes, Report]:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         if len(z) > 1:
             raise ValueError(f"the clairvoyant filter takes the target's detection alone, got {len(z)}")
-        predicted, mode = spread(belief, model.motions, model.switching)
+        predicted, mode = predict_every_mode(belief, model.motions, model.switching)
         looked = gates(predicted, model.sensor, model.gate_probability)
         # sure of the detection it is handed, and of nothing where there is none
-        posterior = expand(predicted, looked._replace(size=np.inf), model.sensor, z, 1.0, 1.0, 1.0).mixture
-        belief = carried(posterior, mode, runnalls(posterior, self.components), len(model.motions))
+        posterior = expand(
+            predicted, looked._replace(threshold=np.inf), model.sensor, z, 1.0, 1.0, 1.0
+        ).mixture
+        belief = merge_mode_probabilities(
+            posterior, mode, runnalls(posterior, self.components), len(model.motions)
+        )
         mean, covariance = mean_and_covariance(belief.mixture)
         chances = belief.mixture.w @ belief.modes
         return belief, Report(mean[None], covariance[None], looked, belief.mixture, modes=chances)

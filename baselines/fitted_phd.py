@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from gmr_gym.filters import phd
-from gmr_gym.filters.phd import Labelled
+from gmr_gym.filters.phd import LabelledIntensity
 from gmr_gym.filters.registry import make_tracker
-from gmr_gym.filters.tracker import Account, ManyTracker, check_scan
+from gmr_gym.filters.tracker import MultiTargetReport, MultiTargetTracker, check_scan
 from gmr_gym.mixture import Mixture
-from gmr_gym.models.multi_target import Population
+from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reduction_named
 
@@ -17,7 +17,7 @@ from gmr_gym.reduction.registry import reduction_named
 class Fitted(NamedTuple):
     """What the filter believes of the targets, and what the finite mixture believes of all."""
 
-    targets: Labelled
+    targets: LabelledIntensity
     mixture: object
 
 
@@ -26,32 +26,32 @@ class FittedPhd:
     """A GM-PHD filter whose intensity of clutter is that of the finite mixture fitted to the very scan that
     is judged by it. Of the targets of the mixture it hears nothing: what the mixture has lost is clutter."""
 
-    population: Population
+    model: MultiTargetModel
     reduce: Callable[[Mixture], Reduced]
-    fit: ManyTracker
+    fit: MultiTargetTracker
     prune_weight: float = 1e-5  # an expected number of targets
     most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
 
     def __post_init__(self):
-        phd.check_filter(self.population, self.reduce, self.prune_weight, self.most)
+        phd.check_filter(self.model, self.reduce, self.prune_weight, self.most)
 
     def init(self) -> Fitted:
-        return Fitted(phd.nobody(self.population), self.fit.init())
+        return Fitted(phd.no_targets(self.model), self.fit.init())
 
-    def step(self, belief: Fitted, z) -> tuple[Fitted, Account]:
-        told = self.population
+    def step(self, belief: Fitted, z) -> tuple[Fitted, MultiTargetReport]:
+        told = self.model
         z = check_scan(z, len(told.sensor.H))
         mixture, said = self.fit.step(belief.mixture, z)
         posterior, _ = phd.update(
-            phd.ahead(belief.targets, told), told.sensor, z,
+            phd.predict(belief.targets, told), told.sensor, z,
             told.detection_probability, said.clutter.density(z), self.prune_weight,
         )  # fmt: skip
-        targets, account = phd.account(phd.reduced(posterior, self.reduce, self.most), said.clutter)
+        targets, account = phd.report(phd.reduce_intensity(posterior, self.reduce, self.most), said.clutter)
         return Fitted(targets, mixture), account
 
 
 def fitted_phd(
-    population: Population,
+    model: MultiTargetModel,
     components: int = 100,
     merging: float = 4.0,
     prune_weight: float = 1e-5,
@@ -64,4 +64,4 @@ def fitted_phd(
     if by not in ("fmm-em", "fmm-gibbs"):
         raise ValueError(f"by must be fmm-em or fmm-gibbs, got {by!r}")
     reduce = reduction_named(reduction, components, merging)
-    return FittedPhd(population, reduce, make_tracker(by, population, repaired=repaired), prune_weight)
+    return FittedPhd(model, reduce, make_tracker(by, model, repaired=repaired), prune_weight)

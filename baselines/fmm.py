@@ -8,14 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.checks import check_whole
-from gmr_gym.filters.finite_mixture import Management, Parts, fit_em, initial, management
+from gmr_gym.filters.finite_mixture import EmOptions, ScanMixture, em_options, fit_em, initial
 from gmr_gym.filters.gibbs import fit_gibbs
 from gmr_gym.filters.intensity_update import posteriors
-from gmr_gym.filters.tracker import Account, check_scan
+from gmr_gym.filters.tracker import MultiTargetReport, check_scan
 from gmr_gym.mixture import Mixture, joined, take
-from gmr_gym.models.clutter import Clutter, nothing
+from gmr_gym.models.clutter import Clutter, no_components
 from gmr_gym.models.kalman import predict
-from gmr_gym.models.multi_target import Population
+from gmr_gym.models.multi_target import MultiTargetModel
 
 
 class Tracks(NamedTuple):
@@ -25,7 +25,7 @@ class Tracks(NamedTuple):
     label: np.ndarray  # (n,)
     found: np.ndarray  # (n,), scans in which it was
     missed: np.ndarray  # (n,), scans since it was
-    fresh: int  # the next label to give
+    next_label: int  # the next label to give
     clutter: Clutter
     scans: int  # so far: with the seed it makes the generator of the next
 
@@ -52,9 +52,9 @@ class Fmm:
     expected clutter have no say: all parts begin alike (eq. 15). A target's existence is the number of
     detections its part explains, at most 1, times P_S for every scan that it coasts."""
 
-    population: Population
-    fit: Callable[[np.ndarray, Parts, float, Management, np.random.Generator], Parts]
-    how: Management
+    model: MultiTargetModel
+    fit: Callable[[np.ndarray, ScanMixture, float, EmOptions, np.random.Generator], ScanMixture]
+    options: EmOptions
     life: Lifetime = PRINTED
     gaussians: int = 8  # g0, new of clutter in a scan
     seed: int = 0
@@ -64,25 +64,25 @@ class Fmm:
         check_whole("seed", self.seed, 0)
 
     def init(self) -> Tracks:
-        nobody, none = nothing(len(self.population.motion.F)), np.empty(0, np.int64)
-        return Tracks(nobody, none, none, none, 0, self.population.clutter, 0)
+        nobody, none = no_components(len(self.model.motion.F)), np.empty(0, np.int64)
+        return Tracks(nobody, none, none, none, 0, self.model.clutter, 0)
 
-    def step(self, belief: Tracks, z: np.ndarray) -> tuple[Tracks, Account]:
-        told, clutter = self.population, belief.clutter
+    def step(self, belief: Tracks, z: np.ndarray) -> tuple[Tracks, MultiTargetReport]:
+        told, clutter = self.model, belief.clutter
         z = check_scan(z, len(told.sensor.H))
         moved = predict(belief.targets, told.motion)
         candidates, looked = self._candidates(moved, belief.found >= self.life.establishing)
         rng = np.random.default_rng((self.seed, belief.scans))
         # Departs: the g0 places "in the region" are those of detections, drawn at random, and there are none
         # in a scan of fewer than D_c: no Gaussian of clutter could live, and they take a target's with them
-        new = self.gaussians if len(z) >= self.how.clutter_least else 0
+        new = self.gaussians if len(z) >= self.options.clutter_least else 0
         places = z[rng.permutation(len(z))[:new]]
-        parts = initial(clutter.gaussians, places, z, looked, self.how.deviation)
-        parts = self.fit(z, parts, 1 / clutter.volume, self.how, rng)
+        parts = initial(clutter.gaussians, places, z, looked, self.options.deviation)
+        parts = self.fit(z, parts, 1 / clutter.volume, self.options, rng)
         c, weight = parts.gaussians, len(z) * parts.w
         if len(z):  # an empty scan tells nothing of where clutter is
             gaussians = Mixture(weight[1 : c + 1], parts.m[:c], parts.P[:c])
-            uniform, ellipses = float(weight[0]), nothing(z.shape[1])
+            uniform, ellipses = float(weight[0]), no_components(z.shape[1])
             clutter = clutter._replace(uniform=uniform, gaussians=gaussians, ellipses=ellipses)
             at = parts.origin
         else:
@@ -95,7 +95,7 @@ class Fmm:
     def _candidates(self, moved: Mixture, may_spawn: np.ndarray) -> tuple[Mixture, Mixture]:
         """States of survivors, births and spawned, in this order, and what each is looked for with
         (eqs. 12-14)."""
-        told, life = self.population, self.life
+        told, life = self.model, self.life
         H, R = told.sensor
         parts, seen = [moved, told.births], [np.tile(R, (len(moved.w), 1, 1)), H @ told.births.P @ H.T]
         if told.spawn_weight > 0:
@@ -116,7 +116,7 @@ class Fmm:
 
     def _lived(
         self, belief: Tracks, moved: Mixture, hit: Mixture, at: np.ndarray, clutter: Clutter
-    ) -> tuple[Tracks, Account]:
+    ) -> tuple[Tracks, MultiTargetReport]:
         """The belief after targets `at` (h,) of the candidates were found, and what is said of it."""
         n, life = len(moved.w), self.life
         old, new = at < n, int((at >= n).sum())
@@ -124,29 +124,29 @@ class Fmm:
         coasting = (belief.found[lost] >= life.establishing) & (belief.missed[lost] < life.patience)
         lost = lost[coasting]
         label, found = np.empty(len(at), np.int64), np.ones(len(at), np.int64)
-        label[old], label[~old] = belief.label[at[old]], belief.fresh + np.arange(new)
+        label[old], label[~old] = belief.label[at[old]], belief.next_label + np.arange(new)
         found[old] += belief.found[at[old]]
         waiting = take(moved, lost)
-        waiting = waiting._replace(w=self.population.survival_probability * waiting.w)
+        waiting = waiting._replace(w=self.model.survival_probability * waiting.w)
         after = Tracks(
             joined([hit, waiting]),
             np.append(label, belief.label[lost]),
             np.append(found, belief.found[lost]),
             np.append(np.zeros(len(at), np.int64), belief.missed[lost] + 1),
-            belief.fresh + new,
+            belief.next_label + new,
             clutter,
             belief.scans + 1,
         )
         named = after.found >= life.establishing
         targets = after.targets
-        said = Account(
+        said = MultiTargetReport(
             targets.m[named], targets.w[named], after.label[named], float(targets.w.sum()), targets, clutter
         )
         return after, said
 
 
 def fmm_em(
-    population: Population,
+    model: MultiTargetModel,
     repaired: bool = False,
     gaussians: int = 8,
     merging: float = 4.0,
@@ -170,13 +170,13 @@ def fmm_em(
     looked for `spawn_distance` deviations aside along every axis, all targets with H P H' + R, and within the
     squared distance `gate` alone, for the mean of a part wanders to what clutter there is. Either way a
     Gaussian of clutter is no narrower than `deviation` (m)."""
-    how = management(merging, clutter_least, target_least, deviation, tolerance, iterations, repaired)
+    options = em_options(merging, clutter_least, target_least, deviation, tolerance, iterations, repaired)
     life = _life(repaired, patience, establishing, spawn_distance, gate)
-    return Fmm(population, _by_em, how, life, gaussians, seed)
+    return Fmm(model, _by_em, options, life, gaussians, seed)
 
 
 def fmm_gibbs(
-    population: Population,
+    model: MultiTargetModel,
     repaired: bool = False,
     gaussians: int = 8,
     merging: float = 4.0,
@@ -192,12 +192,12 @@ def fmm_gibbs(
     seed: int = 0,
 ) -> Fmm:
     """As the tracker fmm-em, but the mixture is drawn by Gibbs (Lv, section 5), averaged over `sweeps`."""
-    how = management(merging, clutter_least, target_least, deviation, repaired=repaired)
+    options = em_options(merging, clutter_least, target_least, deviation, repaired=repaired)
     check_whole("burn", burn, 0)
     check_whole("sweeps", sweeps, 1)
     life = _life(repaired, patience, establishing, spawn_distance, gate)
     fit = partial(fit_gibbs, burn=burn, sweeps=sweeps)
-    return Fmm(population, fit, how, life, gaussians, seed)
+    return Fmm(model, fit, options, life, gaussians, seed)
 
 
 def _life(repaired: bool, patience: int, establishing: int, spawn_distance: float, gate: float) -> Lifetime:
@@ -211,8 +211,10 @@ def _life(repaired: bool, patience: int, establishing: int, spawn_distance: floa
     return Lifetime(patience, establishing, spawn_distance, True, gate) if repaired else PRINTED
 
 
-def _by_em(z: np.ndarray, parts: Parts, flat: float, how: Management, _: np.random.Generator) -> Parts:
-    return fit_em(z, parts, flat, how)[0]
+def _by_em(
+    z: np.ndarray, parts: ScanMixture, uniform_density: float, options: EmOptions, _: np.random.Generator
+) -> ScanMixture:
+    return fit_em(z, parts, uniform_density, options)[0]
 
 
 def _updated(p: Mixture, z: np.ndarray, sensor) -> tuple[Mixture, np.ndarray]:
@@ -222,7 +224,7 @@ def _updated(p: Mixture, z: np.ndarray, sensor) -> tuple[Mixture, np.ndarray]:
     Departs: R is added to H P H', which the print leaves out, and it is the target's mean, not a clutter's,
     that updates."""
     expected, S = sensor.gates(p)
-    C = sensor.look(p, expected, S, z).C
+    C = sensor.predict_detections(p, expected, S, z).C
     n, off = len(p.w), z - expected
     d2 = np.einsum("ni,ni->n", off, np.linalg.solve(S, off[:, :, None])[:, :, 0])
     found = posteriors(np.zeros(n), np.eye(n), p.m, p.P, expected, S, C, *sensor, z, 0.0)

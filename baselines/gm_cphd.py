@@ -8,18 +8,18 @@ import numpy as np
 
 from gmr_gym.filters import cphd as cardinality
 from gmr_gym.filters import phd
-from gmr_gym.filters.phd import Labelled
-from gmr_gym.filters.tracker import Account, check_scan
+from gmr_gym.filters.phd import LabelledIntensity
+from gmr_gym.filters.tracker import MultiTargetReport, check_scan
 from gmr_gym.mixture import Mixture
-from gmr_gym.models.multi_target import Population
+from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reduction_named
 
 
-class Census(NamedTuple):
+class CphdBelief(NamedTuple):
     """An intensity, and the probability of each number of targets."""
 
-    targets: Labelled
+    targets: LabelledIntensity
     cardinality: np.ndarray  # (N + 1,)
 
 
@@ -31,24 +31,24 @@ class GmCphd:
     The expected number of an account is the intensity's weight: the mean of the distribution, less what was
     pruned."""
 
-    population: Population
+    model: MultiTargetModel
     reduce: Callable[[Mixture], Reduced]
     prune_weight: float = 1e-5  # an expected number of targets
     targets: int = 50  # N, the most there may be; beyond, the distribution is cut off and rescaled
     most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
 
     def __post_init__(self):
-        phd.check_filter(self.population, self.reduce, self.prune_weight, self.most)
+        phd.check_filter(self.model, self.reduce, self.prune_weight, self.most)
         if not self.targets >= 1 or self.targets != int(self.targets):
             raise ValueError(f"targets must be a whole number, at least 1, got {self.targets}")
 
-    def init(self) -> Census:
-        return Census(phd.nobody(self.population), np.eye(1, self.targets + 1)[0])
+    def init(self) -> CphdBelief:
+        return CphdBelief(phd.no_targets(self.model), np.eye(1, self.targets + 1)[0])
 
-    def step(self, belief: Census, z: np.ndarray) -> tuple[Census, Account]:
-        told = self.population
+    def step(self, belief: CphdBelief, z: np.ndarray) -> tuple[CphdBelief, MultiTargetReport]:
+        told = self.model
         z = check_scan(z, len(told.sensor.H))
-        moves = cardinality.transitions(
+        moves = cardinality.cardinality_transition(
             told.survival_probability,
             told.spawn_weight,
             float(told.births.w.sum()),
@@ -56,16 +56,16 @@ class GmCphd:
         )
         predicted = moves @ belief.cardinality
         posterior, number = cardinality.update(
-            phd.ahead(belief.targets, told), predicted / predicted.sum(), told.sensor, z,
+            phd.predict(belief.targets, told), predicted / predicted.sum(), told.sensor, z,
             told.detection_probability, told.clutter.density(z), self.prune_weight,
         )  # fmt: skip
-        kept = phd.reduced(posterior, self.reduce, self.most)
-        labelled, said = phd.account(kept, told.clutter, int(number.argmax()))
-        return Census(labelled, number), said
+        kept = phd.reduce_intensity(posterior, self.reduce, self.most)
+        labelled, said = phd.report(kept, told.clutter, int(number.argmax()))
+        return CphdBelief(labelled, number), said
 
 
 def gm_cphd(
-    population: Population,
+    model: MultiTargetModel,
     components: int = 100,
     merging: float = 4.0,
     prune_weight: float = 1e-5,
@@ -76,4 +76,4 @@ def gm_cphd(
     lies within the squared distance `merging` (U), or by any reduction that the single-target trackers
     take, such as "runnalls" or "adaptive", which do not heed `merging`."""
     reduce = reduction_named(reduction, components, merging)
-    return GmCphd(population, reduce, prune_weight, targets)
+    return GmCphd(model, reduce, prune_weight, targets)

@@ -5,14 +5,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gmr_gym.filters.filter_bank import Bank, started
-from gmr_gym.filters.imm import mixed_ahead
+from gmr_gym.filters.filter_bank import FilterBank, initial_bank
+from gmr_gym.filters.imm import mix_and_predict
 from gmr_gym.filters.mixing import MIXINGS, borrowed_states
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, match_all
-from gmr_gym.models.gating import Gates, distances_seen, gates, volumes
-from gmr_gym.models.model import Model, told_by
-from gmr_gym.models.sensing import Look
+from gmr_gym.models.gating import Gates, gated_distances, gates, volumes
+from gmr_gym.models.model import Model, with_radar_update
+from gmr_gym.models.sensing import PredictedDetections
 from gmr_gym.models.update import joseph_into
 
 
@@ -35,23 +35,23 @@ class Printed:
     def __post_init__(self):
         object.__setattr__(self, "_borrowed", borrowed_states(self.model.motions, self.mixing))
 
-    def init(self) -> Bank:
-        return started(self.model.mode_prior, collapsed(self.model.prior))
+    def init(self) -> FilterBank:
+        return initial_bank(self.model.mode_prior, collapsed(self.model.prior))
 
-    def step(self, belief: Bank, z: np.ndarray) -> tuple[Bank, Report]:
+    def step(self, belief: FilterBank, z: np.ndarray) -> tuple[FilterBank, Report]:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         w, m, P = belief.w[:, 0], belief.m[:, 0], belief.P[:, 0]
         moves = map(np.array, zip(*model.motions, strict=True))
-        predicted = Mixture(*mixed_ahead(w, m, P, model.switching, self._borrowed, *moves))
+        predicted = Mixture(*mix_and_predict(w, m, P, model.switching, self._borrowed, *moves))
         looked = gates(predicted, model.sensor, model.gate_probability)
-        d2 = distances_seen(predicted, looked, model.sensor, z)
+        d2 = gated_distances(predicted, looked, model.sensor, z)
         near = np.isfinite(d2)
         if not self.likelihood_as_printed:  # models can be weighed against each other by one list alone
             near[:] = near.any(axis=0)
-            d2 = distances_seen(predicted, looked._replace(size=np.inf), model.sensor, z)
-        look = model.sensor.look(predicted, looked.z, looked.S, z)
-        volume = volumes(Gates(look.expected, look.S, looked.size))
+            d2 = gated_distances(predicted, looked._replace(threshold=np.inf), model.sensor, z)
+        look = model.sensor.predict_detections(predicted, looked.z, looked.S, z)
+        volume = volumes(Gates(look.z_hat, look.S, looked.threshold))
         clutter = model.sensor.density(model.clutter_density, looked.z)
         updated = [
             self._updated(j, predicted, look, near[j], d2[j], volume[j], clutter[j]) for j in range(len(w))
@@ -63,19 +63,23 @@ class Printed:
             w = w * np.exp(np.minimum(log_likelihood - top, 0.0))
             w /= w.sum()
         fused = match_all(Mixture(w, m, P))
-        return Bank(w[:, None], m[:, None], P[:, None]), Report(fused.m, fused.P, looked, fused, modes=w)
+        return FilterBank(w[:, None], m[:, None], P[:, None]), Report(
+            fused.m, fused.P, looked, fused, modes=w
+        )
 
-    def _updated(self, j, predicted: Mixture, look: Look, near, d2, volume: float, expected: float):
+    def _updated(
+        self, j, predicted: Mixture, look: PredictedDetections, near, d2, volume: float, expected: float
+    ):
         """Log-likelihood, mean and covariance of model j; `expected` is clutter's density in space where the
         prediction is."""
         model, S = self.model, look.S[j]
         own = look.z[j] if len(look.z) > 1 else look.z[0]
-        innovations = (own - look.expected[j])[near]
+        innovations = (own - look.z_hat[j])[near]
         missed = 1 - model.detection_probability * model.gate_probability
         scale = np.sqrt(np.linalg.det(2 * np.pi * S))
         e = np.exp(-0.5 * d2[near])
         # b(k) and e(k) per unit of the radar's own space, where clutter is as dense everywhere
-        own_e = e * np.exp(look.log_stretch[near])
+        own_e = e * np.exp(look.log_jacobian[near])
         b = model.clutter_density * scale * missed / model.detection_probability
         total = b + own_e.sum()
         beta = own_e / total if total > 0 else own_e
@@ -112,5 +116,5 @@ def imm_dcm_pda_printed(
     mixing: str = MIXINGS[0],
 ) -> Printed:
     """IMMDCMPDA with the formulas of the paper as printed (Li, eqs. 8-19), to see what they do."""
-    told = told_by(model, "debiased-at-prediction")
+    told = with_radar_update(model, "debiased-at-prediction")
     return Printed(told, covariance_as_printed, likelihood_as_printed, mixing)

@@ -7,17 +7,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import gmr_gym
-from gmr_gym.checks import at_least_one
-from gmr_gym.filters.mht import expand_scan, odds
+from gmr_gym.checks import check_count
+from gmr_gym.filters.mht import expand_scan, gate_and_log_weights
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model
-from gmr_gym.tuning.features import FEATURES, Memory, at_start, observe, told
+from gmr_gym.tuning.features import FEATURES, Memory, at_start, model_features, observe
 from gmr_gym.tuning.network import Network, forward, load
-from gmr_gym.tuning.thresholds import PAPER, Thresholds, adapt, decode, encoded, places
+from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, adapt, from_actions, threshold_index, to_action
 
 SHIPPED = Path(gmr_gym.__file__).parent / "data" / "policies" / "thresholds.npz"
 
@@ -36,7 +36,7 @@ class LearnedThresholds:
 
     model: Model
     network: Network
-    rest: Thresholds = PAPER
+    rest: Thresholds = DORTENZIO
     # the same at every scan: what the model says, the network, which thresholds it sets, and the rest
     _same: tuple[Any, ...] = field(init=False, repr=False, compare=False)
 
@@ -44,10 +44,10 @@ class LearnedThresholds:
         model = self.model
         if not isinstance(model.sensor, Sensor):
             raise ValueError("learned thresholds need a linear sensor of positions, and here it is a radar")
-        encoded(self.rest, ("components",))  # a limit out of range is an error here, not in a scan
+        to_action(self.rest, ("components",))  # a limit out of range is an error here, not in a scan
         same = (
-            *model.motion, *model.sensor, *odds(model), told(model), *self.network.packed(),
-            places(self.network.parameters), np.array(self.rest, float),
+            *model.motion, *model.sensor, *gate_and_log_weights(model), model_features(model),
+            *self.network.packed(), threshold_index(self.network.parameters), np.array(self.rest, float),
         )  # fmt: skip
         object.__setattr__(self, "_same", same)
 
@@ -78,17 +78,17 @@ def _scan(
         w, m, P, detection, log_density, S, H, R, log_detect, known, kept, given_up, work
     )
     single = seen.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
-    thresholds = decode(forward(single, layout, numbers), set_by, rest)[0]
+    thresholds = from_actions(forward(single, layout, numbers), set_by, rest)[0]
     w, m, P, mean, covariance, given_up, work = adapt(w, m, P, thresholds, cost, gated)
     return (centres, S, size), w, m, P, mean, covariance, given_up, work
 
 
 def learned_thresholds(
-    model: Model, policy: str | Path | None = None, components: int = PAPER.components
+    model: Model, policy: str | Path | None = None, components: int = DORTENZIO.components
 ) -> LearnedThresholds:
     """MHT of up to `components` hypotheses whose thresholds are set by a network: that which comes with
     gmr_gym, or that in the file `policy`, as agents/export.py writes it. For one motion and a linear sensor.
     Raises ValueError for a file that is none, see `gmr_gym.tuning.network.load`, and for a model of another
     kind."""
     network = load(SHIPPED if policy is None else policy, FEATURES, Thresholds._fields)
-    return LearnedThresholds(model, network, PAPER._replace(components=at_least_one(components)))
+    return LearnedThresholds(model, network, DORTENZIO._replace(components=check_count(components)))

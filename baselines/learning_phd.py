@@ -7,11 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.filters import phd
-from gmr_gym.filters.clutter_estimation import Learner, Lessons, first_lesson, learn, learner
-from gmr_gym.filters.phd import Labelled
-from gmr_gym.filters.tracker import Account, check_scan
+from gmr_gym.filters.clutter_estimation import (
+    ClutterEstimate,
+    EstimatorOptions,
+    initial_estimate,
+    options,
+    update_estimate,
+)
+from gmr_gym.filters.phd import LabelledIntensity
+from gmr_gym.filters.tracker import MultiTargetReport, check_scan
 from gmr_gym.mixture import Mixture
-from gmr_gym.models.multi_target import Population
+from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reduction_named
 
@@ -19,8 +25,8 @@ from gmr_gym.reduction.registry import reduction_named
 class Learning(NamedTuple):
     """What is believed of the targets, and of the clutter."""
 
-    targets: Labelled
-    lessons: Lessons
+    targets: LabelledIntensity
+    lessons: ClutterEstimate
 
 
 @dataclass(frozen=True)
@@ -28,33 +34,33 @@ class LearningPhd:
     """A GM-PHD filter whose intensity of clutter is fitted to the scans so far, every detection counted by
     the probability that no target accounts for it. The scan is judged by what was learned before it."""
 
-    population: Population
+    model: MultiTargetModel
     reduce: Callable[[Mixture], Reduced]
-    how: Learner
+    how: EstimatorOptions
     prune_weight: float = 1e-5  # an expected number of targets
     most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
 
     def __post_init__(self):
-        phd.check_filter(self.population, self.reduce, self.prune_weight, self.most)
+        phd.check_filter(self.model, self.reduce, self.prune_weight, self.most)
 
     def init(self) -> Learning:
-        return Learning(phd.nobody(self.population), first_lesson(self.population.clutter))
+        return Learning(phd.no_targets(self.model), initial_estimate(self.model.clutter))
 
-    def step(self, belief: Learning, z: np.ndarray) -> tuple[Learning, Account]:
-        told, lessons = self.population, belief.lessons
+    def step(self, belief: Learning, z: np.ndarray) -> tuple[Learning, MultiTargetReport]:
+        told, lessons = self.model, belief.lessons
         z = check_scan(z, len(told.sensor.H))
         posterior, false = phd.update(
-            phd.ahead(belief.targets, told), told.sensor, z,
+            phd.predict(belief.targets, told), told.sensor, z,
             told.detection_probability, lessons.clutter.density(z), self.prune_weight,
         )  # fmt: skip
-        lessons = learn(told.clutter, lessons, z, false, self.how)
-        reduced = phd.reduced(posterior, self.reduce, self.most)
-        targets, account = phd.account(reduced, lessons.clutter)
+        lessons = update_estimate(told.clutter, lessons, z, false, self.how)
+        reduced = phd.reduce_intensity(posterior, self.reduce, self.most)
+        targets, account = phd.report(reduced, lessons.clutter)
         return Learning(targets, lessons), account
 
 
 def learning_phd(
-    population: Population,
+    model: MultiTargetModel,
     components: int = 100,
     merging: float = 4.0,
     prune_weight: float = 1e-5,
@@ -67,4 +73,4 @@ def learning_phd(
     """GM-PHD filter of up to `components`, with clutter learned as a uniform and up to `most` Gaussians no
     narrower than `deviation` (m), which forgets within `memory` scans."""
     reduce = reduction_named(reduction, components, merging)
-    return LearningPhd(population, reduce, learner(memory, deviation, most, iterations), prune_weight)
+    return LearningPhd(model, reduce, options(memory, deviation, most, iterations), prune_weight)

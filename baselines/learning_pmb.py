@@ -8,17 +8,23 @@ import numpy as np
 
 from gmr_gym.checks import check_limits, check_probability
 from gmr_gym.filters import pmb as multi_bernoulli
-from gmr_gym.filters.clutter_estimation import Learner, Lessons, first_lesson, learn, learner
+from gmr_gym.filters.clutter_estimation import (
+    ClutterEstimate,
+    EstimatorOptions,
+    initial_estimate,
+    options,
+    update_estimate,
+)
 from gmr_gym.filters.pmb import MultiBernoulli
-from gmr_gym.filters.tracker import Account, check_scan
-from gmr_gym.models.multi_target import Population
+from gmr_gym.filters.tracker import MultiTargetReport, check_scan
+from gmr_gym.models.multi_target import MultiTargetModel
 
 
 class Learning(NamedTuple):
     """What is believed of the targets, and of the clutter."""
 
     targets: MultiBernoulli
-    lessons: Lessons
+    lessons: ClutterEstimate
 
 
 class Limits(NamedTuple):
@@ -27,37 +33,38 @@ class Limits(NamedTuple):
     prune_existence: float  # a track less probable goes
     prune_weight: float  # expected number, of a component of the undetected
     tracks: int  # at most, and as many components of the undetected
-    naming: float  # a track more probable is named
+    report_threshold: float  # a track more probable is named
 
 
-def limits(prune_existence: float, prune_weight: float, tracks: int, naming: float) -> Limits:
+def limits(prune_existence: float, prune_weight: float, tracks: int, report_threshold: float) -> Limits:
     """Checked Limits; ValueError naming the one that is none."""
     check_limits(prune_weight, 1)
     if not tracks >= 1 or tracks != int(tracks):
         raise ValueError(f"tracks must be a whole number, at least 1, got {tracks}")
-    check_probability("naming", naming)
-    if not 0 <= prune_existence < naming:
+    check_probability("report_threshold", report_threshold)
+    if not 0 <= prune_existence < report_threshold:
         raise ValueError(
-            f"prune_existence must be a probability less than naming {naming}, got {prune_existence}"
+            f"prune_existence must be a probability less than report_threshold {report_threshold}, got "
+            f"{prune_existence}"
         )
-    return Limits(float(prune_existence), float(prune_weight), int(tracks), float(naming))
+    return Limits(float(prune_existence), float(prune_weight), int(tracks), float(report_threshold))
 
 
 @dataclass(frozen=True)
 class Pmb:
     """Bernoulli tracks over a Poisson intensity of undetected targets, in the clutter it was told of."""
 
-    population: Population
+    model: MultiTargetModel
     limits: Limits
 
     def init(self) -> MultiBernoulli:
-        return multi_bernoulli.nobody(self.population)
+        return multi_bernoulli.no_targets(self.model)
 
-    def step(self, belief: MultiBernoulli, z: np.ndarray) -> tuple[MultiBernoulli, Account]:
-        told = self.population
+    def step(self, belief: MultiBernoulli, z: np.ndarray) -> tuple[MultiBernoulli, MultiTargetReport]:
+        told = self.model
         z = check_scan(z, len(told.sensor.H))
         targets, _ = _scanned(belief, told, z, told.clutter.density(z), self.limits)
-        return targets, multi_bernoulli.account(targets, told.clutter, self.limits.naming)
+        return targets, multi_bernoulli.report(targets, told.clutter, self.limits.report_threshold)
 
 
 @dataclass(frozen=True)
@@ -65,40 +72,40 @@ class LearningPmb:
     """As Pmb, but the intensity of clutter is fitted to the scans so far, every detection counted by the
     probability that it is of no track, old or new. The scan is judged by what was learned before it."""
 
-    population: Population
-    how: Learner
+    model: MultiTargetModel
+    how: EstimatorOptions
     limits: Limits
 
     def init(self) -> Learning:
-        return Learning(multi_bernoulli.nobody(self.population), first_lesson(self.population.clutter))
+        return Learning(multi_bernoulli.no_targets(self.model), initial_estimate(self.model.clutter))
 
-    def step(self, belief: Learning, z: np.ndarray) -> tuple[Learning, Account]:
-        told, lessons = self.population, belief.lessons
+    def step(self, belief: Learning, z: np.ndarray) -> tuple[Learning, MultiTargetReport]:
+        told, lessons = self.model, belief.lessons
         z = check_scan(z, len(told.sensor.H))
         targets, false = _scanned(belief.targets, told, z, lessons.clutter.density(z), self.limits)
-        lessons = learn(told.clutter, lessons, z, false, self.how)
-        account = multi_bernoulli.account(targets, lessons.clutter, self.limits.naming)
+        lessons = update_estimate(told.clutter, lessons, z, false, self.how)
+        account = multi_bernoulli.report(targets, lessons.clutter, self.limits.report_threshold)
         return Learning(targets, lessons), account
 
 
 def pmb(
-    population: Population,
+    model: MultiTargetModel,
     prune_existence: float = 1e-3,
     prune_weight: float = 1e-5,
     tracks: int = 200,
-    naming: float = 0.5,
+    report_threshold: float = 0.5,
 ) -> Pmb:
     """Poisson multi-Bernoulli tracker of up to `tracks` tracks, which names those that exist with more than
-    `naming`."""
-    return Pmb(population, limits(prune_existence, prune_weight, tracks, naming))
+    `report_threshold`."""
+    return Pmb(model, limits(prune_existence, prune_weight, tracks, report_threshold))
 
 
 def learning_pmb(
-    population: Population,
+    model: MultiTargetModel,
     prune_existence: float = 1e-3,
     prune_weight: float = 1e-5,
     tracks: int = 200,
-    naming: float = 0.5,
+    report_threshold: float = 0.5,
     memory: int = 20,
     deviation: float = 15.0,
     most: int = 12,
@@ -107,16 +114,16 @@ def learning_pmb(
     """As `pmb`, of up to `tracks`, with clutter learned as a uniform and up to `most` Gaussians no narrower
     than `deviation` (m), which forgets within `memory` scans."""
     return LearningPmb(
-        population,
-        learner(memory, deviation, most, iterations),
-        limits(prune_existence, prune_weight, tracks, naming),
+        model,
+        options(memory, deviation, most, iterations),
+        limits(prune_existence, prune_weight, tracks, report_threshold),
     )
 
 
 def _scanned(belief, told, z, kappa, limits):
     """The targets after a scan, and the probability (k,) that each detection is false."""
     targets, false = multi_bernoulli.update(
-        multi_bernoulli.ahead(belief, told), told.sensor, z,
+        multi_bernoulli.predict(belief, told), told.sensor, z,
         told.detection_probability, kappa, limits.prune_existence,
     )  # fmt: skip
-    return multi_bernoulli.pruned(targets, limits.prune_existence, limits.prune_weight, limits.tracks), false
+    return multi_bernoulli.prune(targets, limits.prune_existence, limits.prune_weight, limits.tracks), false

@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from gmr_gym.checks import ANY, at_least_one, check_limits
-from gmr_gym.filters.mht import MOST, expanded, reduced
+from gmr_gym.checks import UNLIMITED, check_count, check_limits
+from gmr_gym.filters.mht import MAX_HYPOTHESES, predict_and_update, prune_and_reduce
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, mean_and_covariance
 from gmr_gym.models.model import Model, check_one_motion
@@ -27,11 +27,11 @@ class Mht:
     reduce: Callable[[Mixture], Reduced]
     prune_weight: float = 5e-4  # gamma
     prune_density: float = 1e-10  # gamma~, s^2/m^4 for a planar position and velocity
-    most: int = MOST  # hypotheses that enter `reduce`, the heaviest
+    max_hypotheses: int = MAX_HYPOTHESES  # hypotheses that enter `reduce`, the heaviest
 
     def __post_init__(self):
         check_one_motion(self.model)
-        check_limits(self.prune_weight, self.most)
+        check_limits(self.prune_weight, self.max_hypotheses)
         if not 0 <= self.prune_density < np.inf:
             raise ValueError(f"prune_density must be non-negative and finite, got {self.prune_density}")
         if not isinstance(self.reduce, Greedy):
@@ -46,15 +46,15 @@ class Mht:
         if type(self) is not Mht or not isinstance(self.reduce, Greedy):
             return None
         merging = self.reduce.components, self.reduce.loss_bound
-        return float(self.prune_weight), int(self.most), *merging, float(self.prune_density)
+        return float(self.prune_weight), int(self.max_hypotheses), *merging, float(self.prune_density)
 
     def init(self) -> Mixture:
         return self.model.prior
 
     def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
-        full = expanded(belief, self.model, check_scan(z, len(self.model.sensor.H)))
-        posterior = reduced(
-            full.posterior.mixture, self.reduce, self.prune_weight, self.prune_density, self.most
+        full = predict_and_update(belief, self.model, check_scan(z, len(self.model.sensor.H)))
+        posterior = prune_and_reduce(
+            full.posterior.mixture, self.reduce, self.prune_weight, self.prune_density, self.max_hypotheses
         )
         mean, covariance = mean_and_covariance(posterior)
         return posterior, Report(mean[None], covariance[None], full.gates, posterior)
@@ -63,15 +63,17 @@ class Mht:
 def capping(model: Model, components: int = 30, prune_weight: float = 0.0, prune_density: float = 0.0) -> Mht:
     """MHT that keeps the heaviest `components` hypotheses and does not prune otherwise
     (D'Ortenzio, Capping: the paper's capping takes no part in its change of gamma)."""
-    most = min(at_least_one(components), MOST)
-    return Mht(model, Greedy(ANY), prune_weight, prune_density, most)  # there is nothing to merge
+    max_hypotheses = min(check_count(components), MAX_HYPOTHESES)
+    return Mht(
+        model, Greedy(UNLIMITED), prune_weight, prune_density, max_hypotheses
+    )  # there is nothing to merge
 
 
 def runnalls(
     model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10
 ) -> Mht:
     """MHT reduced to `components` by Runnalls' greedy merging (D'Ortenzio, Runnalls)."""
-    return Mht(model, Greedy(at_least_one(components)), prune_weight, prune_density)
+    return Mht(model, Greedy(check_count(components)), prune_weight, prune_density)
 
 
 def adaptive(

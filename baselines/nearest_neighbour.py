@@ -7,7 +7,7 @@ import numpy as np
 from gmr_gym.filters.association import expand
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed
-from gmr_gym.models.gating import distances_seen, gates
+from gmr_gym.models.gating import gated_distances, gates
 from gmr_gym.models.kalman import predict
 from gmr_gym.models.model import Model, check_one_motion
 
@@ -28,7 +28,7 @@ class NearestNeighbour:
         z = check_scan(z, len(self.model.sensor.H))
         belief = predict(belief, self.model.motion)
         looked = gates(belief, self.model.sensor, self.model.gate_probability)
-        distance = distances_seen(belief, looked, self.model.sensor, z)[0]
+        distance = gated_distances(belief, looked, self.model.sensor, z)[0]
         if len(z) and np.isfinite(distance.min()):
             nearest = z[[distance.argmin()]]
             # sure of it

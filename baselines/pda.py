@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmr_gym.filters.mht import fused
+from gmr_gym.filters.mht import pda_update
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed
 from gmr_gym.models.model import Model, check_one_motion
@@ -24,5 +24,5 @@ class Pda:
         return collapsed(self.model.prior)
 
     def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
-        merged, gates = fused(belief, self.model, check_scan(z, len(self.model.sensor.H)))
+        merged, gates = pda_update(belief, self.model, check_scan(z, len(self.model.sensor.H)))
         return merged, Report(merged.m, merged.P, gates, merged)

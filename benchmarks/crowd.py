@@ -9,13 +9,13 @@ from rows import MISSING, stone_soup
 from timing import Plan, Row, Stopwatch, interleaved, timed
 
 from baselines.gm_phd import GmPhd
-from gmr_gym.filters.clutter_estimation import learn
+from gmr_gym.filters.clutter_estimation import update_estimate
 from gmr_gym.filters.finite_mixture import fit_em
 from gmr_gym.filters.registry import make_tracker
-from gmr_gym.filters.tracker import ManyTracker
-from gmr_gym.models.clutter import nothing
+from gmr_gym.filters.tracker import MultiTargetTracker
+from gmr_gym.models.clutter import no_components
 from gmr_gym.scenarios.lv import unknown_clutter
-from gmr_gym.simulation.multi_target import ManyScenario, draw, scan
+from gmr_gym.simulation.multi_target import MultiTargetScenario, draw, scan
 
 COMPONENTS = 100
 FULL = 40  # scans, from which on a learner forgets as much as it learns
@@ -29,7 +29,7 @@ def crowd_rows(plan: Plan) -> Iterator[Row]:
     yield from _learning_rows(plan)
 
 
-def _steps(scenario: ManyScenario, tracker: ManyTracker) -> Iterator[tuple]:
+def _steps(scenario: MultiTargetScenario, tracker: MultiTargetTracker) -> Iterator[tuple]:
     """Belief, detections that come next and belief after them, scan by scan of one episode."""
     episode, belief = draw(scenario, 0), tracker.init()
     for t in range(scenario.horizon):
@@ -44,11 +44,11 @@ def _called(function: Callable, given: list[tuple], plan: Plan) -> Stopwatch:
 
 def _phd_rows(plan: Plan) -> Iterator[Row]:
     scenario = unknown_clutter()
-    met = _steps(scenario, make_tracker("gm-phd", scenario.population))
+    met = _steps(scenario, make_tracker("gm-phd", scenario.model))
     full = [(belief, z) for belief, z, _ in met if len(belief.label) == COMPONENTS]
     given = full[:: 8 if plan.quick else 3]
     # Stone Soup has no spawning, and forgets who was born and not seen
-    told = scenario.population._replace(births=nothing(6), spawn_weight=0.0)
+    told = scenario.model._replace(births=no_components(6), spawn_weight=0.0)
     tracker = make_tracker("gm-phd", told, components=COMPONENTS)
 
     def plainly(belief, z):
@@ -88,7 +88,7 @@ def _expected_apart(parts, tracker: GmPhd, given: list[tuple]) -> str:
     for belief, z in given:
         scan = parts.intensity(belief.intensity), stone_soup.detections([z])[0]
         theirs = [sum(component.weight for component in stage(*scan)) for stage in (parts.update, parts.step)]
-        apart.append([one.step(belief, z)[1].expected for one in (every, tracker)] - np.array(theirs))
+        apart.append([one.step(belief, z)[1].expected_targets for one in (every, tracker)] - np.array(theirs))
     updated, merged = np.abs(apart).max(axis=0)
     return (
         f"expected numbers at most {updated:.0e} apart, {merged:.2g} after merging, which clips weights at 1"
@@ -97,7 +97,7 @@ def _expected_apart(parts, tracker: GmPhd, given: list[tuple]) -> str:
 
 def _fit_rows(plan: Plan) -> Iterator[Row]:
     scenario, given = unknown_clutter(), []
-    tracker = make_tracker("fmm-em", scenario.population, repaired=True)
+    tracker = make_tracker("fmm-em", scenario.model, repaired=True)
 
     def recorded(z, parts, flat, how, rng):
         given.append((z, parts, flat, how))
@@ -118,17 +118,22 @@ def _fit_rows(plan: Plan) -> Iterator[Row]:
 def _lesson_rows(plan: Plan) -> Iterator[Row]:
     for what, clutter in WORLDS.items():
         scenario = unknown_clutter(clutter=clutter)
-        tracker = make_tracker("learning-phd", scenario.population)
+        tracker = make_tracker("learning-phd", scenario.model)
         given = []
         for t, (before, z, after) in enumerate(_steps(scenario, tracker)):
             if t >= FULL and t % (30 if plan.quick else 10) == 0:
                 false = after.lessons.false[after.lessons.age == 0]
-                given.append((scenario.population.clutter, before.lessons, z, false, tracker.how))
+                given.append((scenario.model.clutter, before.lessons, z, false, tracker.how))
         apart = 0.0
         for one in given:
-            ours, plainly = (c.density(one[2]) for c in (learn(*one).clutter, plain_crowd.lesson(*one)))
+            ours, plainly = (
+                c.density(one[2]) for c in (update_estimate(*one).clutter, plain_crowd.lesson(*one))
+            )
             apart = max(apart, np.abs(plainly / ours - 1).max())
-        watches = {"ours": _called(learn, given, plan), "plain": _called(plain_crowd.lesson, given, plan)}
+        watches = {
+            "ours": _called(update_estimate, given, plan),
+            "plain": _called(plain_crowd.lesson, given, plan),
+        }
         timings = interleaved(watches, len(given), rounds=1 if plan.quick else 3)
         yield Row(
             f"a lesson of clutter, {what} a scan, memory full", timings["ours"], "plain NumPy",
@@ -140,7 +145,7 @@ def _learning_rows(plan: Plan) -> Iterator[Row]:
     for what, clutter in WORLDS.items():
         scenario = unknown_clutter(clutter=clutter)
         for name, untaught in (("learning-phd", "gm-phd"), ("learning-pmb", "pmb")):
-            tracker, same = (make_tracker(each, scenario.population) for each in (name, untaught))
+            tracker, same = (make_tracker(each, scenario.model) for each in (name, untaught))
             met = list(_steps(scenario, tracker))[FULL :: 30 if plan.quick else 5]
             watches = {
                 "ours": _called(tracker.step, [(belief, z) for belief, z, _ in met], plan),

@@ -67,8 +67,8 @@ def _scan_rows(plan: Plan) -> Iterator[Row]:
 def _architecture_rows(plan: Plan) -> Iterator[Row]:
     scenario = agile_flight(horizon=60 if plan.quick else 200)
     for name, most in (("mmae-mht-15", 200), ("mmae-of-mhts-15", 100), ("mmg-15", 200)):
-        greedy = make_tracker(name, scenario.model, reduction="runnalls", most=most)
-        best = make_tracker(name, scenario.model, reduction="ise", most=most)
+        greedy = make_tracker(name, scenario.model, reduction="runnalls", max_hypotheses=most)
+        best = make_tracker(name, scenario.model, reduction="ise", max_hypotheses=most)
         given = _acquired(scenario, greedy, 1)
         alternatives = {
             "ours": timed(lambda one, tracker=best: tracker.step(*one), *given, clock=plan.clock),

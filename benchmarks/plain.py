@@ -4,7 +4,7 @@ import numpy as np
 
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, moments
-from gmr_gym.models.gating import gate_size
+from gmr_gym.models.gating import gate_threshold
 from gmr_gym.models.model import Model
 from gmr_gym.simulation.single_target import Scenario
 
@@ -170,7 +170,7 @@ class Pda:
 
     def __init__(self, model: Model):
         self.model = model
-        self.size = gate_size(model.gate_probability, len(model.sensor.H))
+        self.size = gate_threshold(model.gate_probability, len(model.sensor.H))
 
     def init(self):
         return self.model.prior.m[0], self.model.prior.P[0]

@@ -2,15 +2,20 @@
 
 import numpy as np
 
-from gmr_gym.filters.clutter_estimation import NEIGHBOURHOOD, Learner, Lessons
-from gmr_gym.filters.finite_mixture import LEAST_UNIFORM, Management, Parts
+from gmr_gym.filters.clutter_estimation import NEIGHBOURHOOD, ClutterEstimate, EstimatorOptions
+from gmr_gym.filters.finite_mixture import LEAST_UNIFORM, EmOptions, ScanMixture
 from gmr_gym.mixture import Mixture, joined, take
 from gmr_gym.models.clutter import Clutter
-from gmr_gym.models.multi_target import Population
+from gmr_gym.models.multi_target import MultiTargetModel
 
 
 def phd_scan(
-    p: Mixture, told: Population, z: np.ndarray, components: int, merging: float = 4.0, prune: float = 1e-5
+    p: Mixture,
+    told: MultiTargetModel,
+    z: np.ndarray,
+    components: int,
+    merging: float = 4.0,
+    prune: float = 1e-5,
 ) -> Mixture:
     """The intensity after one scan of the GM-PHD filter, where nobody is born or spawned."""
     (F, Q, offset), (H, R) = told.motion, told.sensor
@@ -34,7 +39,7 @@ def phd_scan(
     return take(q, np.argsort(-q.w, kind="stable")[:components])
 
 
-def fit(z: np.ndarray, parts: Parts, flat: float, how: Management) -> float:
+def fit(z: np.ndarray, parts: ScanMixture, flat: float, how: EmOptions) -> float:
     """Log-likelihood of the finite mixture fitted to the scan by expectation maximisation."""
     n, c, origin, m = len(z), parts.gaussians, parts.origin, parts.m
     P = np.concatenate([_floored(parts.P[:c], how.deviation), parts.P[c:]])
@@ -61,7 +66,9 @@ def fit(z: np.ndarray, parts: Parts, flat: float, how: Management) -> float:
     return value
 
 
-def lesson(told: Clutter, lessons: Lessons, z: np.ndarray, false: np.ndarray, how: Learner) -> Clutter:
+def lesson(
+    told: Clutter, lessons: ClutterEstimate, z: np.ndarray, false: np.ndarray, how: EstimatorOptions
+) -> Clutter:
     """What is believed of the clutter after one scan more."""
     kept = lessons.age + 1 < 2 * how.memory
     points = np.concatenate([lessons.z[kept], z])

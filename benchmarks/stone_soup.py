@@ -30,7 +30,7 @@ from stonesoup.updater.pointprocess import PHDUpdater
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.kalman import Motion, Sensor
 from gmr_gym.models.model import Model
-from gmr_gym.models.multi_target import Population
+from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.simulation.single_target import Scenario
 
 START = datetime(2000, 1, 1)
@@ -150,7 +150,7 @@ class Phd:
     """The Gaussian-mixture PHD filter as in its tutorial, where nobody is born. The intensity is a list of
     components."""
 
-    def __init__(self, told: Population, components: int, gate: float, merging=4.0, prune_weight=1e-5):
+    def __init__(self, told: MultiTargetModel, components: int, gate: float, merging=4.0, prune_weight=1e-5):
         predictor, updater = _kalman(told.motion, told.sensor)
         self.updater = PHDUpdater(
             updater,

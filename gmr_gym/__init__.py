@@ -11,20 +11,29 @@ from gmr_gym.envs.registry import register_envs
 from gmr_gym.version import __version__
 
 if TYPE_CHECKING:
-    from gmr_gym.envs.policy import CrowdPolicy, Policy
+    from gmr_gym.envs.policy import MultiTargetPolicy, Policy
     from gmr_gym.filters.registry import make_tracker, trackers
     from gmr_gym.filters.tracker import Report, Tracker
     from gmr_gym.mixture import Mixture
     from gmr_gym.models.model import Model, model
 
 __all__ = [
-    "CrowdPolicy", "Mixture", "Model", "Policy", "Report", "Tracker", "__version__",
-    "make_tracker", "model", "register_envs", "trackers",
+    "Mixture",
+    "Model",
+    "MultiTargetPolicy",
+    "Policy",
+    "Report",
+    "Tracker",
+    "__version__",
+    "make_tracker",
+    "model",
+    "register_envs",
+    "trackers",
 ]  # fmt: skip
 _HOME = {
     "mixture": ("Mixture",),
     "models.model": ("Model", "model"),
-    "envs.policy": ("CrowdPolicy", "Policy"),
+    "envs.policy": ("MultiTargetPolicy", "Policy"),
     "filters.registry": ("make_tracker", "trackers"),
     "filters.tracker": ("Report", "Tracker"),
 }
@@ -33,6 +42,11 @@ register_envs()
 
 
 def __getattr__(name: str) -> Any:
+    if name == "CrowdPolicy":
+        from gmr_gym.deprecated import warn_renamed
+
+        warn_renamed("CrowdPolicy", "MultiTargetPolicy")
+        name = "MultiTargetPolicy"
     for module, names in _HOME.items():
         if name in names:
             return getattr(import_module(f"gmr_gym.{module}"), name)

@@ -169,31 +169,31 @@ def check_density(name: str, value: float) -> None:
         )
 
 
-ANY = 2**62  # components: more than there ever are
+UNLIMITED = 2**62  # components: more than there ever are
 
 
-def at_least_one(count: int, name: str = "components") -> int:
+def check_count(count: int, name: str = "components") -> int:
     """A count, by default the budget of components, checked, and no more than kernels can take, ANY;
     ValueError naming it unless it is a whole number of at least 1."""
     if not isinstance(count, Real) or not count >= 1:
         raise ValueError(f"{name} must be at least 1, got {count!r}")
     if count % 1 != 0:
         raise ValueError(f"{name} must be a whole number, got {count!r}")
-    return min(int(count), ANY)
+    return min(int(count), UNLIMITED)
 
 
-def at_least_zero(name: str, value: float) -> float:
+def check_not_negative(name: str, value: float) -> float:
     """A threshold, checked; ValueError naming it unless it is a number that is not negative."""
     if not isinstance(value, Real) or not value >= 0:
         raise ValueError(f"{name} must be a number, at least 0, got {value!r}")
     return float(value)
 
 
-def check_limits(prune_weight: float, most: int, hopeless: float = np.inf) -> None:
+def check_limits(prune_weight: float, max_hypotheses: int, give_up_ratio: float = np.inf) -> None:
     """Raise ValueError naming the limit of a tracker's work that is none."""
     if not 0 <= prune_weight < np.inf:
         raise ValueError(f"prune_weight must be non-negative and finite, got {prune_weight}")
-    if not most >= 1 or most % 1 != 0:
-        raise ValueError(f"most must be a whole number, at least 1, got {most}")
-    if not hopeless > 0:
-        raise ValueError(f"hopeless must be positive, got {hopeless}")
+    if not max_hypotheses >= 1 or max_hypotheses % 1 != 0:
+        raise ValueError(f"max_hypotheses must be a whole number, at least 1, got {max_hypotheses}")
+    if not give_up_ratio > 0:
+        raise ValueError(f"give_up_ratio must be positive, got {give_up_ratio}")

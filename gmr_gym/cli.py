@@ -37,11 +37,11 @@ from gmr_gym.experiments.specs import (
     tracker_of,
 )
 from gmr_gym.experiments.sweeps import BLOCKS, Sweep, merge_results, runs_shown, say_what_is_left, shard_of
-from gmr_gym.filters.registry import CROWD_GROUP, make_tracker, trackers
+from gmr_gym.filters.registry import MULTI_TARGET_GROUP, make_tracker, trackers
 from gmr_gym.filters.tracker import Tracker
 from gmr_gym.models.priors import constant_velocity_model, prior_from_first_scan, prior_given
 from gmr_gym.reduction.registry import REDUCERS
-from gmr_gym.simulation.multi_target import ManyScenario
+from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import draw
 from gmr_gym.version import __version__
 
@@ -109,7 +109,7 @@ def list_() -> None:
         ("environments", dict.fromkeys(ENVIRONMENTS, "")),
         ("segments of gmr_gym/RecordedFlight-v0", dict.fromkeys(flight_names(), "")),
         ("trackers", trackers()),
-        ("trackers of many targets", trackers(CROWD_GROUP)),
+        ("trackers of many targets", trackers(MULTI_TARGET_GROUP)),
         ("reductions, as in mmg-15:reduction=runnalls", dict.fromkeys(REDUCERS, "")),
         ("papers", PAPERS),
     ):
@@ -225,7 +225,7 @@ def watch(
 
     check_writable(out)
     scenario = scenario_of(env_id, key_values(settings))
-    if isinstance(scenario, ManyScenario):
+    if isinstance(scenario, MultiTargetScenario):
         tracker = tracker or "learning-pmb"
     else:
         tracker = tracker or ("mmg-15" if len(scenario.model.motions) > 1 else "runnalls-30")

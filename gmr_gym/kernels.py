@@ -74,7 +74,7 @@ def warn_uncached() -> None:
 # Compiles what makes no array and hands none back, without counting references to those it is given: each is
 # an atomic operation, and half of the time of a scan went into them. It may call none but its like, which
 # would otherwise be compiled as it is.
-uncounted = kernel(nogil=True, _nrt=False)
+leaf_kernel = kernel(nogil=True, _nrt=False)
 
 
 def together(call: Callable[..., object], shares: Sequence[tuple]) -> None:

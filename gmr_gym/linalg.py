@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from gmr_gym.kernels import kernel, uncounted
+from gmr_gym.kernels import kernel, leaf_kernel
 
 LOG_2PI = float(np.log(2 * np.pi))
 
 
-@uncounted
+@leaf_kernel
 def pairwise_sum(w):
     """Sum of w (n,), in pairs of pairs and so on, which keeps its rounding small; to the last bit that of
     NumPy."""
@@ -31,7 +31,7 @@ def pairwise_sum(w):
     return out
 
 
-@uncounted
+@leaf_kernel
 def cholesky_into(L, S):
     """Lower factor of the symmetric S (p, p) written into L; False when S is not definite."""
     p = len(S)
@@ -63,7 +63,7 @@ def root_determinants(P):
     return out
 
 
-@uncounted
+@leaf_kernel
 def mahalanobis_squared(L, z, z_hat, y):
     """(z - z_hat)' S^-1 (z - z_hat) with S = L L'; y (p,) is room to work in."""
     d2 = 0.0
@@ -76,7 +76,7 @@ def mahalanobis_squared(L, z, z_hat, y):
     return d2
 
 
-@uncounted
+@leaf_kernel
 def log_gaussian_scale(L):
     """log of N(z; z, L L'), the density at its mean."""
     p = len(L)

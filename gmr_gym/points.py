@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gmr_gym.kernels import uncounted
+from gmr_gym.kernels import leaf_kernel
 
 # m or rad, of any coordinate: filters drawn apart by detections farther away could not be merged, for their
 # covariances drown in the squares of such distances
@@ -54,7 +54,7 @@ def check_unmasked(name: str, values) -> None:
         raise ValueError(f"{name} must be given in full, but some of it is masked")
 
 
-@uncounted
+@leaf_kernel
 def _first_beyond(z, reach):
     """The first row of z (k, p) with a coordinate that is not within +-reach, -1 for none."""
     for j in range(z.shape[0]):

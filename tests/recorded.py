@@ -20,13 +20,13 @@ import scipy
 
 import gmr_gym
 from baselines.learned import SHIPPED
-from gmr_gym.envs.registry import CROWDS, TRACKING
+from gmr_gym.envs.registry import MULTI_TARGET, TRACKING
 from gmr_gym.evaluation.montecarlo import run_once
-from gmr_gym.evaluation.multi_target_runs import crowd_once
-from gmr_gym.filters.registry import CROWD_GROUP, trackers
+from gmr_gym.evaluation.multi_target_runs import run_multi_target_once
+from gmr_gym.filters.registry import MULTI_TARGET_GROUP, trackers
 from gmr_gym.mixture import Mixture, mixture, moments
 from gmr_gym.reduction.distances import integral_squared_difference
-from gmr_gym.reduction.pruning import heaviest, prune, prune_density
+from gmr_gym.reduction.pruning import prune, prune_and_cap, prune_density
 from gmr_gym.reduction.registry import REDUCERS
 from gmr_gym.reduction.runnalls import adaptive
 from gmr_gym.tuning.features import FEATURES
@@ -69,7 +69,7 @@ def reductions() -> Iterator[tuple[str, Callable[[], list]]]:
         "adaptive-0.01": partial(adaptive, loss_bound=0.01),
         "prune": partial(prune, weight=1e-2),
         "prune-density": partial(prune_density, density=1e-3),
-        "heaviest": partial(heaviest, weight=1e-3, most=7),
+        "heaviest": partial(prune_and_cap, weight=1e-3, max_hypotheses=7),
     }
     named = {name: partial(reduce, components=5) for name, reduce in REDUCERS.items()}
     for label, p in examples():
@@ -90,7 +90,7 @@ def runs() -> Iterator[tuple[str, Callable[[], list]]]:
     for env_id in TRACKING:
         for name in ("clairvoyant", "imm-pda", "one-motion"):
             yield f"run {name} in {env_id}", partial(run, env_id, name, 3)
-    for name in trackers(CROWD_GROUP):
+    for name in trackers(MULTI_TARGET_GROUP):
         yield f"run {name}", partial(run_many, name, 1)
 
 
@@ -102,14 +102,14 @@ def run(env_id: str, name: str, seed: int) -> list:
 
 
 def run_many(name: str, seed: int) -> list:
-    scenario = gym.make(*CROWDS).unwrapped.scenario
-    tracker = gmr_gym.make_tracker(name, scenario.population)
-    played = crowd_once(scenario, tracker, seed, SCANS)
+    scenario = gym.make(*MULTI_TARGET).unwrapped.scenario
+    tracker = gmr_gym.make_tracker(name, scenario.model)
+    played = run_multi_target_once(scenario, tracker, seed, SCANS)
     return [played.ospa, played.gospa, played.localisation, played.missed, played.components]
 
 
 def episodes() -> Iterator[tuple[str, Callable[[], list]]]:
-    for env_id in (*TRACKING, *CROWDS, "gmr_gym/ReductionTuning-v0"):
+    for env_id in (*TRACKING, *MULTI_TARGET, "gmr_gym/ReductionTuning-v0"):
         for seed in (1, 2):
             yield f"episode {env_id} {seed}", partial(episode, env_id, seed)
     for env_id in (*TRACKING, "gmr_gym/ReductionTuning-v0"):

@@ -9,7 +9,7 @@ from reference import moment_match, random_mixture
 from gmr_gym.mixture import Mixture, checked, collapsed, log_density, matched, mixture, moments
 from gmr_gym.reduction import distances
 from gmr_gym.reduction.dissimilarity import MEASURES, dissimilarity
-from gmr_gym.reduction.pruning import heaviest, prune, prune_density
+from gmr_gym.reduction.pruning import prune, prune_and_cap, prune_density
 from gmr_gym.reduction.registry import REDUCERS
 from gmr_gym.reduction.runnalls import adaptive, total_merge_cost
 from gmr_gym.reduction.salmond_west import salmond, whitened
@@ -19,7 +19,7 @@ DROPPING = {
     "capping": partial(REDUCERS["capping"], components=2),
     "prune": partial(prune, weight=0.1),
     "prune_density": partial(prune_density, density=0.1),
-    "heaviest": partial(heaviest, weight=1e-9, most=2),
+    "heaviest": partial(prune_and_cap, weight=1e-9, max_hypotheses=2),
     "vo_ma": partial(vo_ma, components=2),
 }
 MERGING = {name: partial(reduce, components=2) for name, reduce in REDUCERS.items() if name != "capping"} | {

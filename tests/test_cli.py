@@ -20,7 +20,7 @@ import gmr_gym
 from gmr_gym.cli import PAPERS, main
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.episodic import settings
-from gmr_gym.envs.registry import CROWDS, ENVIRONMENTS, TRACKING
+from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
 from gmr_gym.evaluation import recordings as detections
 from gmr_gym.evaluation.curves import CURVES
 from gmr_gym.evaluation.loop import play
@@ -28,7 +28,7 @@ from gmr_gym.evaluation.montecarlo import run
 from gmr_gym.evaluation.summary import FEWEST, summary
 from gmr_gym.experiments.output import RUN_COLUMNS, write_runs
 from gmr_gym.experiments.specs import key_value, scenario_of, tracker_of
-from gmr_gym.filters.registry import CROWD_GROUP, GROUP, make_tracker, trackers
+from gmr_gym.filters.registry import GROUP, MULTI_TARGET_GROUP, make_tracker, trackers
 from gmr_gym.reduction.registry import REDUCERS
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.li import airborne_radar
@@ -70,7 +70,7 @@ def test_list_shows_every_environment_segment_tracker_reduction_and_paper(call):
     environments, segments, reductions = (
         dict.fromkeys(names, "") for names in (ENVIRONMENTS, flight_names(), REDUCERS)
     )
-    wanted = [environments, segments, trackers(), trackers(CROWD_GROUP), reductions, PAPERS]
+    wanted = [environments, segments, trackers(), trackers(MULTI_TARGET_GROUP), reductions, PAPERS]
     assert code == 0 and list(shown.values()) == wanted
     assert {"environments", "trackers", "papers"} <= set(shown)
     assert all(trackers().values())
@@ -472,7 +472,7 @@ OF_GYMNASIUM = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("env_id", [*TRACKING, *CROWDS])
+@pytest.mark.parametrize("env_id", [*TRACKING, *MULTI_TARGET])
 def test_no_setting_of_an_environment_imports_what_it_names(trap, env_id):
     taken = settings(gym.spec(env_id).kwargs["scenario"])
     for name in (*taken, *OF_GYMNASIUM):
@@ -485,7 +485,7 @@ def test_no_setting_of_an_environment_imports_what_it_names(trap, env_id):
 
 
 def test_of_a_trackers_parameters_a_reduction_alone_imports_what_it_names(trap):
-    for group, env_id in ((GROUP, JUMP), (CROWD_GROUP, "gmr_gym/UnknownClutter-v0")):
+    for group, env_id in ((GROUP, JUMP), (MULTI_TARGET_GROUP, "gmr_gym/UnknownClutter-v0")):
         scenario, importing = scenario_of(env_id, {}), set()
         for point in entry_points(group=group):
             for name in list(signature(point.load()).parameters)[1:]:

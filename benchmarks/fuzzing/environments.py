@@ -10,7 +10,7 @@ import numpy as np
 from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
 from fuzzing.inputs import LAYOUTS, Rng, decades, in_layout, spoilt_array
-from gmr_gym.envs.registry import CROWDS, ENVIRONMENTS
+from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET
 
 STEPS = 6
 MANY = 3  # environments at once
@@ -19,7 +19,7 @@ MANY = 3  # environments at once
 def environment_targets() -> Iterator[Target]:
     """Every id, and its environment of many."""
     for name in ENVIRONMENTS:
-        for many in (0, MANY) if name not in CROWDS else (0,):
+        for many in (0, MANY) if name not in MULTI_TARGET else (0,):
             kind = "vector" if many else "environment"
             yield Target(
                 f"{kind}/{name.removeprefix('gmr_gym/')}",
@@ -79,7 +79,7 @@ def _spoil(rng: Rng, arguments: tuple) -> Spoilt:
         bad, what = plain[-1][..., :-1], "too short"
     else:
         bad, what = spoilt_array(rng, plain[-1])
-        while np.ma.isMaskedArray(bad) and name in CROWDS:
+        while np.ma.isMaskedArray(bad) and name in MULTI_TARGET:
             bad, what = spoilt_array(rng, plain[-1])  # there a masked row is an absent estimate
     actions = [*plain[:-1], bad]
     return Spoilt(

@@ -9,7 +9,7 @@ from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
 from fuzzing.inputs import WORDS, Rng, hostile_mixture, mixture_in_layout, spoilt_array, spoilt_mixture
 from gmr_gym.mixture import Mixture, collapsed, log_density, moments, normalised
-from gmr_gym.reduction.pruning import heaviest, prune, prune_density
+from gmr_gym.reduction.pruning import prune, prune_and_cap, prune_density
 from gmr_gym.reduction.registry import REDUCERS, reducer
 from gmr_gym.reduction.runnalls import adaptive, total_merge_cost
 from gmr_gym.reduction.salmond_west import salmond
@@ -33,7 +33,7 @@ def reduction_targets() -> list[Target]:
         "salmond-by": lambda p, components: salmond(p, 1, 1 / components),
         "prune": lambda p, components: prune(p, 0.1**components),
         "prune-density": lambda p, components: prune_density(p, 0.1**components),
-        "heaviest": lambda p, components: heaviest(p, 0.01, components),
+        "heaviest": lambda p, components: prune_and_cap(p, 0.01, components),
     }
     budgets = {"vo-ma", "heaviest"}
     rest = [

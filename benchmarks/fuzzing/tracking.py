@@ -13,7 +13,7 @@ from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
 from fuzzing.inputs import LAYOUTS, Rng, in_layout, spoilt_points
 from fuzzing.worlds import MODELS, POPULATIONS, hostile_model, hostile_population, hostile_scan
-from gmr_gym.filters.registry import CROWD_GROUP, GROUP, make_tracker, trackers
+from gmr_gym.filters.registry import GROUP, MULTI_TARGET_GROUP, make_tracker, trackers
 
 UNFIT = "knows one motion|needs a radar|linear sensor|of one motion|has an update of its own"
 BEYOND = "1e10|1e\\+10"  # coordinates that a tracker refuses
@@ -25,7 +25,7 @@ def tracker_targets() -> Iterator[Target]:
     """Every tracker, over a few scans and over very many."""
     for group, world, pool in (
         (GROUP, hostile_model, MODELS),
-        (CROWD_GROUP, hostile_population, POPULATIONS),
+        (MULTI_TARGET_GROUP, hostile_population, POPULATIONS),
     ):
         for name in trackers(group):
             share = 0.5 if name in SLOW else 2.0
@@ -33,7 +33,7 @@ def tracker_targets() -> Iterator[Target]:
                 f"tracker/{name}",
                 partial(_draw, name, world, pool),
                 partial(_track, world),
-                partial(_check, world, group == CROWD_GROUP),
+                partial(_check, world, group == MULTI_TARGET_GROUP),
                 _spoil,
                 share,
                 refuses=BEYOND,
@@ -60,7 +60,7 @@ def tracker_targets() -> Iterator[Target]:
             yield few._replace(
                 name=f"tracker/{name}/long",
                 draw=partial(_draw_long, name, world, pool),
-                call=partial(_track_long, world, group == CROWD_GROUP),
+                call=partial(_track_long, world, group == MULTI_TARGET_GROUP),
                 check=lambda arguments, result: None,
                 spoil=None,
                 share=share / 5000,
@@ -91,7 +91,7 @@ def _draw(name: str, world, pool: int, rng: Rng) -> tuple:
 
 def _settled(told, z: np.ndarray) -> np.ndarray:
     """Without what rounding has made impossible."""
-    return z[told.sensor.settled(z)[1]]
+    return z[told.sensor.wrap_and_validate(z)[1]]
 
 
 def _draw_huge(name: str, world, pool: int, rng: Rng) -> tuple:
@@ -140,7 +140,7 @@ def _spoil_parameters(rng: Rng, arguments: tuple) -> Spoilt:
 
 
 def _defaults_of(name: str) -> dict[str, Any]:
-    return _defaults(GROUP, name) or _defaults(CROWD_GROUP, name)
+    return _defaults(GROUP, name) or _defaults(MULTI_TARGET_GROUP, name)
 
 
 def _parameters(world, name: str, index: int, given: dict) -> Any:
@@ -202,8 +202,8 @@ def check_report(told, report) -> None:
         raise Finding("moments", f"modes {report.modes.tolist()} do not sum to 1")
     checks.finite("gates.z", report.gates.z)
     checks.covariances("gates.S", report.gates.S)
-    if not report.gates.size >= 0 or report.alive not in (True, False):
-        raise Finding("value", f"gates of size {report.gates.size}, alive {report.alive}")
+    if not report.gates.threshold >= 0 or report.alive not in (True, False):
+        raise Finding("value", f"gates of size {report.gates.threshold}, alive {report.alive}")
 
 
 def check_account(told, account) -> None:
@@ -212,7 +212,7 @@ def check_account(told, account) -> None:
     if account.x.shape != (j, d) or account.existence.shape != (j,) or account.label.shape != (j,):
         raise Finding("shape", f"x {account.x.shape}, existence {account.existence.shape}")
     checks.finite("x", account.x)
-    checks.finite("expected", account.expected)
+    checks.finite("expected", account.expected_targets)
     if not ((account.existence >= 0) & (account.existence <= 1)).all():
         raise Finding("value", f"existence {account.existence.tolist()}")
     own = account.label[account.label >= 0]
@@ -220,8 +220,10 @@ def check_account(told, account) -> None:
         raise Finding("value", f"a label is there twice: {account.label.tolist()}")
     checks.mixture(account.intensity, d)
     whole = account.intensity.w.sum()
-    if not abs(whole - account.expected) <= 1e-6 * (1e-300 + whole):
-        raise Finding("moments", f"{account.expected} targets are expected, and weights sum to {whole}")
+    if not abs(whole - account.expected_targets) <= 1e-6 * (1e-300 + whole):
+        raise Finding(
+            "moments", f"{account.expected_targets} targets are expected, and weights sum to {whole}"
+        )
     if not 0 <= account.clutter.expected < np.inf:
         raise Finding("not finite", f"clutter of {account.clutter.expected} a scan")
 

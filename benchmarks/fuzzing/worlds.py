@@ -7,10 +7,10 @@ import numpy as np
 from fuzzing.inputs import Rng, decades, hostile_mixture
 from gmr_gym.mixture import Mixture, normalised
 from gmr_gym.models import kalman
-from gmr_gym.models.clutter import Clutter, nothing, uniform_clutter
+from gmr_gym.models.clutter import Clutter, no_components, uniform_clutter
 from gmr_gym.models.model import Model, model
 from gmr_gym.models.motions import constant_velocity
-from gmr_gym.models.multi_target import Population, population
+from gmr_gym.models.multi_target import MultiTargetModel, multi_target_model
 from gmr_gym.models.radar import Radar, radar
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.li import airborne_radar
@@ -55,10 +55,10 @@ def hostile_model(index: int) -> Model:
 
 
 @cache
-def hostile_population(index: int) -> Population:
+def hostile_population(index: int) -> MultiTargetModel:
     """One of POPULATIONS: those of UnknownClutter, then drawn ones."""
     if index < 3:
-        return unknown_clutter(clutter=("groups", "uniform", "dense")[index]).population
+        return unknown_clutter(clutter=("groups", "uniform", "dense")[index]).model
     rng = np.random.default_rng([2, index])
     axes = int(rng.integers(1, 3))
     births = hostile_mixture(rng, 4, 2 * axes)
@@ -70,8 +70,8 @@ def hostile_population(index: int) -> Population:
     clutter = uniform_clutter(np.full(axes, -reach), np.full(axes, reach), expected)
     if rng.random() < 0.3:
         some = hostile_mixture(rng, 3, axes)
-        clutter = Clutter(clutter.low, clutter.high, expected, some, nothing(axes))
-    return population(
+        clutter = Clutter(clutter.low, clutter.high, expected, some, no_components(axes))
+    return multi_target_model(
         constant_velocity(decades(rng, -2, 2), decades(rng, -4, 2), axes),
         kalman.position_sensor(decades(rng, -3, 3), axes),
         float(rng.choice(CHANCES)),
@@ -90,7 +90,7 @@ def hostile_scan(rng: Rng, told, alone: bool = False, k: int | None = None) -> n
     start: Mixture = told.prior if isinstance(told, Model) else told.births
     p, sensor = len(told.sensor.H), told.sensor
     chosen = rng.integers(len(start.w), size=k)
-    at = sensor.observed(start.m[chosen]).reshape(k, p)
+    at = sensor.measure(start.m[chosen]).reshape(k, p)
     noise = np.sqrt(np.diag(sensor.R)) * rng.standard_normal((k, p))
     kind = rng.integers(8)
     if kind < 4:

@@ -8,14 +8,14 @@ import numpy as np
 from gmr_gym.envs.episodic import EXTENT, EpisodicEnv
 from gmr_gym.evaluation.metrics import gospa, ospa
 from gmr_gym.points import absent
-from gmr_gym.simulation.multi_target import Crowd, ManyScenario, draw, scan
+from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario, draw, scan
 from gmr_gym.simulation.single_target import Scan, capacity
 
-SURE = 0.5  # existence from which a row counts as an estimate
+EXISTENCE_THRESHOLD = 0.5  # existence from which a row counts as an estimate
 METRICS = ("gospa", "ospa")
 
 
-class CrowdEnv(EpisodicEnv):
+class MultiTargetEnv(EpisodicEnv):
     """Targets that come and go in clutter, to be counted and placed scan by scan.
 
     ## Description
@@ -58,11 +58,11 @@ class CrowdEnv(EpisodicEnv):
     m^order. They are for scoring and drawing: a policy that reads them cheats.
 
     ## Arguments
-    `scenario`: "module:function" that returns a ManyScenario; `targets`: rows of an action; `metric`: "gospa"
-    or "ospa"; every other keyword goes to the function.
+    `scenario`: "module:function" that returns a MultiTargetScenario; `targets`: rows of an action; `metric`:
+    "gospa" or "ospa"; every other keyword goes to the function.
     """
 
-    scenario: ManyScenario
+    scenario: MultiTargetScenario
     metric: str
 
     def __init__(
@@ -95,7 +95,7 @@ class CrowdEnv(EpisodicEnv):
     def step(self, action):
         """Scores the estimates (targets, 1 + d) for the scan just seen; the next scan, if there is one."""
         rows = self._checked(action)
-        at = rows[rows[:, 0] >= SURE, 1:][:, self._position]
+        at = rows[rows[:, 0] >= EXISTENCE_THRESHOLD, 1:][:, self._position]
         x = self._episode.x[self._t][:, self._position]
         there = x[~np.isnan(x).any(axis=1)]
         cutoff, order = self.scenario.cutoff, self.scenario.order
@@ -108,7 +108,7 @@ class CrowdEnv(EpisodicEnv):
         info |= {"localisation": parts.localisation, "missed": parts.missed, "false": parts.false}
         return observation, -error, False, self._t >= self.scenario.horizon, info
 
-    def _drawn(self, seed: int) -> Crowd:
+    def _drawn(self, seed: int) -> MultiTargetEpisode:
         return draw(self.scenario, seed)
 
     def _seen(self, t: int) -> Scan:
@@ -131,6 +131,6 @@ class CrowdEnv(EpisodicEnv):
         return rows
 
     def _new_canvas(self, on_screen: bool):
-        from gmr_gym.envs.render_multi_target import CrowdCanvas
+        from gmr_gym.envs.render_multi_target import MultiTargetCanvas
 
-        return CrowdCanvas(self.scenario, on_screen)
+        return MultiTargetCanvas(self.scenario, on_screen)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from gmr_gym.filters.tracker import ManyTracker, Tracker
+from gmr_gym.filters.tracker import MultiTargetTracker, Tracker
 
 
 class Policy:
@@ -15,7 +15,7 @@ class Policy:
     >>> action = policy(observation)
     """
 
-    def __init__(self, tracker: Tracker | ManyTracker):
+    def __init__(self, tracker: Tracker | MultiTargetTracker):
         self.tracker = tracker
         self.report: Any = None  # Report, or Account
         self._belief: Any = None
@@ -35,14 +35,14 @@ class Policy:
         return self.report.x[0]
 
 
-class CrowdPolicy(Policy):
+class MultiTargetPolicy(Policy):
     """Plays an environment of many targets with a tracker of them, up to `targets` named in a scan; `report`
     is its last account.
 
-    >>> policy = CrowdPolicy(make_tracker("learning-pmb", env.unwrapped.scenario.population), targets=10)
+    >>> policy = MultiTargetPolicy(make_tracker("learning-pmb", env.unwrapped.scenario.model), targets=10)
     """
 
-    def __init__(self, tracker: ManyTracker, targets: int = 10):
+    def __init__(self, tracker: MultiTargetTracker, targets: int = 10):
         super().__init__(tracker)
         self.targets = targets
 

@@ -11,18 +11,18 @@ TRACKING = {
     "gmr_gym/AirborneRadar-v0": "gmr_gym.scenarios.li:airborne_radar",
 }
 # many targets, to be scored as a set
-CROWDS = {
+MULTI_TARGET = {
     "gmr_gym/UnknownClutter-v0": "gmr_gym.scenarios.lv:unknown_clutter",
 }
 TUNING = "gmr_gym/ReductionTuning-v0"  # a tracker, to be set
-ENVIRONMENTS = (*TRACKING, *CROWDS, TUNING)
+ENVIRONMENTS = (*TRACKING, *MULTI_TARGET, TUNING)
 
 
 def register_envs() -> None:
     """Make every id known to `gymnasium.make`; harmless when done twice."""
     for scenarios, one, many in (
         (TRACKING, "tracking:TrackingEnv", "gmr_gym.envs.vector:TrackingVectorEnv"),
-        (CROWDS, "multi_target:CrowdEnv", None),
+        (MULTI_TARGET, "multi_target:MultiTargetEnv", None),
     ):
         for env_id, scenario in scenarios.items():
             if env_id not in gym.registry:

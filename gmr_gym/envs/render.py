@@ -86,7 +86,7 @@ class Canvas:
         self._sheet.close()
 
     def _scan(self, axes, episode, scan, t):
-        z = self.scenario.model.sensor.placed(scan.z)[:, :2]
+        z = self.scenario.model.sensor.to_gate_space(scan.z)[:, :2]
         axes.plot(*z.T, ".", color=CLUTTER, ms=4, label="detections")
         seen = min(t + 1, len(episode.x))
         axes.plot(*episode.x[:seen, list(self.scenario.position[:2])].T, color=TRUTH, lw=1.4, label="truth")
@@ -94,9 +94,9 @@ class Canvas:
 
     def _hypotheses(self, axes, report):
         gates, p = report.gates, report.mixture
-        if np.isfinite(gates.size):
+        if np.isfinite(gates.threshold):
             # the shadow of an ellipsoid is the ellipse of the block of its covariance
-            shapes = gates.S[:, :2, :2] * gates.size
+            shapes = gates.S[:, :2, :2] * gates.threshold
             outlines = ellipses(axes, gates.z[:, :2], shapes, edgecolors=GATES, linewidths=0.8)
             axes.add_collection(outlines)
         at = list(self.scenario.position[:2])
@@ -124,14 +124,16 @@ class Canvas:
         sensor = self.scenario.model.sensor
         low, high, follows, _ = self.scenario.window
         if follows:
-            at = sensor.observed(estimate)
+            at = sensor.measure(estimate)
             low, high = at + low, at + high
         if not isinstance(sensor, Radar):
             return low, high
         # its edges are bent: the box about a grid of its points
         sides = np.linspace(low, high, 9).T
-        points, possible = sensor.settled(np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, len(low)))
-        placed = sensor.placed(points[possible])[:, :2]
+        points, possible = sensor.wrap_and_validate(
+            np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, len(low))
+        )
+        placed = sensor.to_gate_space(points[possible])[:, :2]
         low, high = placed.min(axis=0), placed.max(axis=0)
         # one scale for both axes even where the window is a thin strip: the box is then drawn wider
         half = np.maximum(high - low, (high - low).max() / 3) / 2

@@ -3,20 +3,20 @@
 import numpy as np
 
 from gmr_gym.envs.render import CLUTTER, ESTIMATE, INK, TRUTH, Sheet, ellipses
-from gmr_gym.filters.tracker import Account
+from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.mixture import joined
 from gmr_gym.models.clutter import Clutter
-from gmr_gym.simulation.multi_target import Crowd, ManyScenario
+from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario
 from gmr_gym.simulation.single_target import Scan
 
 EDGE = 5.99  # squared deviations, within which 95 % of a Gaussian of the plane lie
 
 
-class CrowdCanvas:
+class MultiTargetCanvas:
     """Pictures of an episode, scan by scan: detections, true tracks, estimates and where clutter crowds;
     with a tracker's accounts also where it believes it to, dotted, and its components, 95 % of each."""
 
-    def __init__(self, scenario: ManyScenario, on_screen: bool = False, title: str = ""):
+    def __init__(self, scenario: MultiTargetScenario, on_screen: bool = False, title: str = ""):
         self.scenario = scenario
         self._title = title
         self._sheet = Sheet(on_screen)
@@ -24,11 +24,11 @@ class CrowdCanvas:
 
     def draw(
         self,
-        crowd: Crowd,
+        crowd: MultiTargetEpisode,
         scan: Scan,
         t: int,
         estimates: list[np.ndarray],
-        account: Account | None = None,
+        account: MultiTargetReport | None = None,
     ) -> np.ndarray | None:
         """The picture (height, width, 3) of scan t (from 0) and the estimates (j, 2) of each scan so far; on
         a screen it is shown and None returned."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gmr_gym.envs.render import Canvas
-from gmr_gym.filters.mht import Expanded, expanded, reduced
+from gmr_gym.filters.mht import ScanUpdate, predict_and_update, prune_and_reduce
 from gmr_gym.filters.tracker import Report
 from gmr_gym.mixture import Mixture, mean_and_covariance, moments
 from gmr_gym.reduction.runnalls import greedy
@@ -35,7 +35,7 @@ class TuningCanvas:
             self._episode, self._belief, self._estimates = episode, scenario.model.prior, []
         for each in thresholds[len(self._estimates) :]:
             seen, full = self._look(scenario, episode)
-            self._belief = reduced(
+            self._belief = prune_and_reduce(
                 full.posterior.mixture, greedy(each.components, each.alpha), each.prune, each.prune_density
             )
             self._last = seen, _report(self._belief, full)
@@ -51,13 +51,13 @@ class TuningCanvas:
         """Close the window, if there is one."""
         self._canvas.close()
 
-    def _look(self, scenario: Scenario, episode: Episode) -> tuple[Scan, Expanded]:
+    def _look(self, scenario: Scenario, episode: Episode) -> tuple[Scan, ScanUpdate]:
         """The next scan, and the belief expanded by it."""
         estimate = self._estimates[-1] if self._estimates else moments(scenario.model.prior)[0]
         seen = scan(scenario, episode, len(self._estimates), scenario.centre(estimate))
-        return seen, expanded(self._belief, scenario.model, seen.z)
+        return seen, predict_and_update(self._belief, scenario.model, seen.z)
 
 
-def _report(posterior: Mixture, full: Expanded) -> Report:
+def _report(posterior: Mixture, full: ScanUpdate) -> Report:
     mean, covariance = mean_and_covariance(posterior)
     return Report(mean[None], covariance[None], full.gates, posterior)

@@ -1,10 +1,10 @@
 """What the estimates of many episodes are worth, as `TrackingEnv` says it of one."""
 
-from gmr_gym.envs.tracking import STRAYED, distance
-from gmr_gym.kernels import uncounted
+from gmr_gym.envs.tracking import SCANS_OFF, distance
+from gmr_gym.kernels import leaf_kernel
 
 
-@uncounted
+@leaf_kernel
 def score_into(error, reward, terminated, truncated, strayed, t, passed, estimates, x, of, position, cutoff):
     """What `TrackingEnv.step` says, all of them (n,), of the estimates (n, d) of scan t[i] of n episodes,
     whose truth x (m, T, d) has in the row of[i], and moves on to the next; zeros of those that are `passed`
@@ -19,14 +19,14 @@ def score_into(error, reward, terminated, truncated, strayed, t, passed, estimat
         t[i] += 1
         left = horizon - t[i]
         reward[i] = -min(error[i], cutoff)
-        terminated[i] = strayed[i] >= STRAYED
+        terminated[i] = strayed[i] >= SCANS_OFF
         truncated[i] = left == 0 and not terminated[i]
         if terminated[i]:
             reward[i] -= cutoff * left
             t[i] = horizon
 
 
-@uncounted
+@leaf_kernel
 def first_beyond(extent, passed, estimates):
     """The first of the estimates (n, d), those `passed` over apart, with a number that is not within
     +-extent; -1 for none."""

@@ -9,9 +9,9 @@ from numba.extending import register_jitable
 from gmr_gym.envs.episodic import EXTENT, ORIGIN, EpisodicEnv
 from gmr_gym.mixture import moments
 from gmr_gym.simulation.scans import label_into
-from gmr_gym.simulation.single_target import Episode, Scan, Scenario, capacity, draw, make_scan, scan, viewed
+from gmr_gym.simulation.single_target import Episode, Scan, Scenario, capacity, draw, make_scan, scan, view_of
 
-STRAYED = 10  # scans in a row beyond the cutoff that end an episode
+SCANS_OFF = 10  # scans in a row beyond the cutoff that end an episode
 
 
 class TrackingEnv(EpisodicEnv):
@@ -80,7 +80,7 @@ class TrackingEnv(EpisodicEnv):
         self.action_space = gym.spaces.Box(-EXTENT, EXTENT, (d,), np.float64)
         mean, covariance = moments(self.scenario.model.prior)
         self.prior = mean, covariance.ravel()
-        self._view = viewed(self.scenario)
+        self._view = view_of(self.scenario)
         self._strayed = 0  # scans in a row beyond the cutoff
 
     def step(self, action):
@@ -91,7 +91,7 @@ class TrackingEnv(EpisodicEnv):
         self._estimates.append(estimate)
         self._t += 1
         left = self.scenario.horizon - self._t
-        terminated = self._strayed >= STRAYED
+        terminated = self._strayed >= SCANS_OFF
         reward = -min(error, self.scenario.cutoff)
         if terminated:
             reward -= self.scenario.cutoff * left

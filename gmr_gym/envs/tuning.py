@@ -10,16 +10,16 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from gmr_gym.checks import at_least_one
+from gmr_gym.checks import check_count
 from gmr_gym.envs.episodic import DrawnEnv, check_keywords, keywords
-from gmr_gym.envs.tracking import STRAYED
+from gmr_gym.envs.tracking import SCANS_OFF
 from gmr_gym.simulation.single_target import Episode, Scenario, draw
 from gmr_gym.tuning.features import BOUND, FEATURES
 from gmr_gym.tuning.hindsight import HINDSIGHT
 from gmr_gym.tuning.instances import Instance, world
 from gmr_gym.tuning.instances import instances as table_of
 from gmr_gym.tuning.scans import EPISODE, STEP, begin, stepped
-from gmr_gym.tuning.thresholds import PAPER, Thresholds, check_parameters, decoded, encoded
+from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, check_parameters, from_action, to_action
 
 # of a unit of work; a scan with the target lost costs 1. At the paper's thresholds work then costs about as
 # much as the error of a target that is followed
@@ -75,7 +75,7 @@ class ReductionTuningEnv(DrawnEnv):
         parameters: Sequence[str] = ("alpha", "prune"),
         instances: str = "train",
         price: float = PRICE,
-        components: int = PAPER.components,
+        components: int = DORTENZIO.components,
         hindsight: bool = False,
         render_mode: str | None = None,
         **unknown,
@@ -97,8 +97,8 @@ class ReductionTuningEnv(DrawnEnv):
         unknown instance or option."""
         super().reset(seed=seed)
         self.instance_id, self._scenario, self._episode = self._draws.next(seed, self, options or {})
-        begin(self._state[0], self._scenario, self._episode, STRAYED)
-        observation, _ = self._stepped(PAPER)
+        begin(self._state[0], self._scenario, self._episode, SCANS_OFF)
+        observation, _ = self._stepped(DORTENZIO)
         self._reduced = []
         if self.render_mode == "human":
             self.render()
@@ -109,7 +109,7 @@ class ReductionTuningEnv(DrawnEnv):
         ValueError for an action of another shape or outside the box, RuntimeError where no episode runs."""
         if self._state["t"][0] == self._state["scans"][0]:
             raise RuntimeError("call reset() before step(): no episode is running")
-        thresholds = decoded(action, self.parameters, self._rest)
+        thresholds = from_action(action, self.parameters, self._rest)
         observation, outcome = self._stepped(thresholds)
         reward, error, work, components, _, terminated, truncated = outcome.item()
         info = {
@@ -200,8 +200,8 @@ def checked_price(price: float) -> float:
 
 def rest_of(components: int) -> Thresholds:
     """The thresholds that no action sets; ValueError for a limit of hypotheses that no action could set."""
-    rest = PAPER._replace(components=at_least_one(components))
-    encoded(rest, ("components",))
+    rest = DORTENZIO._replace(components=check_count(components))
+    to_action(rest, ("components",))
     return rest
 
 

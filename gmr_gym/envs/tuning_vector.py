@@ -8,14 +8,21 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from gmr_gym.checks import at_least_one
+from gmr_gym.checks import check_count
 from gmr_gym.envs.episodic import check_keywords, keywords
-from gmr_gym.envs.tracking import STRAYED
+from gmr_gym.envs.tracking import SCANS_OFF
 from gmr_gym.envs.tuning import PRICE, Draws, checked_price, rest_of, spaces_of
 from gmr_gym.envs.vector import UNDRAWN, autoreset_of, check_not_drawn, seeds_of
 from gmr_gym.tuning.instances import instances as table_of
 from gmr_gym.tuning.scans import EPISODE, STEP, begin, stepped
-from gmr_gym.tuning.thresholds import PAPER, RANGES, check_actions, check_parameters, decode, places
+from gmr_gym.tuning.thresholds import (
+    DORTENZIO,
+    RANGES,
+    check_actions,
+    check_parameters,
+    from_actions,
+    threshold_index,
+)
 
 
 class ReductionTuningVectorEnv(VectorEnv):
@@ -38,7 +45,7 @@ class ReductionTuningVectorEnv(VectorEnv):
         parameters: Sequence[str] = ("alpha", "prune"),
         instances: str = "train",
         price: float = PRICE,
-        components: int = PAPER.components,
+        components: int = DORTENZIO.components,
         hindsight: bool = False,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         copy: bool = True,
@@ -47,12 +54,12 @@ class ReductionTuningVectorEnv(VectorEnv):
     ):
         check_not_drawn(render_mode)
         check_keywords(unknown, keywords(type(self)))
-        num_envs = at_least_one(num_envs, "num_envs")
+        num_envs = check_count(num_envs, "num_envs")
         mode = autoreset_of(autoreset_mode)
         self.num_envs, self.copy = num_envs, copy
         self.metadata = {"render_modes": [], "autoreset_mode": mode}
         self.parameters, self.price = check_parameters(parameters), checked_price(price)
-        self._places, self._rest = places(self.parameters), np.array(rest_of(components), float)
+        self._places, self._rest = threshold_index(self.parameters), np.array(rest_of(components), float)
         self.instances = table_of(instances)
         self.single_observation_space, self.single_action_space = spaces_of(self.parameters, hindsight)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -80,7 +87,7 @@ class ReductionTuningVectorEnv(VectorEnv):
         if self._names[0] is None:
             raise RuntimeError("call reset() before step(): no episode is running")
         actions = check_actions(actions, self.num_envs, self.parameters, running)
-        steps = self._stepped(np.flatnonzero(running), decode(actions, self._places, self._rest))
+        steps = self._stepped(np.flatnonzero(running), from_actions(actions, self._places, self._rest))
         terminated, truncated = steps["terminated"].copy(), steps["truncated"].copy()
         infos: dict[str, Any] = {}
         over = terminated | truncated
@@ -100,7 +107,7 @@ class ReductionTuningVectorEnv(VectorEnv):
         drawn = [self._members[i].next(seeds[i], options) for i in rows.tolist()]
         for i, (name, scenario, episode) in zip(rows, drawn, strict=True):
             self._names[i] = name
-            begin(self._state[i], scenario, episode, STRAYED)
+            begin(self._state[i], scenario, episode, SCANS_OFF)
         self._stepped(rows, np.tile(self._rest, (self.num_envs, 1)))
 
     def render(self):

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numba import config
 
-from gmr_gym.checks import at_least_one
+from gmr_gym.checks import check_count
 from gmr_gym.envs.episodic import EXTENT, check_keywords, keywords, settings
 from gmr_gym.envs.scores import first_beyond, score_into
 from gmr_gym.envs.tracking import TrackingEnv, blank
@@ -19,7 +19,15 @@ from gmr_gym.kernels import together
 from gmr_gym.points import check_unmasked
 from gmr_gym.simulation.scans import label_into, scans_into
 from gmr_gym.simulation.seeds import keys_of
-from gmr_gym.simulation.single_target import carried, draw, is_scripted, key_of, make_scan, true, viewed
+from gmr_gym.simulation.single_target import (
+    draw,
+    draw_truth,
+    is_scripted,
+    key_of,
+    make_scan,
+    view_of,
+    window_motion,
+)
 
 SHARE = 32  # environments that a thread is worth
 AHEAD = 16  # seeds drawn at a time
@@ -60,9 +68,9 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
     ):
         check_not_drawn(render_mode)
         check_keywords(world, [*settings(scenario), *keywords(type(self))])
-        num_envs = at_least_one(num_envs, "num_envs")
+        num_envs = check_count(num_envs, "num_envs")
         most: int = config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
-        limit = most if threads is None else at_least_one(threads, "threads")
+        limit = most if threads is None else check_count(threads, "threads")
         self.num_envs, self.copy, self.autoreset_mode = num_envs, copy, autoreset_of(autoreset_mode)
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         self._single = TrackingEnv(scenario, **world)
@@ -73,16 +81,16 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         bounds = np.linspace(0, num_envs, min(-(-num_envs // SHARE), limit) + 1).astype(int)
         self._shares = list(pairwise(bounds.tolist()))  # of the threads, the caller's own first
-        self._view, self._carried = viewed(self.scenario), carried(self.scenario)
+        self._view, self._carried = view_of(self.scenario), window_motion(self.scenario)
         self._position = np.array(self.scenario.position)
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
         self._ahead: list[list[int]] = [[] for _ in range(num_envs)]  # seeds of streams, the next one last
-        x, mode = true(self.scenario, 0)
+        x, mode = draw_truth(self.scenario, 0)
         # which truth is whose: a script's is one for all, for good
         self._of = np.zeros(num_envs, int) if is_scripted(self.scenario) else np.arange(num_envs)
         truths = self._of[-1] + 1
         self._x, self._mode = (np.tile(part, (truths, *[1] * part.ndim)) for part in (x, mode))
-        expected = self.scenario.sensor.observed(x)
+        expected = self.scenario.sensor.measure(x)
         self._expected = np.tile(expected, (truths, 1, 1))  # what the sensor would say without noise
         self._keys = np.zeros((num_envs, 2), np.uint32)
         self._drawn: list[Any] = [None] * num_envs  # whole episodes, where the sensor is not linear
@@ -173,8 +181,8 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
                 self._drawn[i] = draw(self.scenario, seed)
                 self._x[i], self._mode[i] = self._drawn[i].x, self._drawn[i].mode
             else:
-                self._x[i], self._mode[i] = true(self.scenario, seed)
-                self._expected[i] = self.scenario.sensor.observed(self._x[i])
+                self._x[i], self._mode[i] = draw_truth(self.scenario, seed)
+                self._expected[i] = self.scenario.sensor.measure(self._x[i])
 
     def _next_seed(self, i: int) -> int:
         ahead = self._ahead[i]

@@ -6,6 +6,6 @@ Stands on `filters` and `simulation`, which meet here for the first time. Open `
 
 from gmr_gym.evaluation.loop import Played, play
 from gmr_gym.evaluation.montecarlo import Runs, run, run_once
-from gmr_gym.evaluation.multi_target_runs import CrowdRuns
+from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 
-__all__ = ["CrowdRuns", "Played", "Runs", "play", "run", "run_once"]
+__all__ = ["MultiTargetRuns", "Played", "Runs", "play", "run", "run_once"]

@@ -5,18 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from gmr_gym.filters.mht import expand_scan, odds, reduce_scan
+from gmr_gym.filters.mht import expand_scan, gate_and_log_weights, reduce_scan
 from gmr_gym.kernels import ONE, kernel
 from gmr_gym.mixture import match
-from gmr_gym.models.gating import mean_volume, outside_all, unit_ball
+from gmr_gym.models.gating import mean_volume, outside_all_gates_kernel, unit_ball
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.simulation.loss import detection_outside_gates, truth_outside_gates
-from gmr_gym.simulation.philox import words_for
-from gmr_gym.simulation.scans import carry_into, scan_by
-from gmr_gym.simulation.single_target import Episode, Scenario, capacity, carried, viewed
+from gmr_gym.simulation.philox import buffer_for
+from gmr_gym.simulation.scans import centre_into, scan_by
+from gmr_gym.simulation.single_target import Episode, Scenario, capacity, view_of, window_motion
 
 
-def offered(scenario: Scenario, tracker: Any) -> bool:
+def can_batch(scenario: Scenario, tracker: Any) -> bool:
     """Whether `played` can play this tracker in this scenario: it has `limits`, the sensors are linear, and
     the loss rule is one of `gmr_gym.evaluation.metrics`."""
     return (
@@ -26,7 +26,7 @@ def offered(scenario: Scenario, tracker: Any) -> bool:
     )
 
 
-def played(
+def run_batch(
     scenario: Scenario, tracker: Any, episodes: Sequence[Episode], scans: int | None = None
 ) -> tuple[np.ndarray, ...]:
     """truth, x, P, components, gate_volume, gated and off_target of the Runs of these episodes, all of their
@@ -41,20 +41,21 @@ def played(
         np.empty((runs, T)), np.empty((runs, T)), np.empty((runs, T), bool),
     )  # fmt: skip
     _play(
-        viewed(scenario), carried(scenario), scenario.centre(prior.w @ prior.m), key, z, detected, slot,
-        capacity(scenario.clutter_rate), tracker.init(), (*told.motion, *told.sensor, *odds(told)),
+        view_of(scenario), window_motion(scenario), scenario.centre(prior.w @ prior.m), key, z, detected,
+        slot, capacity(scenario.clutter_rate), tracker.init(),
+        (*told.motion, *told.sensor, *gate_and_log_weights(told)),
         tracker.limits, unit_ball(z.shape[2]), watched, own, out,
     )  # fmt: skip
     return x, *out
 
 
 def _rule(scenario: Scenario) -> Any:
-    return getattr(scenario.off_target, "func", scenario.off_target)
+    return getattr(scenario.loss_rule, "func", scenario.loss_rule)
 
 
 def _expected(scenario: Scenario, x: np.ndarray) -> np.ndarray:
     """What `truth_outside_gates` looks for, in the words of that rule, for states x (runs, T, d)."""
-    (H,) = scenario.off_target.args  # type: ignore[attr-defined]
+    (H,) = scenario.loss_rule.args  # type: ignore[attr-defined]
     return np.array([[H @ state for state in run] for run in x])
 
 
@@ -68,7 +69,7 @@ def _play(
     x, P_out, components, volume, gated, off_target = out
     runs, T, d = x.shape
     F, Q, offset, H, R, size, log_miss, log_detect = told
-    z, centre, words = np.empty((capacity, len(R))), np.empty(len(R)), words_for(capacity)
+    z, centre, words = np.empty((capacity, len(R))), np.empty(len(R)), buffer_for(capacity)
     for i in range(runs):
         w, m, P = belief
         for c in range(len(R)):
@@ -82,7 +83,9 @@ def _play(
             for j in detection:
                 hits += j >= 0
             gated[i, t], volume[i, t] = hits / len(S), mean_volume(S, size, ball)
-            off_target[i, t] = (own and place < 0) or outside_all(centres, S, size, watched[i, t])
+            off_target[i, t] = (own and place < 0) or outside_all_gates_kernel(
+                centres, S, size, watched[i, t]
+            )
             w, m, P, _, _ = reduce_scan(w, m, P, *limits)
             _, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), ONE)
             components[i, t] = len(w)
@@ -90,4 +93,4 @@ def _play(
                 x[i, t, r] = mean[0, r]
                 for c in range(d):
                     P_out[i, t, r, c] = covariance[0, r, c]
-            carry_into(centre, carried, x[i, t])
+            centre_into(centre, carried, x[i, t])

@@ -10,7 +10,7 @@ from scipy.special import ndtri
 
 from gmr_gym.evaluation.metrics import credibility, nees
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.summary import CONFIDENCE, Figure, in_common, kept, mean, proportion
+from gmr_gym.evaluation.summary import CONFIDENCE, Estimate, bootstrap_mean, in_common, not_lost, wilson
 from gmr_gym.simulation.single_target import Scenario
 
 RESAMPLES = 200
@@ -56,7 +56,7 @@ def curves(errors: Errors, weight: np.ndarray) -> Curves:
     return Curves(np.sqrt(share @ errors.position), np.sqrt(share @ errors.velocity), index, inclination)
 
 
-def resampled(statistic: Callable[[np.ndarray], np.ndarray], mask: np.ndarray) -> list[Figure]:
+def resampled(statistic: Callable[[np.ndarray], np.ndarray], mask: np.ndarray) -> list[Estimate]:
     """statistic(weight) -> (s,) of the runs in the mask (runs,), each with the interval that the standard
     error of a bootstrap over runs gives: percentiles would be off, for with every run that is drawn twice
     a credibility comes out higher. All nan for fewer than two runs."""
@@ -64,7 +64,7 @@ def resampled(statistic: Callable[[np.ndarray], np.ndarray], mask: np.ndarray) -
 
     chosen = np.flatnonzero(mask)
     if len(chosen) < 2:
-        return [Figure(np.nan)] * len(statistic(np.ones(len(mask))))
+        return [Estimate(np.nan)] * len(statistic(np.ones(len(mask))))
     with catch_warnings():
         simplefilter("ignore", DegenerateDataWarning)  # of an interval that is not used
         error = bootstrap(
@@ -73,27 +73,27 @@ def resampled(statistic: Callable[[np.ndarray], np.ndarray], mask: np.ndarray) -
         ).standard_error  # fmt: skip
     value = statistic(mask.astype(float))
     reach = ndtri((1 + CONFIDENCE) / 2) * error
-    return [Figure(*map(float, row)) for row in zip(value, value - reach, value + reach, strict=True)]
+    return [Estimate(*map(float, row)) for row in zip(value, value - reach, value + reach, strict=True)]
 
 
-def averages(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
+def averages(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
     """One row per tracker: share of runs lost; averages over the scans of the four curves, `_all` over
     all runs and `_common` over those that all trackers kept that kept any; components, gate area (m^2) and
     time a scan (s, median; the longest is `time_worst`)."""
-    own = {name: kept(scenario, runs) for name, runs in results.items()}
+    own = {name: not_lost(scenario, runs) for name, runs in results.items()}
     common = in_common(own)
     rows = {}
     for name, runs in results.items():
         errors = errors_of(scenario, runs)
-        rows[name] = {"track_loss": proportion(int((~own[name]).sum()), len(runs.x))}
+        rows[name] = {"track_loss": wilson(int((~own[name]).sum()), len(runs.x))}
         for which, mask in (("all", np.ones(len(runs.x), bool)), ("common", common[name])):
             figures = resampled(partial(_over_scans, errors), mask)
             rows[name] |= {f"{field}_{which}": f for field, f in zip(CURVES, figures, strict=True)}
         rows[name] |= {
-            "components": mean(runs.components.mean(axis=1)),
-            "gate_area": mean(runs.gate_volume.mean(axis=1)),
-            "time_per_scan": Figure(float(np.nanmedian(runs.seconds))),
-            "time_worst": Figure(float(np.nanmax(runs.seconds))),
+            "components": bootstrap_mean(runs.components.mean(axis=1)),
+            "gate_area": bootstrap_mean(runs.gate_volume.mean(axis=1)),
+            "time_per_scan": Estimate(float(np.nanmedian(runs.seconds))),
+            "time_worst": Estimate(float(np.nanmax(runs.seconds))),
         }
     return rows
 

@@ -19,14 +19,14 @@ class Played(NamedTuple):
 
 def play(scenario: Scenario, tracker: Tracker, episode: Episode) -> Iterator[Played]:
     """The tracker's account of every scan. A window that follows is centred on what it said of the
-    scan before; a tracker with `told_origin` is handed the target's own detection and no clutter."""
-    told_origin = getattr(tracker, "told_origin", False)
+    scan before; a tracker with `knows_origin` is handed the target's own detection and no clutter."""
+    knows_origin = getattr(tracker, "knows_origin", False)
     belief = tracker.init()
     prior = scenario.model.prior
     centre = scenario.centre(prior.w @ prior.m)
     for t in range(len(episode.x)):
         seen = scan(scenario, episode, t, centre)
-        z = seen.z[seen.origin >= 0] if told_origin else seen.z
+        z = seen.z[seen.origin >= 0] if knows_origin else seen.z
         started = perf_counter()
         belief, report = tracker.step(belief, z)
         seconds = perf_counter() - started

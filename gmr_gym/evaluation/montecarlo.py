@@ -12,15 +12,15 @@ from threadpoolctl import threadpool_limits
 
 from gmr_gym.evaluation import batch, blocks, source, workers
 from gmr_gym.evaluation.loop import play
-from gmr_gym.evaluation.multi_target_runs import CrowdRuns, crowd_once
+from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns, run_multi_target_once
 from gmr_gym.filters.tracker import Tracker
-from gmr_gym.models.gating import crowding
-from gmr_gym.simulation.multi_target import ManyScenario
+from gmr_gym.models.gating import gate_statistics
+from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario, draw
 from gmr_gym.version import __version__
 
 BLOCK = 20  # runs in one task, and in one file on disk
-MANY = 500  # runs from which it pays to compile the call that plays a block of them together
+BATCH_FROM = 500  # runs from which it pays to compile the call that plays a block of them together
 _ALONE = Lock()  # the threads of a worker share what limits them
 
 
@@ -39,7 +39,7 @@ class Runs(NamedTuple):
 
 
 def run(
-    scenario: Scenario | ManyScenario,
+    scenario: Scenario | MultiTargetScenario,
     trackers: Mapping[str, Any],
     runs: int,
     seed: int = 0,
@@ -50,7 +50,8 @@ def run(
     backend: str = "loky",
     scheduler: str | None = None,
 ) -> dict[str, Any]:
-    """Every tracker through the same `runs` episodes: what it did, as Runs, or of many targets as CrowdRuns.
+    """Every tracker through the same `runs` episodes: what it did, as Runs, or of many targets as
+    MultiTargetRuns.
 
     Run i draws its episode from (seed, i) alone, whatever the tracker and the number of runs or of
     workers; the results are the same to the last bit on any number of workers, `seconds` apart. `jobs`
@@ -77,7 +78,7 @@ def run(
 
 
 def run_shard(
-    scenario: Scenario | ManyScenario,
+    scenario: Scenario | MultiTargetScenario,
     trackers: Mapping[str, Any],
     runs: int,
     seed: int = 0,
@@ -122,12 +123,12 @@ def run_once(
     unseen = np.full(len(scenario.sensor.R), np.nan)
     for t, (z, origin), report, seconds in islice(play(scenario, tracker, episode), scans):
         gates, x = report.gates, episode.x[t]
-        placed = tracker.model.sensor.placed(z)
+        placed = tracker.model.sensor.to_gate_space(z)
         own = placed[origin == 0]
         target = own[0] if len(own) else unseen
         rows.append((
-            x, report.x[0], report.P[0], len(report.mixture.w), *crowding(gates, placed),
-            not report.alive or scenario.off_target(gates, x, target), report.modes, seconds,
+            x, report.x[0], report.P[0], len(report.mixture.w), *gate_statistics(gates, placed),
+            not report.alive or scenario.loss_rule(gates, x, target), report.modes, seconds,
         ))  # fmt: skip
     return _joined(Runs, np.array, rows)
 
@@ -135,7 +136,7 @@ def run_once(
 class _Sweep(NamedTuple):
     """What `run` was asked."""
 
-    scenario: Scenario | ManyScenario
+    scenario: Scenario | MultiTargetScenario
     trackers: Mapping[str, Any]
     runs: int
     seed: int
@@ -184,7 +185,7 @@ def _computed(sweep: _Sweep, tasks: list, there: Container, files: Mapping) -> I
     for name in {name for name, _ in missing}:
         tracker = sweep.trackers[name]
         # compiled here, once: every worker of this machine then finds it on disk
-        _played(sweep.scenario, tracker, twice, sweep.runs >= MANY, scans=3)
+        _played(sweep.scenario, tracker, twice, sweep.runs >= BATCH_FROM, scans=3)
         sources[name] = {} if sweep.backend == "loky" else source.sources(tracker)
     calls: dict = {}
     for task in missing:
@@ -219,29 +220,29 @@ def _block(scenario, tracker, seed, task, runs):
     seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(first, min(first + BLOCK, runs))]
     # several threads would change the last bits of a sum, and only slow small matrices down
     with threadpool_limits(1):
-        return _played(scenario, tracker, seeds, runs >= MANY)
+        return _played(scenario, tracker, seeds, runs >= BATCH_FROM)
 
 
 def _played(scenario, tracker, seeds, together, scans=None):
     """The runs of these seeds, all of their scans or the first few; where `together`, and where that can be,
     all but the first in one call."""
-    together = together and batch.offered(scenario, tracker)
+    together = together and batch.can_batch(scenario, tracker)
     alone = [_once(scenario)(scenario, tracker, seed, scans) for seed in seeds[: 1 if together else None]]
     runs = _joined(_kind(scenario), np.array, alone)
     if len(alone) == len(seeds):
         return runs
-    truth, *said = batch.played(scenario, tracker, [draw(scenario, seed) for seed in seeds[1:]], scans)
+    truth, *said = batch.run_batch(scenario, tracker, [draw(scenario, seed) for seed in seeds[1:]], scans)
     sure, untimed = np.ones((*truth.shape[:2], 1)), np.full(truth.shape[:2], np.nan)
     others = Runs._make((truth, *said, sure, untimed))
     return _joined(Runs, np.concatenate, [runs, others])
 
 
-def _once(scenario: Scenario | ManyScenario) -> Callable:
-    return crowd_once if isinstance(scenario, ManyScenario) else run_once
+def _once(scenario: Scenario | MultiTargetScenario) -> Callable:
+    return run_multi_target_once if isinstance(scenario, MultiTargetScenario) else run_once
 
 
-def _kind(scenario: Scenario | ManyScenario) -> type:
-    return CrowdRuns if isinstance(scenario, ManyScenario) else Runs
+def _kind(scenario: Scenario | MultiTargetScenario) -> type:
+    return MultiTargetRuns if isinstance(scenario, MultiTargetScenario) else Runs
 
 
 def _joined(kind: type, join: Callable, rows: list):

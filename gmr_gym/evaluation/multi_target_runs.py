@@ -8,15 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.evaluation.metrics import gospa, ospa, wasserstein
-from gmr_gym.filters.tracker import Account, ManyTracker
+from gmr_gym.filters.tracker import MultiTargetReport, MultiTargetTracker
 from gmr_gym.models.clutter import Clutter
-from gmr_gym.simulation.multi_target import Crowd, ManyScenario, draw, scan
+from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario, draw, scan
 
 SIDE = 40  # places along each side of the box at which intensities of clutter are compared
 EVERY = 5  # scans between comparisons
 
 
-class CrowdRuns(NamedTuple):
+class MultiTargetRuns(NamedTuple):
     """What one tracker did, run by run (first axis) and scan by scan (second)."""
 
     ospa: np.ndarray  # (runs, T), m, with the scenario's cutoff and order
@@ -35,16 +35,16 @@ class CrowdRuns(NamedTuple):
     seconds: np.ndarray  # (runs, T), of the tracker alone
 
 
-def crowd_once(
-    scenario: ManyScenario,
-    tracker: ManyTracker,
+def run_multi_target_once(
+    scenario: MultiTargetScenario,
+    tracker: MultiTargetTracker,
     seed: int | np.random.SeedSequence,
     scans: int | None = None,
-) -> CrowdRuns:
-    """One run of all scans, or of the first few; the arrays of CrowdRuns without their first axis."""
+) -> MultiTargetRuns:
+    """One run of all scans, or of the first few; the arrays of MultiTargetRuns without their first axis."""
     episode, rows = draw(scenario, seed), []
     at, grid = list(scenario.position), None
-    for t, (account, seconds) in islice(enumerate(accounts(tracker, episode)), scans):
+    for t, (account, seconds) in islice(enumerate(play(tracker, episode)), scans):
         x = episode.x[t]
         truth, found = x[np.isfinite(x).all(axis=1)][:, at], account.x[:, at]
         parts = gospa(found, truth, scenario.cutoff, scenario.order)
@@ -55,12 +55,14 @@ def crowd_once(
             off = density_error(account.clutter, true, grid)
         rows.append((
             ospa(found, truth, scenario.cutoff, scenario.order), *parts, wasserstein(found, truth),
-            len(truth), len(found), account.expected, len(account.intensity.w), off, seconds,
+            len(truth), len(found), account.expected_targets, len(account.intensity.w), off, seconds,
         ))  # fmt: skip
-    return CrowdRuns(*map(np.array, zip(*rows, strict=True)))
+    return MultiTargetRuns(*map(np.array, zip(*rows, strict=True)))
 
 
-def accounts(tracker: ManyTracker, episode: Crowd) -> Iterator[tuple[Account, float]]:
+def play(
+    tracker: MultiTargetTracker, episode: MultiTargetEpisode
+) -> Iterator[tuple[MultiTargetReport, float]]:
     """What the tracker says of each scan of the episode, and how long it took, s."""
     belief = tracker.init()
     for t in range(len(episode.x)):

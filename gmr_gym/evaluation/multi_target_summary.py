@@ -5,12 +5,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from gmr_gym.evaluation.metrics import cardinality_error
-from gmr_gym.evaluation.multi_target_runs import CrowdRuns
-from gmr_gym.evaluation.summary import Figure, mean
-from gmr_gym.simulation.multi_target import ManyScenario
+from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
+from gmr_gym.evaluation.summary import Estimate, bootstrap_mean
+from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 
-def crowd_summary(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> dict[str, dict[str, Figure]]:
+def multi_target_summary(
+    scenario: MultiTargetScenario, results: Mapping[str, MultiTargetRuns]
+) -> dict[str, dict[str, Estimate]]:
     """One row of figures per tracker, means over scans with intervals over runs: ospa and gospa (m), what
     gospa is made of (m^2 with order 2), cardinality_bias (targets named less those there),
     cardinality_error (its size), wasserstein (m) over the scans at which it is defined and the share
@@ -20,28 +22,28 @@ def crowd_summary(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> d
     for name, runs in results.items():
         surplus = (runs.named - runs.targets).astype(float)
         fields = ("ospa", "gospa", "localisation", "missed", "false")
-        rows[name] = {field: mean(getattr(runs, field).mean(axis=1)) for field in fields} | {
-            "wasserstein": mean(defined(compared(runs.wasserstein))),
-            "wasserstein_undefined": mean(np.isnan(runs.wasserstein).mean(axis=1)),
-            "cardinality_bias": mean(surplus.mean(axis=1)),
-            "cardinality_error": mean(cardinality_error(runs.named, runs.targets).mean(axis=1)),
-            "density_error": mean(defined(compared(runs.density_error))),
-            "components": mean(runs.components.mean(axis=1)),
-            "time_per_scan": Figure(float(np.median(runs.seconds))),
+        rows[name] = {field: bootstrap_mean(getattr(runs, field).mean(axis=1)) for field in fields} | {
+            "wasserstein": bootstrap_mean(defined(compared(runs.wasserstein))),
+            "wasserstein_undefined": bootstrap_mean(np.isnan(runs.wasserstein).mean(axis=1)),
+            "cardinality_bias": bootstrap_mean(surplus.mean(axis=1)),
+            "cardinality_error": bootstrap_mean(cardinality_error(runs.named, runs.targets).mean(axis=1)),
+            "density_error": bootstrap_mean(defined(compared(runs.density_error))),
+            "components": bootstrap_mean(runs.components.mean(axis=1)),
+            "time_per_scan": Estimate(float(np.median(runs.seconds))),
         }
     return rows
 
 
-def crowd_differences(
-    scenario: ManyScenario, results: Mapping[str, CrowdRuns]
-) -> dict[str, dict[str, Figure]]:
+def multi_target_differences(
+    scenario: MultiTargetScenario, results: Mapping[str, MultiTargetRuns]
+) -> dict[str, dict[str, Estimate]]:
     """Every tracker minus the first, run by run on the same episodes: ospa, gospa (m), cardinality_error."""
     (reference, against), *others = results.items()
     return {
         f"{name} - {reference}": {
-            "ospa": mean((runs.ospa - against.ospa).mean(axis=1)),
-            "gospa": mean((runs.gospa - against.gospa).mean(axis=1)),
-            "cardinality_error": mean(
+            "ospa": bootstrap_mean((runs.ospa - against.ospa).mean(axis=1)),
+            "gospa": bootstrap_mean((runs.gospa - against.gospa).mean(axis=1)),
+            "cardinality_error": bootstrap_mean(
                 cardinality_error(runs.named, runs.targets).mean(axis=1)
                 - cardinality_error(against.named, against.targets).mean(axis=1)
             ),

@@ -11,7 +11,7 @@ import joblib
 
 PACKAGE = "gmr_gym"
 # of the package's source, what only looks at runs and has no part in them
-LOOKERS = (
+NOT_HASHED = (
     "cli.py", "envs", "evaluation/curves.py", "evaluation/multi_target_summary.py", "evaluation/summary.py",
     "experiments",
 )  # fmt: skip
@@ -44,7 +44,7 @@ def digest(module: str) -> str:
 
 
 def _only_looks(file: Path) -> bool:
-    return any(looker in (file.as_posix(), *map(Path.as_posix, file.parents)) for looker in LOOKERS)
+    return any(looker in (file.as_posix(), *map(Path.as_posix, file.parents)) for looker in NOT_HASHED)
 
 
 def check_sources(told: Mapping[str, str]) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure as Drawing
 
-from gmr_gym.evaluation.summary import Figure
+from gmr_gym.evaluation.summary import Estimate
 from gmr_gym.evaluation.writing import whole
 
 
@@ -16,7 +16,7 @@ def save(drawing: Drawing, file: Path) -> None:
 
 
 def error_against_time(
-    rows: Mapping[str, Mapping[str, Figure]], metric: str, label: str, short: Callable[[str], str]
+    rows: Mapping[str, Mapping[str, Estimate]], metric: str, label: str, short: Callable[[str], str]
 ) -> Drawing:
     """An error of every tracker against the time it takes for a scan, each point with the tracker's short
     name and the share of runs it lost."""

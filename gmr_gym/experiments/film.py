@@ -7,13 +7,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from gmr_gym.envs.render import INKS, PAPER, Canvas
-from gmr_gym.envs.render_multi_target import CrowdCanvas
+from gmr_gym.envs.render_multi_target import MultiTargetCanvas
 from gmr_gym.evaluation.loop import play
-from gmr_gym.evaluation.multi_target_runs import accounts
+from gmr_gym.evaluation.multi_target_runs import play as play_multi_target
 from gmr_gym.evaluation.writing import whole
-from gmr_gym.filters.tracker import ManyTracker, Tracker
+from gmr_gym.filters.tracker import MultiTargetTracker, Tracker
 from gmr_gym.simulation import multi_target as crowd
-from gmr_gym.simulation.multi_target import ManyScenario
+from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario, draw
 
 COLOURS = 64  # of a .gif
@@ -21,8 +21,8 @@ TINTS = 1.0, 0.8, 0.6, 0.4, 0.2  # shares of an ink in a pixel at an edge of wha
 
 
 def film(
-    scenario: Scenario | ManyScenario,
-    tracker: Tracker | ManyTracker,
+    scenario: Scenario | MultiTargetScenario,
+    tracker: Tracker | MultiTargetTracker,
     seed: int,
     out: Path | str,
     *,
@@ -37,7 +37,7 @@ def film(
     write = {".gif": _gif, ".mp4": _mp4}.get(out.suffix.lower())
     if write is None:
         raise ValueError(f"out must end in .gif or .mp4, got {out.name!r}")
-    pictures = _many if isinstance(scenario, ManyScenario) else _single
+    pictures = _many if isinstance(scenario, MultiTargetScenario) else _single
     frames = []
     for frame, total in pictures(scenario, tracker, seed, title):
         frames.append(frame)
@@ -58,9 +58,9 @@ def _single(scenario, tracker, seed: int, title: str) -> Iterator[tuple[np.ndarr
 
 def _many(scenario, tracker, seed: int, title: str) -> Iterator[tuple[np.ndarray | None, int]]:
     """The same of many targets."""
-    episode, canvas = crowd.draw(scenario, seed), CrowdCanvas(scenario, title=title)
+    episode, canvas = crowd.draw(scenario, seed), MultiTargetCanvas(scenario, title=title)
     estimates: list[np.ndarray] = []
-    for t, (account, _) in enumerate(accounts(tracker, episode)):
+    for t, (account, _) in enumerate(play_multi_target(tracker, episode)):
         estimates.append(account.x[:, list(scenario.position)])
         yield canvas.draw(episode, crowd.scan(episode, t), t, estimates, account), len(episode.x)
 

@@ -16,26 +16,30 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from gmr_gym.evaluation.metrics import lost_at
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.multi_target_runs import CrowdRuns
+from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.evaluation.multi_target_summary import compared
 from gmr_gym.evaluation.summary import errors
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.experiments.sheets import plain
-from gmr_gym.simulation.multi_target import ManyScenario
+from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
 
 RUN_COLUMNS = (
     "tracker", "run", "lost_at_scan", "rmse_m", "error_m", "velocity_rmse_mps", "components", "gate_area_m2",
 )  # fmt: skip
 # means over scans
-CROWD_FIELDS = [field for field in CrowdRuns._fields if field not in ("seconds", "density_error")]
-CROWD_COLUMNS = ("tracker", "run", *CROWD_FIELDS, "wasserstein_undefined")
+MULTI_TARGET_FIELDS = [
+    field for field in MultiTargetRuns._fields if field not in ("seconds", "density_error")
+]
+MULTI_TARGET_COLUMNS = ("tracker", "run", *MULTI_TARGET_FIELDS, "wasserstein_undefined")
 
 
 def write_runs(file: Path, scenario: Any, results: dict[str, Any]) -> None:
     """One row per tracker and run, of one target or of many; nothing in it depends on the clock."""
-    many = isinstance(scenario, ManyScenario)
-    columns, figures = (CROWD_COLUMNS, _crowd_run_figures) if many else (RUN_COLUMNS, _run_figures)
+    many = isinstance(scenario, MultiTargetScenario)
+    columns, figures = (
+        (MULTI_TARGET_COLUMNS, _multi_target_run_figures) if many else (RUN_COLUMNS, _run_figures)
+    )
     rows = [
         [tracker, i, *row]
         for tracker, runs in results.items()
@@ -54,11 +58,14 @@ def _run_figures(scenario: Scenario, runs: Runs) -> list[list]:
     return [[scan or "" for scan in lost], *(figure.tolist() for figure in figures)]
 
 
-def _crowd_run_figures(scenario: ManyScenario, runs: CrowdRuns) -> list[list]:
+def _multi_target_run_figures(scenario: MultiTargetScenario, runs: MultiTargetRuns) -> list[list]:
     """Means over scans, of the Wasserstein distance over those at which it is defined."""
     undefined = np.isnan(runs.wasserstein).mean(axis=1)
     means = runs._replace(wasserstein=compared(runs.wasserstein)[:, None])
-    return [*(getattr(means, field).mean(axis=1).tolist() for field in CROWD_FIELDS), undefined.tolist()]
+    return [
+        *(getattr(means, field).mean(axis=1).tolist() for field in MULTI_TARGET_FIELDS),
+        undefined.tolist(),
+    ]
 
 
 def write_rows(file: Path, header: Sequence[str], rows: Iterable[Sequence]) -> None:

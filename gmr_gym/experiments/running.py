@@ -7,16 +7,16 @@ from typing import Any
 
 from gmr_gym.experiments.output import write_csv, write_json, write_runs
 from gmr_gym.experiments.records import answered
-from gmr_gym.experiments.sheets import claims_grid, comparison, notes
+from gmr_gym.experiments.sheets import claims_table, comparison, notes
 from gmr_gym.experiments.specs import scenario_of, tracker_of
 from gmr_gym.experiments.sweeps import Sweep, Work, runs_shown
-from gmr_gym.experiments.tables import Map, Table, table_record
+from gmr_gym.experiments.tables import SettingsGrid, Table, table_record
 
 
 def rerun(
     paper: str,
     module: ModuleType,
-    entries: Mapping[str, Table | Map],
+    entries: Mapping[str, Table | SettingsGrid],
     asked: dict[str, Any],
     sweep: Sweep,
     out: Path,
@@ -27,7 +27,7 @@ def rerun(
     tables: list[dict[str, Any]] = []
     evidence, further = {}, {}
     for name, entry in entries.items():
-        if isinstance(entry, Map):
+        if isinstance(entry, SettingsGrid):
             found, title = [mapped(module, entry, sweep, out)], f"{paper}, {name}: {entry.title}"
         else:
             found, kept = reproduced(module, entry, sweep, out)
@@ -45,7 +45,7 @@ def rerun(
         further["claims"] = module.claims(evidence)
         _keep(out / paper, copy, answered(asked, tables, **further))
     if further.get("claims"):
-        yield claims_grid(further["claims"])
+        yield claims_table(further["claims"])
     yield f"tables, figures and runs are in {out}"
 
 
@@ -73,7 +73,7 @@ def reproduced(paper: ModuleType, entry: Table, sweep: Sweep, out: Path) -> tupl
     return records, evidence
 
 
-def mapped(paper: ModuleType, entry: Map, sweep: Sweep, out: Path) -> dict[str, Any]:
+def mapped(paper: ModuleType, entry: SettingsGrid, sweep: Sweep, out: Path) -> dict[str, Any]:
     """Runs every cell of a map and leaves its drawing; the record of it."""
     work, sweep = _work(entry), _share(entry, sweep)
     results = runs_shown(_label(entry), work, sweep)
@@ -86,7 +86,7 @@ def mapped(paper: ModuleType, entry: Map, sweep: Sweep, out: Path) -> dict[str, 
     return table_record(entry.name, entry.settings | {"runs": sweep.runs}, rows) | said
 
 
-def sharded(entries: Iterable[Table | Map], sweep: Sweep) -> tuple[int, int]:
+def sharded(entries: Iterable[Table | SettingsGrid], sweep: Sweep) -> tuple[int, int]:
     """Runs a shard of tables and maps: how many blocks of runs are in the folder then, and of how many."""
     found: list = []
     for entry in entries:
@@ -95,17 +95,19 @@ def sharded(entries: Iterable[Table | Map], sweep: Sweep) -> tuple[int, int]:
     return there, total
 
 
-def _label(entry: Table | Map) -> str:
-    return entry.name if isinstance(entry, Map) else f"table {entry.name}"
+def _label(entry: Table | SettingsGrid) -> str:
+    return entry.name if isinstance(entry, SettingsGrid) else f"table {entry.name}"
 
 
-def _share(entry: Table | Map, sweep: Sweep) -> Sweep:
-    return sweep._replace(runs=max(2, sweep.runs // entry.share)) if isinstance(entry, Map) else sweep
+def _share(entry: Table | SettingsGrid, sweep: Sweep) -> Sweep:
+    return (
+        sweep._replace(runs=max(2, sweep.runs // entry.share)) if isinstance(entry, SettingsGrid) else sweep
+    )
 
 
-def _work(entry: Table | Map) -> list[Work]:
+def _work(entry: Table | SettingsGrid) -> list[Work]:
     """The scenario of a table, or those of a map's cells, with the trackers."""
-    every = entry.cells().values() if isinstance(entry, Map) else [entry.settings]
+    every = entry.cells().values() if isinstance(entry, SettingsGrid) else [entry.settings]
     scenarios = [scenario_of(entry.env_id, settings) for settings in every]
     return [
         (scenario, {spec: tracker_of(spec, scenario, **told) for spec, told in entry.trackers.items()})

@@ -11,7 +11,7 @@ from rich.padding import Padding
 from rich.table import Table as Grid
 from rich.text import Text
 
-from gmr_gym.evaluation.summary import FEWEST, Figure
+from gmr_gym.evaluation.summary import FEWEST, Estimate
 
 
 class Metric(NamedTuple):
@@ -126,7 +126,7 @@ class Sayings(NamedTuple):
             yield Padding(Text(f"{measure}: {value}, holds above {threshold}: {verdict}"), (0, 0, 0, 4))
 
 
-def grid(title: str, rows: dict[str, dict[str, Figure]]) -> Sheet:
+def figures_table(title: str, rows: dict[str, dict[str, Estimate]]) -> Sheet:
     """A table of the main figures with their intervals, one row per tracker."""
     metrics = [metric for metric in next(iter(rows.values())) if metric not in LEFT_TO_FILES]
     cells = [[name, *(shown(metric, row[metric]) for metric in metrics)] for name, row in rows.items()]
@@ -148,7 +148,7 @@ def comparison(title: str, record: dict[str, Any], metrics: Sequence[str]) -> Sh
     return Sheet(title, _headings(metrics), rows)
 
 
-def claims_grid(records: list[dict[str, Any]]) -> Sayings:
+def claims_table(records: list[dict[str, Any]]) -> Sayings:
     """What a paper says, by table and set of runs: the number, its interval and the verdict."""
     headings = ["table", "runs", "claim", "measure", "value", "holds above", "verdict"]
     rows = [
@@ -161,7 +161,7 @@ def claims_grid(records: list[dict[str, Any]]) -> Sayings:
     return Sayings(Sheet("what the paper says", headings, rows))
 
 
-def notes(rows: dict[str, dict[str, Figure]], runs: int) -> list[str]:
+def notes(rows: dict[str, dict[str, Estimate]], runs: int) -> list[str]:
     """What a reader of the figures must know, a line each."""
     said = []
     lost = [name for name, row in rows.items() if "track_loss" in row and row["track_loss"].value == 1]
@@ -179,7 +179,7 @@ def notes(rows: dict[str, dict[str, Figure]], runs: int) -> list[str]:
     return said
 
 
-def shown(metric: str, figure: Figure) -> str:
+def shown(metric: str, figure: Estimate) -> str:
     """The figure and its interval, in the unit of the screen; a dash for one that is not defined."""
     scaled = (_scale(metric) * number for number in figure)
     value, low, high = (f"{number:.3g}" if abs(number) < 1000 else f"{number:.0f}" for number in scaled)
@@ -203,8 +203,8 @@ def _plain(said: Any, encoding: str) -> Any:
         return plain(said)
 
 
-def _figure(cell: dict[str, Any]) -> Figure:
-    return Figure(*(np.nan if cell[key] is None else cell[key] for key in Figure._fields))
+def _figure(cell: dict[str, Any]) -> Estimate:
+    return Estimate(*(np.nan if cell[key] is None else cell[key] for key in Estimate._fields))
 
 
 def _headings(metrics: Sequence[str]) -> list[str]:

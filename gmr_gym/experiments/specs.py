@@ -14,17 +14,17 @@ import gymnasium as gym
 from typer.core import TyperCommand
 
 from gmr_gym.envs.episodic import make_scenario
-from gmr_gym.envs.registry import CROWDS, ENVIRONMENTS, TRACKING
+from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
 from gmr_gym.evaluation.blocks import check_folder
-from gmr_gym.evaluation.multi_target_summary import crowd_differences, crowd_summary
+from gmr_gym.evaluation.multi_target_summary import multi_target_differences, multi_target_summary
 from gmr_gym.evaluation.summary import differences, summary
 from gmr_gym.experiments.output import write_json, write_runs
 from gmr_gym.experiments.records import answered
-from gmr_gym.experiments.sheets import grid, notes
+from gmr_gym.experiments.sheets import figures_table, notes
 from gmr_gym.experiments.sweeps import Sweep, runs_shown
 from gmr_gym.experiments.tables import table_record
 from gmr_gym.filters.registry import make_tracker
-from gmr_gym.simulation.multi_target import ManyScenario
+from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
 
 
@@ -92,8 +92,8 @@ def parsed(spec: str) -> tuple[str, dict[str, Any]]:
 
 
 def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
-    """The Scenario or ManyScenario of an environment with the settings `world`. Raises ValueError for an id
-    that is none of ours, with the nearest that is, and for an environment without one."""
+    """The Scenario or MultiTargetScenario of an environment with the settings `world`. Raises ValueError for
+    an id that is none of ours, with the nearest that is, and for an environment without one."""
     bare = {name.partition("/")[2]: name for name in ENVIRONMENTS}
     if env_id not in gym.registry and (
         near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
@@ -105,10 +105,10 @@ def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
         import_module(module)  # `gym.make` does so, and not `gym.spec`
     kept = gym.spec(known_as).kwargs.get("scenario")
     scenario = make_scenario(kept, world) if kept else None
-    if not isinstance(scenario, Scenario | ManyScenario):
+    if not isinstance(scenario, Scenario | MultiTargetScenario):
         raise ValueError(
             f"{env_id} is not a tracking environment: no tracker runs in it; choose from "
-            f"{', '.join((*TRACKING, *CROWDS))}"
+            f"{', '.join((*TRACKING, *MULTI_TARGET))}"
         )
     return scenario
 
@@ -116,21 +116,20 @@ def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
 def single_target(env_id: str, world: Mapping[str, Any]) -> Scenario:
     """As `scenario_of`, of one target; ValueError where there are many."""
     scenario = scenario_of(env_id, world)
-    if isinstance(scenario, ManyScenario):
+    if isinstance(scenario, MultiTargetScenario):
         raise ValueError(f"{env_id} has many targets; choose from {', '.join(TRACKING)}")
     return scenario
 
 
-def tracker_of(spec: str, scenario: Scenario | ManyScenario, **parameters) -> Any:
-    """The tracker NAME:key=value,key=value, with further parameters, told what the scenario tells."""
+def tracker_of(spec: str, scenario: Scenario | MultiTargetScenario, **parameters) -> Any:
+    """The tracker NAME:key=value,key=value, with further parameters, for the scenario's filter model."""
     name, further = parsed(spec)
-    told = scenario.population if isinstance(scenario, ManyScenario) else scenario.model
-    return make_tracker(name, told, **parameters, **further)
+    return make_tracker(name, scenario.model, **parameters, **further)
 
 
 def evaluated(
     asked: dict[str, Any],
-    scenario: Scenario | ManyScenario,
+    scenario: Scenario | MultiTargetScenario,
     trackers: Mapping[str, Any],
     sweep: Sweep,
     out: Path,
@@ -138,9 +137,9 @@ def evaluated(
 ) -> Iterator[Any]:
     """Runs trackers in a scenario, leaves record and runs in `out`, and then gives what a screen shows."""
     (results,) = runs_shown(asked["env"], [(scenario, trackers)], sweep)
-    many = isinstance(scenario, ManyScenario)
-    rows = (crowd_summary if many else summary)(scenario, results)
-    paired = (crowd_differences if many else differences)(scenario, results)
+    many = isinstance(scenario, MultiTargetScenario)
+    rows = (multi_target_summary if many else summary)(scenario, results)
+    paired = (multi_target_differences if many else differences)(scenario, results)
     tables = [table_record(asked["env"], asked["settings"], rows)]
     if paired:
         tables.append(table_record("paired differences", asked["settings"], paired))
@@ -148,9 +147,9 @@ def evaluated(
     write_runs(out / "runs.csv", scenario, results)
     for file in filter(None, (out / "evaluate.json", copy)):
         write_json(file, answered(asked, tables, notes=remarks))
-    yield grid(f"{asked['env']}: {sweep.runs} runs, seed {sweep.seed}", rows)
+    yield figures_table(f"{asked['env']}: {sweep.runs} runs, seed {sweep.seed}", rows)
     if paired:
-        yield grid("paired differences", paired)
+        yield figures_table("paired differences", paired)
     yield from remarks
     yield f"written to {out}"
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
-from gmr_gym.evaluation.summary import CONFIDENCE, FEWEST, Figure, proportion, summary
+from gmr_gym.evaluation.summary import CONFIDENCE, FEWEST, Estimate, summary, wilson
 
 TOO_FEW = "too few runs"
 COLUMNS = ("track_loss", "components", "rmse_own", "error_common", "time_per_scan", "gate_area")
@@ -38,7 +38,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Map:
+class SettingsGrid:
     """The same trackers over a grid of settings, a cell of it as a table is, with fewer runs."""
 
     name: str
@@ -66,7 +66,7 @@ class Claim(NamedTuple):
     value: Callable[..., Any]  # of the evidence: the number, or what it is the mean of, run by run
 
 
-def judged(claim: Claim, figure: Figure, count: int, **about: str) -> dict[str, Any]:
+def judged(claim: Claim, figure: Estimate, count: int, **about: str) -> dict[str, Any]:
     """A claim about a figure of so many runs as plain data: "holds" or "fails" when chance puts the number on
     the other side of the threshold less than once in a hundred times, else "tie"; "unknown" without an
     interval, and TOO_FEW where so few runs do not tell how often that is."""
@@ -85,14 +85,16 @@ def judged(claim: Claim, figure: Figure, count: int, **about: str) -> dict[str, 
     return record | numbers | {"threshold": claim.threshold, "verdict": verdict}
 
 
-def widened(figures: Iterable[Figure], runs: int) -> list[Figure]:
+def no_event_width(figures: Iterable[Estimate], runs: int) -> list[Estimate]:
     """Where no resample of the runs differs, rounding apart, a bootstrap claims certainty: the interval is
     then as wide as that of no event in as many runs, for numbers that are shares."""
-    most = proportion(0, runs).high
-    return [Figure(f.value, f.value - most, f.value + most) if f.high - f.low < 1e-9 else f for f in figures]
+    most = wilson(0, runs).high
+    return [
+        Estimate(f.value, f.value - most, f.value + most) if f.high - f.low < 1e-9 else f for f in figures
+    ]
 
 
-def verdict(figure: Figure, runs: int, printed: float, printed_runs: int, share: bool) -> str:
+def verdict(figure: Estimate, runs: int, printed: float, printed_runs: int, share: bool) -> str:
     """ "agrees" when ours and the printed figure differ by no more than chance allows 99 times in a
     hundred, else "above" or "below"; TOO_FEW where either's runs are too few to judge. The printed
     figure is given the relative sampling error ours would have with as many runs; `share` marks a proportion,
@@ -115,7 +117,7 @@ def verdict(figure: Figure, runs: int, printed: float, printed_runs: int, share:
 def table_record(
     name: str,
     settings: Mapping[str, Any],
-    rows: Mapping[str, Mapping[str, Figure]],
+    rows: Mapping[str, Mapping[str, Estimate]],
     table: Table | None = None,
     runs: int = 0,
 ) -> dict[str, Any]:

@@ -6,9 +6,9 @@ Stands on `reduction` and `models`, and knows no simulated world. Open `tracker.
 
 from gmr_gym.filters.association import Expansion, expand
 from gmr_gym.filters.registry import make_tracker, trackers
-from gmr_gym.filters.tracker import Account, ManyTracker, Report, Tracker, check_scan
+from gmr_gym.filters.tracker import MultiTargetReport, MultiTargetTracker, Report, Tracker, check_scan
 
 __all__ = [
-    "Account", "Expansion", "ManyTracker", "Report", "Tracker", "check_scan", "expand", "make_tracker",
-    "trackers",
+    "Expansion", "MultiTargetReport", "MultiTargetTracker", "Report", "Tracker", "check_scan", "expand",
+    "make_tracker", "trackers",
 ]  # fmt: skip

@@ -8,8 +8,8 @@ import numpy as np
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, log_gaussian_scale
 from gmr_gym.mixture import Mixture
-from gmr_gym.models.gating import Gates, pairs_gated
-from gmr_gym.models.sensing import Sensing
+from gmr_gym.models.gating import Gates, gated_pairs
+from gmr_gym.models.sensing import MeasurementModel
 from gmr_gym.models.update import posterior_into
 
 
@@ -26,7 +26,7 @@ class Expansion(NamedTuple):
 def expand(
     predicted: Mixture,
     gates: Gates,
-    sensor: Sensing,
+    sensor: MeasurementModel,
     z: np.ndarray,
     detection_probability: float,
     gate_probability: float,
@@ -40,15 +40,16 @@ def expand(
     P_G stands in the miss because a detection outside the gate is a miss too. A scan that the
     model calls impossible (P_D P_G = 1 and every gate empty) leaves the prediction as it was.
     """
-    look = sensor.look(predicted, gates.z, gates.S, z)
+    look = sensor.predict_detections(predicted, gates.z, gates.S, z)
     w, m, P, parent, detection, log_density = expand_into_hypotheses(
-        *predicted, *look, gates.size, *log_odds(detection_probability, gate_probability, clutter_density)
+        *predicted, *look, gates.threshold,
+        *log_weights(detection_probability, gate_probability, clutter_density),
     )  # fmt: skip
     return Expansion(Mixture(w, m, P), parent, detection, log_density)
 
 
 @lru_cache
-def log_odds(
+def log_weights(
     detection_probability: float, gate_probability: float, clutter_density: float
 ) -> tuple[float, float]:
     """Logarithms of the weights of a miss, 1 - P_D P_G, and of a detection, P_D / clutter_density."""
@@ -58,10 +59,10 @@ def log_odds(
 
 
 @kernel(inline="always")
-def expand_into_hypotheses(w, m, P, expected, S, C, z, R, log_stretch, H, noise, size, log_miss, log_detect):
+def expand_into_hypotheses(w, m, P, z_hat, S, C, z, R, log_jacobian, H, noise, size, log_miss, log_detect):
     n, d = m.shape
     seen, p = len(z), z.shape[2]
-    first, near, d2 = pairs_gated(expected, S, z, R, size)
+    first, near, d2 = gated_pairs(z_hat, S, z, R, size)
     hits = first[n]
     misses = n if log_miss > -np.inf or hits == 0 else 0
     # logarithms of the weights at first
@@ -99,13 +100,13 @@ def expand_into_hypotheses(w, m, P, expected, S, C, z, R, log_stretch, H, noise,
                 posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H[0 if len(H) == 1 else i], pair)
                 log_peak = log_gaussian_scale(L)
                 conditioned = len(R) == 0  # else the next detection has a noise of its own
-            log_density[at] = log_peak - 0.5 * d2[h] + log_stretch[j]
+            log_density[at] = log_peak - 0.5 * d2[h] + log_jacobian[j]
             w_out[at] = np.log(w[i]) + log_detect + log_density[at]
             top = max(top, w_out[at])
             for r in range(d):
                 m_out[at, r] = m[i, r]
                 for c in range(p):
-                    m_out[at, r] += K[r, c] * (z[own, j, c] - expected[i, c])
+                    m_out[at, r] += K[r, c] * (z[own, j, c] - z_hat[i, c])
                 for c in range(d):
                     P_out[at, r, c] = P_hit[r, c]
             parent[at], detection[at] = i, j

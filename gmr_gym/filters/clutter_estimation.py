@@ -14,85 +14,97 @@ import numpy as np
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, log_gaussian_scale
 from gmr_gym.mixture import Mixture
-from gmr_gym.models.clutter import Clutter, nothing
+from gmr_gym.models.clutter import Clutter, no_components
 
 NEIGHBOURHOOD = 12  # a new Gaussian is looked for in squares of so many to a side of the box
 
 
-class Learner(NamedTuple):
-    """How clutter is learned; `learner` checks one."""
+class EstimatorOptions(NamedTuple):
+    """How clutter is learned; `options` checks one."""
 
     memory: int  # scans, after which a detection counts 1 / e of what it did; after twice as many, nothing
     deviation: float  # m, on each axis: no Gaussian is narrower
-    most: int  # Gaussians
+    max_gaussians: int  # Gaussians
     iterations: int  # of expectation maximisation, a scan
 
 
-class Lessons(NamedTuple):
+class ClutterEstimate(NamedTuple):
     """What has been learned, and the detections that it was learned from."""
 
     z: np.ndarray  # (n, p), detections of the scans remembered
-    false: np.ndarray  # (n,), probability that each was false
+    p_clutter: np.ndarray  # (n,), probability that each was false
     age: np.ndarray  # (n,), scans since
     scans: int  # remembered
     clutter: Clutter
 
 
-def learner(memory: int = 20, deviation: float = 15.0, most: int = 12, iterations: int = 2) -> Learner:
+def options(
+    memory: int = 20, deviation: float = 15.0, max_gaussians: int = 12, iterations: int = 2
+) -> EstimatorOptions:
     """Checked Learner; ValueError naming the parameter."""
     if not 0 < deviation < np.inf:
         raise ValueError(f"deviation must be positive, got {deviation}")
-    for name, value in (("memory", memory), ("most", most), ("iterations", iterations)):
+    for name, value in (("memory", memory), ("max_gaussians", max_gaussians), ("iterations", iterations)):
         if isinstance(value, bool) or not isinstance(value, Real) or not value >= 1 or value % 1 != 0:
             raise ValueError(f"{name} must be a whole number, at least 1, got {value!r}")
-    return Learner(int(memory), float(deviation), int(most), int(iterations))
+    return EstimatorOptions(int(memory), float(deviation), int(max_gaussians), int(iterations))
 
 
-def first_lesson(clutter: Clutter) -> Lessons:
+def initial_estimate(clutter: Clutter) -> ClutterEstimate:
     """Nothing has been seen; `clutter` is what was told. Its box stays; all that it expects counts as one
     scan of uniform clutter, its Gaussians are where the fit begins, its ellipses are for the fit to find."""
     p = len(clutter.low)
-    return Lessons(np.empty((0, p)), np.empty(0), np.empty(0, int), 0, clutter)
+    return ClutterEstimate(np.empty((0, p)), np.empty(0), np.empty(0, int), 0, clutter)
 
 
-def learn(told: Clutter, lessons: Lessons, z: np.ndarray, false: np.ndarray, how: Learner) -> Lessons:
+def update_estimate(
+    prior_clutter: Clutter,
+    estimate: ClutterEstimate,
+    z: np.ndarray,
+    p_clutter: np.ndarray,
+    options: EstimatorOptions,
+) -> ClutterEstimate:
     """The lessons after a scan z (k, p) whose detections are false with probabilities `false` (k,).
 
-    `told` is what was believed at first, see `first_lesson`."""
-    kept = lessons.age + 1 < 2 * how.memory
-    points = np.concatenate([lessons.z[kept], z])
-    probability = np.concatenate([lessons.false[kept], false])
-    age = np.concatenate([lessons.age[kept] + 1, np.zeros(len(z), int)])
-    remembered = min(lessons.scans + 1, 2 * how.memory)
-    fading = np.exp(-np.arange(remembered) / how.memory)
+    `told` is what was believed at first, see `initial_estimate`."""
+    kept = estimate.age + 1 < 2 * options.memory
+    points = np.concatenate([estimate.z[kept], z])
+    probability = np.concatenate([estimate.p_clutter[kept], p_clutter])
+    age = np.concatenate([estimate.age[kept] + 1, np.zeros(len(z), int)])
+    remembered = min(estimate.scans + 1, 2 * options.memory)
+    fading = np.exp(-np.arange(remembered) / options.memory)
     weight, scans = probability * fading[age], fading.sum()
-    flat = 1 / told.volume
-    a = np.append(lessons.clutter.uniform, lessons.clutter.gaussians.w) * scans
-    m, P = lessons.clutter.gaussians.m, lessons.clutter.gaussians.P
-    share = responsibilities(points, a, m, P, flat)
-    if len(m) < how.most:
-        new = added(z, points, weight * share[:, 0], flat, how.deviation)
+    uniform_density = 1 / prior_clutter.volume
+    a = np.append(estimate.clutter.uniform, estimate.clutter.gaussians.w) * scans
+    m, P = estimate.clutter.gaussians.m, estimate.clutter.gaussians.P
+    share = responsibilities(points, a, m, P, uniform_density)
+    if len(m) < options.max_gaussians:
+        new = new_gaussian(z, points, weight * share[:, 0], uniform_density, options.deviation)
         if len(new.w):
             a = np.append(a, new.w)
             a[0] -= min(a[-1], a[0] / 2)
             m, P = np.concatenate([m, new.m]), np.concatenate([P, new.P])
-            share = responsibilities(points, a, m, P, flat)
-    a, m, P = fitted(points, weight, share, how.deviation)
-    for _ in range(how.iterations - 1):
-        a, m, P = fitted(points, weight, responsibilities(points, a, m, P, flat), how.deviation)
+            share = responsibilities(points, a, m, P, uniform_density)
+    a, m, P = fit_gaussians(points, weight, share, options.deviation)
+    for _ in range(options.iterations - 1):
+        a, m, P = fit_gaussians(
+            points, weight, responsibilities(points, a, m, P, uniform_density), options.deviation
+        )
     # one scan's worth of what was told, uniform, so that no place is without clutter
     w = a / (scans + 1.0)
-    uniform = w[0] + told.expected / (scans + 1.0)
-    learned = told._replace(uniform=uniform, gaussians=Mixture(w[1:], m, P), ellipses=nothing(m.shape[1]))
-    return Lessons(points, probability, age, remembered, learned)
+    uniform = w[0] + prior_clutter.expected / (scans + 1.0)
+    learned = prior_clutter._replace(
+        uniform=uniform, gaussians=Mixture(w[1:], m, P), ellipses=no_components(m.shape[1])
+    )
+    return ClutterEstimate(points, probability, age, remembered, learned)
 
 
 @kernel
-def responsibilities(z, a, m, P, flat):
+def responsibilities(z, a, m, P, uniform_density):
     """Which part each point z (n, p) is of: probabilities (n, 1 + k), the first that of the uniform part of
     density `flat`, by numbers a (1 + k,) of points, means m (k, p) and covariances P (k, p, p)."""
     (n, p), k = z.shape, len(m)
-    share, total = np.zeros((1 + k, n)), np.full(n, a[0] * flat)
+    share, total = np.zeros((1 + k, n)), np.full(n, a[0] * uniform_density)
     share[0] = total
     L, y = np.zeros((p, p)), np.empty((p, n))
     # Gaussian by Gaussian: all but the exponential is then done to several points at once
@@ -120,7 +132,7 @@ def responsibilities(z, a, m, P, flat):
 
 
 @kernel(fastmath={"reassoc"})  # sums in any order, several terms at once
-def fitted(z, weight, share, deviation):
+def fit_gaussians(z, weight, share, deviation):
     """What explains best the points z (n, p), each counted `weight` (n,) times, of which the parts have those
     shares (n, 1 + k): numbers (1 + k,) of points, means (k, p) and covariances (k, p, p), each with
     deviation^2 more along every axis. A Gaussian is charged half its parameters (Figueiredo and Jain, eq. 17)
@@ -153,16 +165,18 @@ def fitted(z, weight, share, deviation):
     return np.append(number[:1], number[1:][alive]), m[alive], P[alive]
 
 
-def added(candidates: np.ndarray, z: np.ndarray, left: np.ndarray, flat: float, deviation: float) -> Mixture:
+def new_gaussian(
+    candidates: np.ndarray, z: np.ndarray, left: np.ndarray, uniform_density: float, deviation: float
+) -> Mixture:
     """A new Gaussian, or none: where of all the candidates (c, p) most of the points z (n, p) lie about, if
     these are more than there would be by chance. left (n,) is what of each point no Gaussian explains."""
     p = z.shape[1]
-    width = (1 / flat) ** (1 / p) / NEIGHBOURHOOD
+    width = (1 / uniform_density) ** (1 / p) / NEIGHBOURHOOD
     about = _about(candidates, z, left, np.argsort(z[:, 0]), width / 2)
-    expected = left.sum() * flat * width**p
+    expected = left.sum() * uniform_density * width**p
     excess = about.max(initial=0.0) - expected
     if excess < 3 * np.sqrt(expected) + (p + p * (p + 1) / 2) / 2:
-        return nothing(p)
+        return no_components(p)
     # where two places tie, the order of detections is not to decide
     place = candidates[np.lexsort((*candidates.T, -about.round(9)))[0]]
     return Mixture(np.array([excess]), place[None], (width**2 / 12 + deviation**2) * np.eye(p)[None])

@@ -18,14 +18,16 @@ from functools import lru_cache
 import numpy as np
 
 from gmr_gym.filters.intensity_update import log_ratios, posteriors
-from gmr_gym.filters.phd import Labelled
+from gmr_gym.filters.phd import LabelledIntensity
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.kalman import Sensor
 
 
 @lru_cache
-def transitions(survival_probability: float, spawned: float, born: float, most: int) -> np.ndarray:
+def cardinality_transition(
+    survival_probability: float, spawned: float, born: float, max_targets: int
+) -> np.ndarray:
     """Probability (N + 1, N + 1) of n targets after m, N = `most`: each survives or not and spawns a Poisson
     number of expectation `spawned`, and as many are born of expectation `born`. Columns lose what
     goes beyond N.
@@ -33,42 +35,42 @@ def transitions(survival_probability: float, spawned: float, born: float, most: 
     Departs: nothing spawns in the paper."""
     from scipy.stats import binom, poisson
 
-    n = np.arange(most + 1)
-    out = np.empty((most + 1, most + 1))
+    n = np.arange(max_targets + 1)
+    out = np.empty((max_targets + 1, max_targets + 1))
     for m in n:
         new = poisson.pmf(n, born + m * spawned)
-        out[:, m] = np.convolve(binom.pmf(n, m, survival_probability), new)[: most + 1]
+        out[:, m] = np.convolve(binom.pmf(n, m, survival_probability), new)[: max_targets + 1]
     out.setflags(write=False)
     return out
 
 
 def update(
-    predicted: Labelled,
+    predicted: LabelledIntensity,
     cardinality: np.ndarray,
     sensor: Sensor,
     z: np.ndarray,
     detection_probability: float,
     kappa: np.ndarray,
     prune_weight: float,
-) -> tuple[Labelled, np.ndarray]:
+) -> tuple[LabelledIntensity, np.ndarray]:
     """The intensity and p(n) (N + 1,) after the scan z (k, p), as `phd.update` otherwise. A scan that p(n)
     calls impossible leaves both as they were."""
     p = predicted.intensity
     if len(p.w) == 0 or not p.w.sum() > 0:
         return predicted, cardinality
-    expected, S = sensor.gates(p)
-    C = sensor.look(p, expected, S, z).C
+    z_hat, S = sensor.gates(p)
+    C = sensor.predict_detections(p, z_hat, S, z).C
     with np.errstate(divide="ignore"):
         log_p = np.log(cardinality)
     w, m, P, parent, after = _updated(
-        *p, log_p, expected, S, C, *sensor, z, np.log(kappa), detection_probability, prune_weight
+        *p, log_p, z_hat, S, C, *sensor, z, np.log(kappa), detection_probability, prune_weight
     )
     return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent]), after
 
 
 @kernel
-def _updated(w, m, P, log_p, expected, S, C, H, R, z, log_kappa, detection_probability, least):
-    table = log_ratios(w, expected, S, z, log_kappa, detection_probability)
+def _updated(w, m, P, log_p, z_hat, S, C, H, R, z, log_kappa, detection_probability, least):
+    table = log_ratios(w, z_hat, S, z, log_kappa, detection_probability)
     n, k = table.shape
     log_V = np.log(w.sum())
     log_q = np.log(1.0 - detection_probability) if detection_probability < 1.0 else -np.inf
@@ -78,9 +80,9 @@ def _updated(w, m, P, log_p, expected, S, C, H, R, z, log_kappa, detection_proba
             if table[i, j] > -np.inf:
                 log_l[j] = log_sum(log_l[j], table[i, j] - log_V)
     near, log_slope = log_l > -np.inf, np.full(k, -np.inf)  # the rest changes no e_j
-    log_e, log_D, log_M, log_slope[near] = symmetric(log_l[near], log_tails(log_p, log_q))
+    log_e, log_D, log_M, log_slope[near] = elementary_symmetric(log_l[near], log_tails(log_p, log_q))
     if log_D == -np.inf:
-        return *posteriors(w, np.zeros((n, k)), m, P, expected, S, C, H, R, z, least), np.exp(log_p)
+        return *posteriors(w, np.zeros((n, k)), m, P, z_hat, S, C, H, R, z, least), np.exp(log_p)
     for i in range(n):
         for j in range(k):
             table[i, j] = np.exp(table[i, j] - log_V + log_slope[j] - log_D)
@@ -88,13 +90,13 @@ def _updated(w, m, P, log_p, expected, S, C, H, R, z, log_kappa, detection_proba
     after = log_p.copy()
     for count in range(len(log_p)):
         after[count] += _log_chance(count, log_e, log_q)
-    found = posteriors(missed, table, m, P, expected, S, C, H, R, z, least)
+    found = posteriors(missed, table, m, P, z_hat, S, C, H, R, z, least)
     after = np.exp(after - after.max())
     return *found, after / after.sum()
 
 
 @kernel
-def symmetric(log_l, log_a):
+def elementary_symmetric(log_l, log_a):
     """Logarithms of e_j (N + 1,) for j = 0..N, of D = sum_j a_j e_j, of M = sum_j a_(j+1) e_j and of the
     derivatives of D by each l (k,)."""
     k, orders = len(log_l), len(log_a)

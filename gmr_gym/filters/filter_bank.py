@@ -13,7 +13,7 @@ from gmr_gym.mixture import Mixture, joined, match_groups
 from gmr_gym.models.kalman import Motion, predict
 
 
-class Bank(NamedTuple):
+class FilterBank(NamedTuple):
     """n hypotheses with a filter for each of r modes: w[p, j] is the joint probability of mode p and
     hypothesis j, and N(m[p, j], P[p, j]) the state given both. An IMM is a bank of one hypothesis."""
 
@@ -25,49 +25,49 @@ class Bank(NamedTuple):
 # ---- a bank of filters in every hypothesis ----
 
 
-def started(mode_prior: np.ndarray, prior: Mixture) -> Bank:
+def initial_bank(mode_prior: np.ndarray, prior: Mixture) -> FilterBank:
     """Every component of the prior with a filter for each of r modes, all of which begin as it does; the
     modes are as likely as mode_prior (r,)."""
     r = len(mode_prior)
     w = mode_prior[:, None] * prior.w
-    return Bank(w, np.repeat(prior.m[None], r, axis=0), np.repeat(prior.P[None], r, axis=0))
+    return FilterBank(w, np.repeat(prior.m[None], r, axis=0), np.repeat(prior.P[None], r, axis=0))
 
 
-def flat(bank: Bank) -> Mixture:
+def as_mixture(bank: FilterBank) -> Mixture:
     """The r n Gaussians of a bank as one mixture, mode by mode."""
     r, n, d = bank.m.shape
     return Mixture(bank.w.reshape(-1), bank.m.reshape(r * n, d), bank.P.reshape(r * n, d, d))
 
 
-def banked(p: Mixture, modes: int) -> Bank:
+def as_bank(p: Mixture, modes: int) -> FilterBank:
     """Undoes `flat`: as many hypotheses as there are components for each mode."""
     d = p.m.shape[1]
-    return Bank(p.w.reshape(modes, -1), p.m.reshape(modes, -1, d), p.P.reshape(modes, -1, d, d))
+    return FilterBank(p.w.reshape(modes, -1), p.m.reshape(modes, -1, d), p.P.reshape(modes, -1, d, d))
 
 
-def moved(bank: Bank, motions: tuple[Motion, ...]) -> Mixture:
+def predict_bank(bank: FilterBank, motions: tuple[Motion, ...]) -> Mixture:
     """Every filter carried forward by the motion of its mode; flat, mode by mode."""
     parts = [predict(Mixture(*filters), motion) for *filters, motion in zip(*bank, motions, strict=True)]
     return joined(parts)
 
 
-def mixed(bank: Bank, switching: np.ndarray, borrowed: np.ndarray | None = None) -> Bank:
+def imm_mix(bank: FilterBank, switching: np.ndarray, borrowed: np.ndarray | None = None) -> FilterBank:
     """IMM mixing: the mode probabilities one scan on, and for each mode the Gaussian that matches all
     the modes it may have come from (Blom and Bar-Shalom 1988); with `borrowed_states` unbiased."""
     r, n = bank.w.shape
     joint = switching[:, :, None] * bank.w  # mode now, mode before, hypothesis
     into = np.tile(np.arange(r * n).reshape(r, 1, n), (1, r, 1))
-    return banked(match_groups(_tiled(bank, joint, borrowed), into.ravel(), r * n), r)
+    return as_bank(match_groups(_tiled(bank, joint, borrowed), into.ravel(), r * n), r)
 
 
-def fused(bank: Bank) -> Mixture:
+def imm_output(bank: FilterBank) -> Mixture:
     """One Gaussian per hypothesis, its modes matched in weight, mean and covariance: the IMM's output
     (n hypotheses)."""
     r, n = bank.w.shape
-    return match_groups(flat(bank), np.tile(np.arange(n), r), n)
+    return match_groups(as_mixture(bank), np.tile(np.arange(n), r), n)
 
 
-def merged(bank: Bank, origin: np.ndarray, count: int) -> Bank:
+def merge_hypotheses(bank: FilterBank, origin: np.ndarray, count: int) -> FilterBank:
     """Hypotheses merged mode by mode into `count`, origin (n,) as a reducer returns it, with the joint
     weights of hypothesis and mode, so that the grand mean and covariance stay.
 
@@ -76,15 +76,15 @@ def merged(bank: Bank, origin: np.ndarray, count: int) -> Bank:
     """
     r = len(bank.w)
     group = np.where(origin < 0, -1, origin + count * np.arange(r)[:, None]).ravel()
-    return banked(match_groups(flat(bank), group, r * count), r)
+    return as_bank(match_groups(as_mixture(bank), group, r * count), r)
 
 
-def leave_alone(bank: Bank, _: np.ndarray) -> Bank:
+def no_interaction(bank: FilterBank, _: np.ndarray) -> FilterBank:
     """The bank as it is: filters that have nothing to do with each other before, or after, an update."""
     return bank
 
 
-def tended(bank: Bank, log_density: np.ndarray, floor: float, restart: float) -> Bank:
+def restart_and_floor(bank: FilterBank, log_density: np.ndarray, floor: float, restart: float) -> FilterBank:
     """An MMAE after its update: filters to which the log density (r, n) of their residual is below that of
     `restart` begin anew from what the others of their hypothesis fuse to, and mode probabilities are kept
     above `floor` (Maybeck, sections III and V). Where all filters of a hypothesis diverge none is restarted.
@@ -93,9 +93,9 @@ def tended(bank: Bank, log_density: np.ndarray, floor: float, restart: float) ->
     """
     diverged = diverging(log_density, restart)
     if diverged.any():
-        rest = fused(bank._replace(w=np.where(diverged, 0.0, bank.w)))
+        rest = imm_output(bank._replace(w=np.where(diverged, 0.0, bank.w)))
         m = np.where(diverged[..., None], rest.m, bank.m)
-        bank = Bank(bank.w, m, np.where(diverged[..., None, None], rest.P, bank.P))
+        bank = FilterBank(bank.w, m, np.where(diverged[..., None, None], rest.P, bank.P))
     total = bank.w.sum(axis=0)
     chances = np.full(bank.w.shape, 1 / len(bank.w))
     chances[:, total > 0] = floored(bank.w[:, total > 0], floor)

@@ -17,7 +17,7 @@ ROUNDING = 1e-14  # a covariance with a smaller ratio of eigenvalues may not be 
 LEAST_UNIFORM = 1e-12  # weight; a detection far from all Gaussians must have an explanation
 
 
-class Parts(NamedTuple):
+class ScanMixture(NamedTuple):
     """A finite mixture of detections, in that order: uniform, Gaussians of clutter, targets."""
 
     w: np.ndarray  # (1 + c + t,), one simplex
@@ -31,8 +31,8 @@ class Parts(NamedTuple):
         return len(self.m) - len(self.origin)
 
 
-class Management(NamedTuple):
-    """How parts come to be merged and pruned, and when a fit ends; `management` checks one."""
+class EmOptions(NamedTuple):
+    """How parts come to be merged and pruned, and when a fit ends; `em_options` checks one."""
 
     merging: float  # U, squared distance, eq. 23
     clutter_least: float  # D_c, detections
@@ -43,7 +43,7 @@ class Management(NamedTuple):
     repaired: bool  # of targets, see `fit_em` and `gibbs.fit_gibbs`
 
 
-def management(
+def em_options(
     merging: float = 4.0,
     clutter_least: float = 3.0,
     target_least: float = 0.5,
@@ -51,7 +51,7 @@ def management(
     tolerance: float = 1e-5,
     iterations: int = 100,
     repaired: bool = False,
-) -> Management:
+) -> EmOptions:
     """Checked Management, by default of Lv, section 7.2; deviation, tolerance and iterations are not printed.
 
     Departs: a Gaussian of clutter has a floor, `deviation`. Without one it collapses on a detection, where
@@ -68,10 +68,12 @@ def management(
     if not isinstance(repaired, bool):
         raise ValueError(f"repaired must be True or False, got {repaired!r}")
     least = float(clutter_least), float(target_least)
-    return Management(float(merging), *least, float(deviation), float(tolerance), int(iterations), repaired)
+    return EmOptions(float(merging), *least, float(deviation), float(tolerance), int(iterations), repaired)
 
 
-def initial(clutter: Mixture, places: np.ndarray, z: np.ndarray, targets: Mixture, deviation: float) -> Parts:
+def initial(
+    clutter: Mixture, places: np.ndarray, z: np.ndarray, targets: Mixture, deviation: float
+) -> ScanMixture:
     """The mixture that a fit begins with, all weights alike (eq. 15): the last scan's Gaussians of clutter
     (eq. 8), one more about each of the places (g0, p) as wide as eq. 9 says but for the floor `deviation`,
     and the targets."""
@@ -79,7 +81,7 @@ def initial(clutter: Mixture, places: np.ndarray, z: np.ndarray, targets: Mixtur
     wide = np.tile(variance(z, deviation) * np.eye(p), (len(places), 1, 1))
     m = np.concatenate([clutter.m, places, targets.m])
     w = np.full(len(m) + 1, 1 / (len(m) + 1))
-    return Parts(w, m, np.concatenate([clutter.P, wide, targets.P]), np.arange(len(targets.m)))
+    return ScanMixture(w, m, np.concatenate([clutter.P, wide, targets.P]), np.arange(len(targets.m)))
 
 
 def variance(z: np.ndarray, deviation: float) -> float:
@@ -87,7 +89,9 @@ def variance(z: np.ndarray, deviation: float) -> float:
     return max(float(z.var(axis=0).mean()) / 10, deviation**2) if len(z) else deviation**2
 
 
-def fit_em(z: np.ndarray, parts: Parts, flat: float, how: Management) -> tuple[Parts, float]:
+def fit_em(
+    z: np.ndarray, parts: ScanMixture, uniform_density: float, options: EmOptions
+) -> tuple[ScanMixture, float]:
     """The mixture fitted to the scan z (k, p), and its log-likelihood (Lv, Algorithm 1); `flat` is the
     density of the uniform part. Nothing changes, likelihood 1, where there are no detections.
 
@@ -97,26 +101,38 @@ def fit_em(z: np.ndarray, parts: Parts, flat: float, how: Management) -> tuple[P
     is about to vanish takes a target's only detection with it."""
     if len(z) == 0:
         return parts, 0.0
-    floored = widened(parts.P, parts.gaussians, how.deviation)
-    w, m, P, origin, value = _em(z, parts.w, parts.m, floored, parts.origin, flat, *how)
-    return Parts(w, m, P, origin), value
+    floored = floor_eigenvalues(parts.P, parts.gaussians, options.deviation)
+    w, m, P, origin, value = _em(z, parts.w, parts.m, floored, parts.origin, uniform_density, *options)
+    return ScanMixture(w, m, P, origin), value
 
 
 @kernel
 def _em(
-    z, w, m, P, origin, flat, merging, clutter_least, target_least, deviation, tolerance, iterations, repaired
+    z,
+    w,
+    m,
+    P,
+    origin,
+    uniform_density,
+    merging,
+    clutter_least,
+    target_least,
+    deviation,
+    tolerance,
+    iterations,
+    repaired,
 ):
-    share = responsibilities(z, w, m, P, flat)
-    value = log_likelihood(share, w[0] * flat)
+    share = responsibilities(z, w, m, P, uniform_density)
+    value = log_likelihood(share, w[0] * uniform_density)
     for _ in range(iterations):
         before, parts, c = value, len(m), len(m) - len(origin)
         w, m, P = maximised(z, share, m, P, c, deviation)
         least = 0.0 if repaired else target_least
-        w, m, P, origin = managed(w, m, P, origin, len(z), merging, merging, clutter_least, least)
+        w, m, P, origin = merge_and_prune(w, m, P, origin, len(z), merging, merging, clutter_least, least)
         if repaired and len(m) - len(origin) == c:
-            w, m, P, origin = managed(w, m, P, origin, len(z), 0.0, 0.0, 0.0, target_least)
-        share = responsibilities(z, w, m, P, flat)
-        value = log_likelihood(share, w[0] * flat)
+            w, m, P, origin = merge_and_prune(w, m, P, origin, len(z), 0.0, 0.0, 0.0, target_least)
+        share = responsibilities(z, w, m, P, uniform_density)
+        value = log_likelihood(share, w[0] * uniform_density)
         if len(m) == parts and abs(value - before) <= tolerance * abs(before):
             break
     return w, m, P, origin, value
@@ -158,11 +174,11 @@ def maximised(z, share, m, P, c, deviation):
                     P_out[i, r, s] = P_out[i, s, r] = total / w[i + 1]
     w = np.maximum(w, 0.0) / n
     w[0] = max(w[0], LEAST_UNIFORM)
-    return w / w.sum(), m_out, widened(P_out, c, deviation)
+    return w / w.sum(), m_out, floor_eigenvalues(P_out, c, deviation)
 
 
 @kernel
-def widened(P, c, deviation):
+def floor_eigenvalues(P, c, deviation):
     """The first c of P (g, p, p) with no eigenvalue below deviation^2: of all such matrices the likeliest. No
     eigenvalue is so far below the largest that rounding would lose it."""
     out = P.copy()
@@ -183,7 +199,7 @@ def widened(P, c, deviation):
 
 
 @kernel
-def managed(w, m, P, origin, n, clutter_merging, target_merging, clutter_least, target_least):
+def merge_and_prune(w, m, P, origin, n, clutter_merging, target_merging, clutter_least, target_least):
     """The parts merged and pruned (section 4.3): clutter with clutter, targets with targets. The uniform
     part is never pruned.
 

@@ -3,7 +3,14 @@
 import numpy as np
 
 from gmr_gym.filters.clutter_estimation import responsibilities
-from gmr_gym.filters.finite_mixture import LEAST_UNIFORM, Management, Parts, managed, variance, widened
+from gmr_gym.filters.finite_mixture import (
+    LEAST_UNIFORM,
+    EmOptions,
+    ScanMixture,
+    floor_eigenvalues,
+    merge_and_prune,
+    variance,
+)
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into
 
@@ -13,13 +20,13 @@ PRIOR_MEANS, PRIOR_SPREADS = 0.01, 2  # detections that the priors of a mean and
 
 def fit_gibbs(
     z: np.ndarray,
-    parts: Parts,
-    flat: float,
-    how: Management,
+    parts: ScanMixture,
+    uniform_density: float,
+    options: EmOptions,
     rng: np.random.Generator,
     burn: int = 20,
     sweeps: int = 40,
-) -> Parts:
+) -> ScanMixture:
     """Average of `sweeps` draws of the mixture given the scan z (k, p), after `burn` of them (Lv, section 5).
 
     Departs: labels are drawn, where eqs. 26 and 29 take their probabilities; a Gaussian of clutter has the
@@ -36,13 +43,13 @@ def fit_gibbs(
     a detection have the same mean."""
     if len(z) == 0:
         return parts
-    floored = widened(parts.P, parts.gaussians, how.deviation)
-    spread = variance(z, how.deviation)
+    floored = floor_eigenvalues(parts.P, parts.gaussians, options.deviation)
+    spread = variance(z, options.deviation)
     w, m, P, origin = _gibbs(
-        z, parts.w, parts.m, floored, parts.origin, flat, how.merging, how.clutter_least,
-        how.target_least, how.deviation, how.repaired, spread, burn, sweeps, rng,
+        z, parts.w, parts.m, floored, parts.origin, uniform_density, options.merging, options.clutter_least,
+        options.target_least, options.deviation, options.repaired, spread, burn, sweeps, rng,
     )  # fmt: skip
-    return Parts(w, m, P, origin)
+    return ScanMixture(w, m, P, origin)
 
 
 @kernel
@@ -52,7 +59,7 @@ def _gibbs(
     m,
     P,
     origin,
-    flat,
+    uniform_density,
     merging,
     clutter_least,
     target_least,
@@ -71,7 +78,7 @@ def _gibbs(
     began[origin] = m[len(m) - len(origin) :]
     m_sum, P_sum, w_sum, z_sum = m, P, w, m  # of the draws that are kept
     for sweep in range(burn + sweeps):
-        share = responsibilities(z, w, m, P, flat)
+        share = responsibilities(z, w, m, P, uniform_density)
         if sweep == burn:
             m_sum, P_sum = np.zeros_like(m), np.zeros_like(P)
             w_sum, z_sum = np.zeros_like(w), np.zeros_like(m)
@@ -97,10 +104,10 @@ def _gibbs(
                 m[i] = _drawn_mean(mean, P[i] / number[i + 1], rng)
             else:
                 m[i] = began[origin[i - c]]
-        P = widened(P, c, deviation)
+        P = floor_eigenvalues(P, c, deviation)
         if sweep < burn:
             number[0] = max(number[0], n * LEAST_UNIFORM)
-            shares, m, P, origin = managed(
+            shares, m, P, origin = merge_and_prune(
                 number / number.sum(),
                 m,
                 P,
@@ -126,7 +133,9 @@ def _gibbs(
             m[i], P[i] = m_sum[i] / sweeps, P_sum[i] / sweeps
         elif w_sum[i + 1] > 0.0:
             m[i] = z_sum[i] / w_sum[i + 1]
-    return managed(w_sum / w_sum.sum(), m, P, origin, n, merging, merging, clutter_least, target_least)
+    return merge_and_prune(
+        w_sum / w_sum.sum(), m, P, origin, n, merging, merging, clutter_least, target_least
+    )
 
 
 @kernel

@@ -8,12 +8,12 @@ from gmr_gym.filters.mixing import borrow_into
 from gmr_gym.kernels import ONE, kernel
 from gmr_gym.linalg import root_determinants
 from gmr_gym.mixture import match
-from gmr_gym.models.gating import gated
+from gmr_gym.models.gating import gated_distances_kernel
 from gmr_gym.models.kalman import predict_all
 
 
 @kernel
-def mixed_ahead(w, m, P, switching, borrowed, F, Q, offset):
+def mix_and_predict(w, m, P, switching, borrowed, F, Q, offset):
     """Probabilities (r,), means (r, d) and covariances (r, d, d) of r modes, mixed by the switching
     matrix, with `borrowed_states` (r, r, d), and carried forward by F, Q (r, d, d) and offset (r, d)."""
     r, d = m.shape
@@ -33,18 +33,18 @@ def mixed_ahead(w, m, P, switching, borrowed, F, Q, offset):
 
 
 @kernel
-def associated(
-    w, m, P, gate_S, density, ball, expected, S, C, z, R, log_stretch, H, noise,
-    size, log_miss, log_detect, given_up,
+def pda_every_mode(
+    w, m, P, gate_S, density, ball, z_hat, S, C, z, R, log_jacobian, H, noise,
+    size, log_miss, log_detect, give_up_limit,
 ):  # fmt: skip
     """The scan taken in by all modes, one list of detections for all, and merged to one Gaussian each; their
     probabilities; what they fuse to; and whether there was hope. ball is the volume of the unit ball in the
-    space of the gates, whose innovation covariances are gate_S; the rest is a `Look`."""
-    n, k = len(w), len(log_stretch)
-    alive = ball * (w * density * root_determinants(gate_S)).sum() / w.sum() <= given_up
+    space of the gates, whose innovation covariances are gate_S; the rest is a `PredictedDetections`."""
+    n, k = len(w), len(log_jacobian)
+    alive = ball * (w * density * root_determinants(gate_S)).sum() / w.sum() <= give_up_limit
     near = np.zeros(k, np.bool_)
     if alive:
-        d2 = gated(expected, S, z, R, size)
+        d2 = gated_distances_kernel(z_hat, S, z, R, size)
         for j in range(k):
             for i in range(n):
                 near[j] |= w[i] > 0 and d2[i, j] < np.inf
@@ -56,7 +56,7 @@ def associated(
         if len(R):
             R_near[at] = R[listed[at]]
     w, m, P, parent, _, _ = expand_into_hypotheses(
-        w, m, P, expected, S, C, z_near, R_near, log_stretch[listed], H, noise, np.inf, log_miss, log_detect
+        w, m, P, z_hat, S, C, z_near, R_near, log_jacobian[listed], H, noise, np.inf, log_miss, log_detect
     )
     w, m, P = match(w, m, P, parent, n)
     _, mean, covariance = match(w, m, P, np.zeros(n, np.int64), ONE)

@@ -12,7 +12,7 @@ LOG_NEGLIGIBLE = float(np.log(1e-18))
 
 
 @kernel
-def log_ratios(w, expected, S, z, log_kappa, detection_probability):
+def log_ratios(w, z_hat, S, z, log_kappa, detection_probability):
     """log of w P_D N(z; H m, S) / kappa(z) (n, k), minus infinity where that is negligible."""
     n, (k, p) = len(w), z.shape
     out = np.full((n, k), -np.inf)
@@ -27,16 +27,16 @@ def log_ratios(w, expected, S, z, log_kappa, detection_probability):
             within = size > 0.0
             for r in range(p):
                 # a gate is never wider than this along any axis: most clutter ends here
-                within &= (z[j, r] - expected[i, r]) ** 2 <= size * S[i, r, r]
+                within &= (z[j, r] - z_hat[i, r]) ** 2 <= size * S[i, r, r]
             if within:
-                d2 = mahalanobis_squared(L, z[j], expected[i], y)
+                d2 = mahalanobis_squared(L, z[j], z_hat[i], y)
                 if d2 <= size:
                     out[i, j] = log_peak - log_kappa[j] - 0.5 * d2
     return out
 
 
 @kernel
-def posteriors(missed, found, m, P, expected, S, C, H, R, z, least):
+def posteriors(missed, found, m, P, z_hat, S, C, H, R, z, least):
     """The components that weigh anything, and at least `least`, of those of weights missed (n,), as they
     are, and found (n, k), each conditioned on its detection; then the parent of each."""
     n, d = m.shape
@@ -66,7 +66,7 @@ def posteriors(missed, found, m, P, expected, S, C, H, R, z, least):
                 m_out[at, r] = m[i, r]
                 if j >= 0:
                     for c in range(p):
-                        m_out[at, r] += K[r, c] * (z[j, c] - expected[i, c])
+                        m_out[at, r] += K[r, c] * (z[j, c] - z_hat[i, c])
                 for c in range(d):
                     P_out[at, r, c] = P_hit[r, c] if j >= 0 else P[i, r, c]
             at += 1

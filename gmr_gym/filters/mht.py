@@ -6,77 +6,77 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.filters.association import Expansion, expand, expand_into_hypotheses, log_odds
+from gmr_gym.filters.association import Expansion, expand, expand_into_hypotheses, log_weights
 from gmr_gym.kernels import ONE, kernel
 from gmr_gym.linalg import pairwise_sum, root_determinants
 from gmr_gym.mixture import Mixture, match, match_all, rescaled
-from gmr_gym.models.gating import Gates, gate_size, gates
+from gmr_gym.models.gating import Gates, gate_threshold, gates
 from gmr_gym.models.kalman import Sensor, innovation, predict, predict_all
 from gmr_gym.models.model import Model
 from gmr_gym.reduction.protocol import Reduced
-from gmr_gym.reduction.pruning import among_heaviest, heavier, selected_by
+from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
 from gmr_gym.reduction.runnalls import Greedy, merge_by_cost
 
-MOST = 2000  # hypotheses that enter a reduction, the heaviest, lest a huge scan fill memory
+MAX_HYPOTHESES = 2000  # hypotheses that enter a reduction, the heaviest, lest a huge scan fill memory
 
 
-class Expanded(NamedTuple):
+class ScanUpdate(NamedTuple):
     """A scan after the update and before any reduction."""
 
     posterior: Expansion  # every hypothesis with every gated detection
     gates: Gates  # about the predicted hypotheses
 
 
-def expanded(belief: Mixture, model: Model, z: np.ndarray) -> Expanded:
+def predict_and_update(belief: Mixture, model: Model, z: np.ndarray) -> ScanUpdate:
     """The first half: the belief carried forward one period and expanded by the scan z (k, p)."""
     if isinstance(model.sensor, Sensor):
-        size, log_miss, log_detect = odds(model)
+        size, log_miss, log_detect = gate_and_log_weights(model)
         centres, S, w, m, P, *how = expand_scan(
             *belief, *model.motion, *model.sensor, size, log_miss, log_detect, z
         )
-        return Expanded(Expansion(Mixture(w, m, P), *how), Gates(centres, S, size))
+        return ScanUpdate(Expansion(Mixture(w, m, P), *how), Gates(centres, S, size))
     predicted = predict(belief, model.motion)
     looked = gates(predicted, model.sensor, model.gate_probability)
     posterior = expand(
         predicted, looked, model.sensor, z,
         model.detection_probability, model.gate_probability, model.clutter_density,
     )  # fmt: skip
-    return Expanded(posterior, looked)
+    return ScanUpdate(posterior, looked)
 
 
-def fused(belief: Mixture, model: Model, z: np.ndarray) -> tuple[Mixture, Gates]:
-    """`expanded` with the whole posterior merged into one Gaussian; and the gates."""
+def pda_update(belief: Mixture, model: Model, z: np.ndarray) -> tuple[Mixture, Gates]:
+    """`predict_and_update` with the whole posterior merged into one Gaussian; and the gates."""
     if isinstance(model.sensor, Sensor):
-        size, log_miss, log_detect = odds(model)
-        centres, S, w, m, P = fuse_scan(*belief, *model.motion, *model.sensor, size, log_miss, log_detect, z)
+        size, log_miss, log_detect = gate_and_log_weights(model)
+        centres, S, w, m, P = pda_scan(*belief, *model.motion, *model.sensor, size, log_miss, log_detect, z)
         return Mixture(w, m, P), Gates(centres, S, size)
-    full = expanded(belief, model, z)
+    full = predict_and_update(belief, model, z)
     return match_all(full.posterior.mixture), full.gates
 
 
-def reduced(
+def prune_and_reduce(
     posterior: Mixture,
     reduce: Callable[[Mixture], Reduced],
     prune_weight: float,
     density: float,
-    most: int = MOST,
+    max_hypotheses: int = MAX_HYPOTHESES,
 ) -> Mixture:
     """The second half: SP pruning of what weighs less than `prune_weight` (gamma), of the rest the `most`
     heaviest through `reduce`, NWP pruning below `density` (gamma~), renormalised after each."""
     if isinstance(reduce, Greedy):
         *left, _, _ = reduce_scan(
-            *posterior, prune_weight, most, reduce.components, reduce.loss_bound, density
+            *posterior, prune_weight, max_hypotheses, reduce.components, reduce.loss_bound, density
         )
         return Mixture(*left)
-    entering = Mixture(*let_in(*posterior, prune_weight, most))
-    return Mixture(*let_out(*reduce(entering)[0], density))
+    entering = Mixture(*prune_by_weight(*posterior, prune_weight, max_hypotheses))
+    return Mixture(*prune_by_density(*reduce(entering)[0], density))
 
 
-def odds(model: Model) -> tuple[float, float, float]:
+def gate_and_log_weights(model: Model) -> tuple[float, float, float]:
     """The size of a gate, and the log weights of a miss and, but for the density of the innovation, of a
     detection, as `expand` puts them together."""
-    size = gate_size(model.gate_probability, len(model.sensor.H))
-    return size, *log_odds(model.detection_probability, model.gate_probability, model.clutter_density)
+    size = gate_threshold(model.gate_probability, len(model.sensor.H))
+    return size, *log_weights(model.detection_probability, model.gate_probability, model.clutter_density)
 
 
 @kernel
@@ -95,7 +95,7 @@ def expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
 
 
 @kernel
-def fuse_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
+def pda_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
     """Centres and innovation covariances of the gates, and the w, m, P of the one Gaussian."""
     centres, S, w, m, P, _, _, _ = expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z)
     _, m, P = match(w, m, P, np.zeros(len(w), np.int64), ONE)
@@ -103,27 +103,27 @@ def fuse_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
 
 
 @kernel
-def reduce_scan(w, m, P, prune_weight, most, components, loss_bound, density):
+def reduce_scan(w, m, P, prune_weight, max_hypotheses, components, loss_bound, density):
     """w, m, P of what is kept, and how many hypotheses entered the merging and came out of it."""
-    w, m, P = let_in(w, m, P, prune_weight, most)
+    w, m, P = prune_by_weight(w, m, P, prune_weight, max_hypotheses)
     entered = len(w)
     w, m, P, _ = merge_by_cost(w, m, P, components, loss_bound)
     left = len(w)
-    w, m, P = let_out(w, m, P, density)
+    w, m, P = prune_by_density(w, m, P, density)
     return w, m, P, entered, left
 
 
 @kernel(inline="always")
-def let_in(w, m, P, prune_weight, most):
-    kept = among_heaviest(w, most) & heavier(w, w, prune_weight)
-    w, m, P, _ = selected_by(w, m, P, kept)
+def prune_by_weight(w, m, P, prune_weight, max_hypotheses):
+    kept = heaviest_mask(w, max_hypotheses) & above_threshold(w, w, prune_weight)
+    w, m, P, _ = select(w, m, P, kept)
     return rescaled(w), m, P
 
 
 @kernel(inline="always")
-def let_out(w, m, P, density):
+def prune_by_density(w, m, P, density):
     w = rescaled(w)
-    w, m, P, _ = selected_by(w, m, P, heavier(w, w / root_determinants(P), density))
+    w, m, P, _ = select(w, m, P, above_threshold(w, w / root_determinants(P), density))
     return rescaled(w), m, P
 
 

@@ -9,7 +9,7 @@ from gmr_gym.models.kalman import Motion, predict
 from gmr_gym.reduction.protocol import Reduced
 
 
-class Modal(NamedTuple):
+class MixtureWithModes(NamedTuple):
     """A mixture whose every component knows how likely each mode is, given the component."""
 
     mixture: Mixture  # n components
@@ -19,7 +19,9 @@ class Modal(NamedTuple):
 # ---- a mixture that carries its modes (Zhang, section 4) ----
 
 
-def spread(belief: Modal, motions: tuple[Motion, ...], switching: np.ndarray) -> tuple[Mixture, np.ndarray]:
+def predict_every_mode(
+    belief: MixtureWithModes, motions: tuple[Motion, ...], switching: np.ndarray
+) -> tuple[Mixture, np.ndarray]:
     """Every component under every motion, and the mode (r n,) of each of the r n components: component
     j moves by motion p with probability (switching a_j)(p) (Zhang, eq. 8 and Table 1, step 2)."""
     w = switching @ (belief.modes * belief.mixture.w[:, None]).T
@@ -29,7 +31,9 @@ def spread(belief: Modal, motions: tuple[Motion, ...], switching: np.ndarray) ->
     return predicted, np.repeat(np.arange(len(motions)), len(belief.mixture.w))
 
 
-def carried(posterior: Mixture, mode: np.ndarray, reduced: Reduced, modes: int) -> Modal:
+def merge_mode_probabilities(
+    posterior: Mixture, mode: np.ndarray, reduced: Reduced, modes: int
+) -> MixtureWithModes:
     """The reduced mixture with its modes: the share of each mode in what every component is made of
     (Zhang, eq. 6). mode (N,) is the mode of each posterior component.
 
@@ -39,7 +43,7 @@ def carried(posterior: Mixture, mode: np.ndarray, reduced: Reduced, modes: int) 
     alive = origin >= 0
     into = np.zeros((len(mixture.w), modes))
     np.add.at(into, (origin[alive], mode[alive]), posterior.w[alive])
-    return Modal(mixture, into / into.sum(axis=1, keepdims=True))
+    return MixtureWithModes(mixture, into / into.sum(axis=1, keepdims=True))
 
 
 def gpb1(posterior: Mixture, mode: np.ndarray) -> Reduced:

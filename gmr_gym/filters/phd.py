@@ -11,50 +11,51 @@ import numpy as np
 
 from gmr_gym.checks import check_limits
 from gmr_gym.filters.intensity_update import log_ratios, posteriors
-from gmr_gym.filters.tracker import Account
+from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, joined
-from gmr_gym.models.clutter import Clutter, nothing
-from gmr_gym.models.kalman import Sensor, predict
-from gmr_gym.models.multi_target import Population
+from gmr_gym.models.clutter import Clutter, no_components
+from gmr_gym.models.kalman import Sensor
+from gmr_gym.models.kalman import predict as predict_components
+from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.reduction.protocol import Reduced, check_reduced
 from gmr_gym.reduction.pruning import capping
 
 
-class Labelled(NamedTuple):
+class LabelledIntensity(NamedTuple):
     """An intensity whose components know which target they take theirs for."""
 
     intensity: Mixture
     label: np.ndarray  # (n,), several components may share one
-    fresh: int  # the next label to give
+    next_label: int  # the next label to give
 
 
-def nobody(told: Population) -> Labelled:
+def no_targets(model: MultiTargetModel) -> LabelledIntensity:
     """The intensity of no target."""
-    return Labelled(nothing(len(told.motion.F)), np.empty(0, np.int64), 0)
+    return LabelledIntensity(no_components(len(model.motion.F)), np.empty(0, np.int64), 0)
 
 
-def ahead(belief: Labelled, told: Population) -> Labelled:
+def predict(belief: LabelledIntensity, model: MultiTargetModel) -> LabelledIntensity:
     """One period later: those who survive, what they spawn and births (Vo and Ma 2006, eqs. 24-29). The
     spawned scatter about where their parent moves, and they and the born get labels of their own."""
-    moved = predict(belief.intensity, told.motion)
-    parts = [moved._replace(w=told.survival_probability * moved.w)]
-    if told.spawn_weight > 0:
-        parts.append(Mixture(told.spawn_weight * moved.w, moved.m, moved.P + told.spawn_covariance))
-    intensity = joined([*parts, told.births])
+    moved = predict_components(belief.intensity, model.motion)
+    parts = [moved._replace(w=model.survival_probability * moved.w)]
+    if model.spawn_weight > 0:
+        parts.append(Mixture(model.spawn_weight * moved.w, moved.m, moved.P + model.spawn_covariance))
+    intensity = joined([*parts, model.births])
     new = len(intensity.w) - len(moved.w)
-    label = np.append(belief.label, belief.fresh + np.arange(new))
-    return Labelled(intensity, label, belief.fresh + new)
+    label = np.append(belief.label, belief.next_label + np.arange(new))
+    return LabelledIntensity(intensity, label, belief.next_label + new)
 
 
 def update(
-    predicted: Labelled,
+    predicted: LabelledIntensity,
     sensor: Sensor,
     z: np.ndarray,
     detection_probability: float,
     kappa: np.ndarray,
     prune_weight: float,
-) -> tuple[Labelled, np.ndarray]:
+) -> tuple[LabelledIntensity, np.ndarray]:
     """After a scan z (k, p), and the probability (k,) that each of its detections is false: every component
     with every detection, and with none (Vo and Ma 2006, eqs. 30-35):
 
@@ -63,38 +64,42 @@ def update(
     kappa (k,) is the intensity of clutter at the detections; its own share of that sum is false. What comes
     to less than `prune_weight` is left out, without a word to the others. Labels are the parents'."""
     p = predicted.intensity
-    expected, S = sensor.gates(p)
-    C = sensor.look(p, expected, S, z).C
-    w, m, P, parent, false = _updated(
-        *p, expected, S, C, *sensor, z, np.log(kappa), detection_probability, prune_weight
+    z_hat, S = sensor.gates(p)
+    C = sensor.predict_detections(p, z_hat, S, z).C
+    w, m, P, parent, p_clutter = _updated(
+        *p, z_hat, S, C, *sensor, z, np.log(kappa), detection_probability, prune_weight
     )
-    return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent]), false
+    return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent]), p_clutter
 
 
-def reduced(belief: Labelled, reduce: Callable[[Mixture], Reduced], most: int) -> Labelled:
+def reduce_intensity(
+    belief: LabelledIntensity, reduce: Callable[[Mixture], Reduced], max_components: int
+) -> LabelledIntensity:
     """`reduce` of the `most` heaviest components; what is merged has the label of its heaviest part."""
-    p, label, fresh = belief
+    p, label, next_label = belief
     if len(p.w) == 0:
         return belief
-    if len(p.w) > most:
-        p, place = capping(p, most)
+    if len(p.w) > max_components:
+        p, place = capping(p, max_components)
         label = label[place >= 0]
     q, origin = reduce(p)
     heaviest_last = np.argsort(-p.w, kind="stable")[::-1]
     heaviest_last = heaviest_last[origin[heaviest_last] >= 0]
     merged = np.full(len(q.w), -1)
     merged[origin[heaviest_last]] = label[heaviest_last]  # the last written stays
-    return Labelled(q, merged, fresh)
+    return LabelledIntensity(q, merged, next_label)
 
 
-def account(belief: Labelled, clutter: Clutter, number: int | None = None) -> tuple[Labelled, Account]:
+def report(
+    belief: LabelledIntensity, clutter: Clutter, number: int | None = None
+) -> tuple[LabelledIntensity, MultiTargetReport]:
     """The targets that the intensity names, the surest first, and the belief with their labels.
 
     A component of weight w names one target with existence min(w, 1), one more with min(w - 1, 1) and so
     on; those above 1/2 are named, round(w) in all (Vo and Ma 2006, Table III), or the `number` surest. A
     second target of one component has no label, -1; of components that share one the heaviest keeps it,
     and the others are given fresh ones."""
-    p, label, fresh = belief
+    p, label, next_label = belief
     copies = np.ceil(p.w - (0.5 if number is None else 0.0)).clip(0).astype(int)
     at = np.repeat(np.arange(len(p.w)), copies)
     copy = np.arange(len(at)) - np.repeat(np.cumsum(copies) - copies, copies)
@@ -105,30 +110,32 @@ def account(belief: Labelled, clutter: Clutter, number: int | None = None) -> tu
     _, keeps = np.unique(label[first], return_index=True)
     others = np.delete(first, keeps)
     label = label.copy()
-    label[others] = fresh + np.arange(len(others))
-    said = Account(p.m[at], existence, np.where(copy == 0, label[at], -1), float(p.w.sum()), p, clutter)
-    return Labelled(p, label, fresh + len(others)), said
+    label[others] = next_label + np.arange(len(others))
+    said = MultiTargetReport(
+        p.m[at], existence, np.where(copy == 0, label[at], -1), float(p.w.sum()), p, clutter
+    )
+    return LabelledIntensity(p, label, next_label + len(others)), said
 
 
 def check_filter(
-    told: Population, reduce: Callable[[Mixture], Reduced], prune_weight: float, most: int
+    model: MultiTargetModel, reduce: Callable[[Mixture], Reduced], prune_weight: float, max_components: int
 ) -> None:
     """Raise ValueError naming the parameter that is wrong, here rather than in a scan."""
-    check_limits(prune_weight, most)
-    d = len(told.motion.F)
+    check_limits(prune_weight, max_components)
+    d = len(model.motion.F)
     check_reduced(reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
 
 
 @kernel
-def _updated(w, m, P, expected, S, C, H, R, z, log_kappa, detection_probability, least):
-    table = log_ratios(w, expected, S, z, log_kappa, detection_probability)
+def _updated(w, m, P, z_hat, S, C, H, R, z, log_kappa, detection_probability, least):
+    table = log_ratios(w, z_hat, S, z, log_kappa, detection_probability)
     n, k = table.shape
     top = np.zeros(k)  # the logarithm of clutter over itself
     for i in range(n):
         for j in range(k):
             top[j] = max(top[j], table[i, j])
-    false = np.exp(-top)
-    total = false.copy()
+    p_clutter = np.exp(-top)
+    total = p_clutter.copy()
     for i in range(n):
         for j in range(k):
             if table[i, j] > -np.inf:
@@ -139,5 +146,5 @@ def _updated(w, m, P, expected, S, C, H, R, z, log_kappa, detection_probability,
     for i in range(n):
         for j in range(k):
             table[i, j] /= total[j]
-    found = posteriors((1.0 - detection_probability) * w, table, m, P, expected, S, C, H, R, z, least)
-    return *found, false / total
+    found = posteriors((1.0 - detection_probability) * w, table, m, P, z_hat, S, C, H, R, z, least)
+    return *found, p_clutter / total

@@ -9,13 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.filters.intensity_update import log_ratios, posteriors
-from gmr_gym.filters.tracker import Account
+from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into
 from gmr_gym.mixture import Mixture, joined, match_groups, take
-from gmr_gym.models.clutter import Clutter, nothing
-from gmr_gym.models.kalman import Sensor, predict
-from gmr_gym.models.multi_target import Population
+from gmr_gym.models.clutter import Clutter, no_components
+from gmr_gym.models.kalman import Sensor
+from gmr_gym.models.kalman import predict as predict_components
+from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.models.update import posterior_into
 from gmr_gym.reduction.pruning import capping
 
@@ -31,25 +32,28 @@ class MultiBernoulli(NamedTuple):
     tracks: Mixture  # weights (n,) are probabilities of existence
     label: np.ndarray  # (n,), no two alike
     undetected: Mixture  # an intensity
-    fresh: int  # the next label to give
+    next_label: int  # the next label to give
 
 
-def nobody(told: Population) -> MultiBernoulli:
+def no_targets(model: MultiTargetModel) -> MultiBernoulli:
     """No track, and nobody to detect."""
-    d = len(told.motion.F)
-    return MultiBernoulli(nothing(d), np.empty(0, np.int64), nothing(d), 0)
+    d = len(model.motion.F)
+    return MultiBernoulli(no_components(d), np.empty(0, np.int64), no_components(d), 0)
 
 
-def ahead(belief: MultiBernoulli, told: Population) -> MultiBernoulli:
+def predict(belief: MultiBernoulli, model: MultiTargetModel) -> MultiBernoulli:
     """One period later: whoever survives moves, and those born and those whom tracks spawn, about where their
     parent moves, are undetected (Williams 2015; the spawning is ours: undetected targets have
     none)."""
-    tracks, undetected = predict(belief.tracks, told.motion), predict(belief.undetected, told.motion)
-    parts = [undetected._replace(w=told.survival_probability * undetected.w), told.births]
-    if told.spawn_weight > 0:
-        parts.append(Mixture(told.spawn_weight * tracks.w, tracks.m, tracks.P + told.spawn_covariance))
+    tracks, undetected = (
+        predict_components(belief.tracks, model.motion),
+        predict_components(belief.undetected, model.motion),
+    )
+    parts = [undetected._replace(w=model.survival_probability * undetected.w), model.births]
+    if model.spawn_weight > 0:
+        parts.append(Mixture(model.spawn_weight * tracks.w, tracks.m, tracks.P + model.spawn_covariance))
     return belief._replace(
-        tracks=tracks._replace(w=told.survival_probability * tracks.w), undetected=joined(parts)
+        tracks=tracks._replace(w=model.survival_probability * tracks.w), undetected=joined(parts)
     )
 
 
@@ -74,63 +78,67 @@ def update(
     tracks, undetected = predicted.tracks, predicted.undetected
     d = tracks.m.shape[1]
     log_kappa = np.log(kappa)
-    expected, S = sensor.gates(tracks)
+    z_hat, S = sensor.gates(tracks)
     at, spread = sensor.gates(undetected)
-    seen = log_ratios(tracks.w, expected, S, z, log_kappa, detection_probability)
+    seen = log_ratios(tracks.w, z_hat, S, z, log_kappa, detection_probability)
     appeared = log_ratios(undetected.w, at, spread, z, log_kappa, detection_probability)
     log_unowned = np.logaddexp.reduce(appeared, axis=0, initial=0.0)  # log of (rho + kappa) / kappa
     miss = np.maximum(1.0 - tracks.w * detection_probability, LEAST_MISS)
     track, detection = np.nonzero(seen > -np.inf)
     log_psi = seen[track, detection] - np.log(miss[track]) - log_unowned[detection]
-    claimed, missed, unclaimed = marginals(track, detection, log_psi, len(tracks.w), len(z))
+    assigned, missed, unassigned = marginals(track, detection, log_psi, len(tracks.w), len(z))
     found = np.zeros(seen.shape)
-    found[track, detection] = claimed
+    found[track, detection] = assigned
     absent = missed * tracks.w * (1.0 - detection_probability) / miss
-    C = sensor.look(tracks, expected, S, z).C
-    old = Mixture(*absorbed(absent, found, tracks.m, tracks.P, expected, S, C, *sensor, z))
+    C = sensor.predict_detections(tracks, z_hat, S, z).C
+    old = Mixture(*moment_matched(absent, found, tracks.m, tracks.P, z_hat, S, C, *sensor, z))
 
-    exists = unclaimed * -np.expm1(-log_unowned)
+    exists = unassigned * -np.expm1(-log_unowned)
     new = np.flatnonzero((exists >= least) & (exists > 0))
     new = new[np.lexsort((*z[new].T, -exists[new]))]
-    born = unclaimed[new] * np.exp(appeared[:, new] - log_unowned[new])
-    C = sensor.look(undetected, at, spread, z).C
+    born = unassigned[new] * np.exp(appeared[:, new] - log_unowned[new])
+    C = sensor.predict_detections(undetected, at, spread, z).C
     parts = posteriors(
         np.zeros(len(at)), born, undetected.m, undetected.P, at, spread, C, *sensor, z[new], 0.0
     )  # without a miss, these are the positive entries of `born`, row by row
-    fresh = match_groups(Mixture(*parts[:3]), np.nonzero(born > 0)[1], len(new)) if len(new) else nothing(d)
-    posterior = MultiBernoulli(
-        joined([old, fresh]),
-        np.append(predicted.label, predicted.fresh + np.arange(len(new))),
-        undetected._replace(w=(1.0 - detection_probability) * undetected.w),
-        predicted.fresh + len(new),
+    next_label = (
+        match_groups(Mixture(*parts[:3]), np.nonzero(born > 0)[1], len(new)) if len(new) else no_components(d)
     )
-    return posterior, unclaimed * np.exp(-log_unowned)
+    posterior = MultiBernoulli(
+        joined([old, next_label]),
+        np.append(predicted.label, predicted.next_label + np.arange(len(new))),
+        undetected._replace(w=(1.0 - detection_probability) * undetected.w),
+        predicted.next_label + len(new),
+    )
+    return posterior, unassigned * np.exp(-log_unowned)
 
 
-def pruned(belief: MultiBernoulli, existence: float, weight: float, most: int) -> MultiBernoulli:
+def prune(belief: MultiBernoulli, existence: float, weight: float, max_components: int) -> MultiBernoulli:
     """Without tracks of less than `existence` and undetected components of less than `weight`, and no more
     than the `most` surest of the one and the `most` heaviest of the other."""
-    tracks, label, undetected, fresh = belief
-    surest = np.argsort(-tracks.w, kind="stable")[:most]
+    tracks, label, undetected, next_label = belief
+    surest = np.argsort(-tracks.w, kind="stable")[:max_components]
     kept = np.sort(surest[(tracks.w[surest] >= existence) & (tracks.w[surest] > 0)])
     undetected = take(undetected, (undetected.w >= weight) & (undetected.w > 0))
-    if len(undetected.w) > most:
-        undetected = capping(undetected, most)[0]
-    return MultiBernoulli(take(tracks, kept), label[kept], undetected, fresh)
+    if len(undetected.w) > max_components:
+        undetected = capping(undetected, max_components)[0]
+    return MultiBernoulli(take(tracks, kept), label[kept], undetected, next_label)
 
 
-def account(belief: MultiBernoulli, clutter: Clutter, naming: float = 0.5) -> Account:
+def report(belief: MultiBernoulli, clutter: Clutter, report_threshold: float = 0.5) -> MultiTargetReport:
     """The tracks that exist with more than `naming`, the surest first, under their labels."""
     tracks, label, undetected, _ = belief
     surest = np.argsort(-tracks.w, kind="stable")
-    surest = surest[tracks.w[surest] > naming]
+    surest = surest[tracks.w[surest] > report_threshold]
     everyone = joined([tracks, undetected])
     existence = np.minimum(tracks.w[surest], 1.0)  # a sum of marginals is 1 but for rounding
-    return Account(tracks.m[surest], existence, label[surest], float(everyone.w.sum()), everyone, clutter)
+    return MultiTargetReport(
+        tracks.m[surest], existence, label[surest], float(everyone.w.sum()), everyone, clutter
+    )
 
 
 @kernel
-def absorbed(absent, found, m, P, expected, S, C, H, R, z):
+def moment_matched(absent, found, m, P, z_hat, S, C, H, R, z):
     """Each track i one Gaussian again, by its moments, after it was absent with probability absent (n,) and
     had each detection with found (n, k). With the innovations nu_j, K of S and C = H P, beta their shares:
 
@@ -148,7 +156,7 @@ def absorbed(absent, found, m, P, expected, S, C, H, R, z):
         for j in range(k):
             hit += found[i, j]
             for r in range(p):
-                nu[r] += found[i, j] * (z[j, r] - expected[i, r])
+                nu[r] += found[i, j] * (z[j, r] - z_hat[i, r])
         w_out[i] = absent[i] + hit
         if not hit > 0.0:
             continue
@@ -157,7 +165,7 @@ def absorbed(absent, found, m, P, expected, S, C, H, R, z):
             if found[i, j] > 0.0:
                 for r in range(p):
                     for s in range(r + 1):
-                        off = (z[j, r] - expected[i, r] - nu[r]) * (z[j, s] - expected[i, s] - nu[s])
+                        off = (z[j, r] - z_hat[i, r] - nu[r]) * (z[j, s] - z_hat[i, s] - nu[s])
                         spread[r, s] += found[i, j] / w_out[i] * off
         cholesky_into(L, S[i])
         posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H, R)
@@ -190,7 +198,7 @@ def marginals(track, detection, log_psi, n, k):
     by_track, first_track = _grouped(track, n)
     by_detection, first_detection = _grouped(detection, k)
     to_track, to_detection, value = np.zeros(e), np.empty(e), np.empty(e)
-    missed, unclaimed = np.zeros(n), np.zeros(k)
+    missed, unassigned = np.zeros(n), np.zeros(k)
     for _ in range(ROUNDS):
         for a in range(e):
             value[a] = log_psi[a] + to_track[a]
@@ -198,7 +206,7 @@ def marginals(track, detection, log_psi, n, k):
         for a in range(e):
             to_detection[a] = log_psi[a] - to_detection[a]
         change = 0.0
-        _others(value, unclaimed, to_detection, by_detection, first_detection)
+        _others(value, unassigned, to_detection, by_detection, first_detection)
         for a in range(e):
             change = max(change, abs(to_track[a] + value[a]))
             to_track[a] = -value[a]
@@ -209,7 +217,7 @@ def marginals(track, detection, log_psi, n, k):
     _others(to_detection, missed, value, by_track, first_track)
     for a in range(e):
         value[a] = np.exp(value[a] - missed[track[a]])
-    return value, np.exp(-missed), np.exp(-unclaimed)
+    return value, np.exp(-missed), np.exp(-unassigned)
 
 
 @kernel

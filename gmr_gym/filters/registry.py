@@ -5,15 +5,18 @@ from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from gmr_gym.models.model import Model, told_by
-from gmr_gym.models.multi_target import Population
+from gmr_gym.deprecated import warn_renamed
+from gmr_gym.models.model import Model, with_radar_update
+from gmr_gym.models.multi_target import MultiTargetModel
 
-GROUP, CROWD_GROUP = "gmr_gym.trackers", "gmr_gym.crowd_trackers"
+GROUP, MULTI_TARGET_GROUP = "gmr_gym.trackers", "gmr_gym.multi_target_trackers"
+FORMER_GROUP = "gmr_gym.crowd_trackers"  # of MULTI_TARGET_GROUP
+FORMER_PARAMETERS = {"hopeless": "give_up_ratio", "most": "max_hypotheses", "naming": "report_threshold"}
 
 
 def trackers(group: str = GROUP) -> dict[str, str]:
-    """Names of the installed trackers, of one target or, with `CROWD_GROUP`, of many, each with the first
-    paragraph of its description."""
+    """Names of the installed trackers, of one target or, with `MULTI_TARGET_GROUP`, of many, each with the
+    first paragraph of its description."""
     found = {}
     for name, point in sorted(_entry_points(group).items()):
         doc = inspect.getdoc(point.load()) or ""
@@ -21,23 +24,23 @@ def trackers(group: str = GROUP) -> dict[str, str]:
     return found
 
 
-def make_tracker(name: str, model: Model | Population, **parameters) -> Any:
-    """The tracker of that name, told `model`: a Tracker, or told a Population a ManyTracker. A number at
-    the end of the name is its number of components: `runnalls-30` is `runnalls` with components=30. Every
-    tracker of one target takes an `update`, by which it is told another update of its radar, one of
+def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> Any:
+    """The tracker of that name for a filter model: a Tracker, or for a MultiTargetModel a MultiTargetTracker.
+    A number at the end of the name is its number of components: `runnalls-30` is `runnalls` with
+    components=30. Every tracker of one target takes an `update`, another update of its radar, one of
     `gmr_gym.models.radar.UPDATES`.
 
     Raises ValueError for a name that no installed package offers, with the nearest that one does,
     and for a parameter the tracker does not take, with those it does.
     """
-    known = _entry_points(CROWD_GROUP if isinstance(model, Population) else GROUP)
+    known = _entry_points(MULTI_TARGET_GROUP if isinstance(model, MultiTargetModel) else GROUP)
     base, _, number = name.rpartition("-")
     twice = None
     if name not in known and base in known and number.isdigit():
         twice = parameters.get("components")
         name, parameters = base, {**parameters, "components": int(number)}
-    many = isinstance(model, Population)
-    if name not in known and {name, base} & _entry_points(GROUP if many else CROWD_GROUP).keys():
+    many = isinstance(model, MultiTargetModel)
+    if name not in known and {name, base} & _entry_points(GROUP if many else MULTI_TARGET_GROUP).keys():
         kind = "one target, and here there are many" if many else "many targets, and here there is one"
         raise ValueError(f"tracker {name!r} is for {kind}")
     if name not in known:
@@ -48,9 +51,13 @@ def make_tracker(name: str, model: Model | Population, **parameters) -> Any:
     takes = list(inspect.signature(factory).parameters)[1:]
     update = parameters.pop("update", None)
     if update is not None:
-        if isinstance(model, Population):
+        if isinstance(model, MultiTargetModel):
             raise ValueError(f"tracker {name!r} of many targets takes no 'update'")
-        model = told_by(model, update)
+        model = with_radar_update(model, update)
+    for former, new in FORMER_PARAMETERS.items():
+        if former in parameters and former not in takes and new in takes:
+            warn_renamed(f"parameter {former!r}", repr(new))
+            parameters[new] = parameters.pop(former)
     for parameter in parameters:
         if parameter not in takes:
             raise ValueError(
@@ -68,4 +75,9 @@ def make_tracker(name: str, model: Model | Population, **parameters) -> Any:
 
 
 def _entry_points(group: str) -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=group)}
+    known = {point.name: point for point in entry_points(group=group)}
+    if group == MULTI_TARGET_GROUP:
+        for point in entry_points(group=FORMER_GROUP):
+            warn_renamed(f"entry-point group {FORMER_GROUP!r} of {point.value}", repr(group))
+            known.setdefault(point.name, point)
+    return known

@@ -8,12 +8,12 @@ from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.gating import Gates
 from gmr_gym.models.model import Model
-from gmr_gym.models.multi_target import Population
+from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.points import check_points
 
-ALL = 10**9  # hypotheses, for what costs no more than they are many
-SURE = np.ones(1)  # of the one motion there is
-SURE.setflags(write=False)
+UNLIMITED = 10**9  # hypotheses, for what costs no more than they are many
+ONE_MODE = np.ones(1)  # of the one motion there is
+ONE_MODE.setflags(write=False)
 
 
 class Report(NamedTuple):
@@ -24,7 +24,7 @@ class Report(NamedTuple):
     gates: Gates  # where it looked for the target's detection; of a radar, a yardstick in space
     mixture: Mixture  # the hypotheses it kept
     alive: bool = True  # False when it has given the target up, and only coasts
-    modes: np.ndarray = SURE  # (r,), probability of each of the model's motions
+    modes: np.ndarray = ONE_MODE  # (r,), probability of each of the model's motions
 
 
 class Tracker(Protocol):
@@ -48,26 +48,26 @@ def check_scan(z, p: int) -> np.ndarray:
     return check_points(z, p)
 
 
-class Account(NamedTuple):
+class MultiTargetReport(NamedTuple):
     """What a tracker of many targets says of a scan."""
 
     x: np.ndarray  # (j, d), the targets it is ready to name
     existence: np.ndarray  # (j,), how sure it is of each, in [0, 1]
     label: np.ndarray  # (j,), the same from scan to scan for what it takes to be the same target; -1 for none
-    expected: float  # number of targets
-    intensity: Mixture  # of targets, what it believes; weights sum to `expected`, but for rounding
+    expected_targets: float
+    intensity: Mixture  # of targets, what it believes; weights sum to `expected_targets`, but for rounding
     clutter: Clutter  # what it believes of false detections, after the scan
 
 
-class ManyTracker(Protocol):
+class MultiTargetTracker(Protocol):
     """As `tracker.Tracker`, for many targets: frozen parameters, a belief in and out."""
 
     @property
-    def population(self) -> Population:
+    def model(self) -> MultiTargetModel:
         """What it was told."""
 
     def init(self) -> object:
         """The belief one period before the first scan."""
 
-    def step(self, belief, z: np.ndarray) -> tuple[object, Account]:
+    def step(self, belief, z: np.ndarray) -> tuple[object, MultiTargetReport]:
         """The belief after the scan z (k, p) one period later, and the account of that scan."""

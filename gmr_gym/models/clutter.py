@@ -43,9 +43,9 @@ class Clutter(NamedTuple):
 def uniform_clutter(low, high, expected: float) -> Clutter:
     """`expected` false detections a scan, uniform between two opposite corners (p,)."""
     low, high = np.array(low, float), np.array(high, float)
-    return Clutter(low, high, float(expected), nothing(len(low)), nothing(len(low)))
+    return Clutter(low, high, float(expected), no_components(len(low)), no_components(len(low)))
 
 
-def nothing(d: int) -> Mixture:
+def no_components(d: int) -> Mixture:
     """The intensity of no component in d dimensions."""
     return Mixture(np.empty(0), np.empty((0, d)), np.empty((0, d, d)))

@@ -7,7 +7,7 @@ import numpy as np
 from gmr_gym.checks import check_covariance
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
-from gmr_gym.models.sensing import Look
+from gmr_gym.models.sensing import PredictedDetections
 
 
 class Motion(NamedTuple):
@@ -29,7 +29,7 @@ class Sensor(NamedTuple):
         """Names (p,), with units, of what it detects: a position in the plane or in space."""
         return tuple(f"{axis}_m" for axis in "xyz"[: len(self.H)])
 
-    def observed(self, x: np.ndarray) -> np.ndarray:
+    def measure(self, x: np.ndarray) -> np.ndarray:
         """What it would say of states x (..., d), without noise (..., p)."""
         return x @ self.H.T
 
@@ -41,11 +41,11 @@ class Sensor(NamedTuple):
         """Detections (..., p) as seen from a centre (p,)."""
         return z - centre
 
-    def settled(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def wrap_and_validate(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Points (k, p) of its space as it would report them, and which of them it can (k,)."""
         return z, np.ones(len(z), bool)
 
-    def placed(self, z: np.ndarray) -> np.ndarray:
+    def to_gate_space(self, z: np.ndarray) -> np.ndarray:
         """Detections z (k, p) where the gates stand."""
         return z
 
@@ -53,11 +53,13 @@ class Sensor(NamedTuple):
         """What a density in the sensor's own space is in that of the gates, at places (n, p)."""
         return np.full(len(at), density)
 
-    def look(self, p: Mixture, expected: np.ndarray, S: np.ndarray, z: np.ndarray) -> Look:
+    def predict_detections(
+        self, p: Mixture, z_hat: np.ndarray, S: np.ndarray, z: np.ndarray
+    ) -> PredictedDetections:
         """The scan z (k, p) as the components of p see it, whose gates are (expected, S)."""
         none = np.empty((0, *self.R.shape))
         C = _cross(p.P, self.H)
-        return Look(expected, S, C, z[None], none, np.zeros(len(z)), self.H[None], self.R[None])
+        return PredictedDetections(z_hat, S, C, z[None], none, np.zeros(len(z)), self.H[None], self.R[None])
 
 
 def motion(F, Q, offset=None) -> Motion:

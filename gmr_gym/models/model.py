@@ -8,7 +8,7 @@ from gmr_gym.checks import check_density, check_probability
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.kalman import Motion
 from gmr_gym.models.radar import Radar, radar
-from gmr_gym.models.sensing import Sensing
+from gmr_gym.models.sensing import MeasurementModel
 from gmr_gym.models.switching import check_switching
 
 
@@ -16,7 +16,7 @@ class Model(NamedTuple):
     """All that a tracker may know before the first scan; `model` checks one."""
 
     motions: tuple[Motion, ...]  # the modes the target may move in; one for most scenarios
-    sensor: Sensing
+    sensor: MeasurementModel
     detection_probability: float  # P_D
     gate_probability: float  # P_G
     clutter_density: float  # expected false detections per unit volume of the sensor's space
@@ -33,7 +33,7 @@ class Model(NamedTuple):
 
 def model(
     motions: tuple[Motion, ...] | Motion,
-    sensor: Sensing,
+    sensor: MeasurementModel,
     detection_probability: float,
     gate_probability: float,
     clutter_density: float,
@@ -70,7 +70,7 @@ def model(
     )  # fmt: skip
 
 
-def told_by(model: Model, update: str) -> Model:
+def with_radar_update(model: Model, update: str) -> Model:
     """The model with another update of its radar, one of `gmr_gym.models.radar.UPDATES`; ValueError for
     another name, and for a sensor that is no radar."""
     sensor = model.sensor

@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.checks import check_covariance, check_density, check_probability
+from gmr_gym.deprecated import warn_renamed
 from gmr_gym.mixture import Mixture, checked
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.kalman import Motion, Sensor
 
 
-class Population(NamedTuple):
+class MultiTargetModel(NamedTuple):
     """What a tracker of many targets is told; `population` checks one."""
 
     motion: Motion
@@ -26,7 +27,7 @@ class Population(NamedTuple):
     clutter: Clutter  # what it believes of false detections
 
 
-def population(
+def multi_target_model(
     motion: Motion,
     sensor: Sensor,
     detection_probability: float,
@@ -35,7 +36,7 @@ def population(
     clutter: Clutter,
     spawn_weight: float = 0.0,
     spawn_covariance=None,
-) -> Population:
+) -> MultiTargetModel:
     """Checked Population. Raises ValueError naming the argument for a probability outside (0, 1], for shapes
     that do not fit each other, for intensities that are none and for clutter that is nowhere."""
     d = len(motion.F)
@@ -71,7 +72,15 @@ def population(
     with np.errstate(all="ignore"):
         density = clutter.uniform / clutter.volume
     check_density("clutter.uniform over the volume of its box", density)
-    return Population(
+    return MultiTargetModel(
         motion, sensor, float(detection_probability), float(survival_probability), births,
         float(spawn_weight), spread, clutter,
     )  # fmt: skip
+
+
+def __getattr__(name: str):
+    former = {"population": multi_target_model, "Population": MultiTargetModel}
+    if name in former:
+        warn_renamed(name, former[name].__name__)
+        return former[name]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -17,7 +17,7 @@ import numpy as np
 from gmr_gym.checks import doubles
 from gmr_gym.mixture import Mixture
 from gmr_gym.models import spherical as kernels
-from gmr_gym.models.sensing import Look
+from gmr_gym.models.sensing import PredictedDetections
 from gmr_gym.points import present
 
 CONVERSIONS = ("raw", "debiased", "unbiased", "modified-unbiased", "decorrelated", "debiased-at-prediction")
@@ -46,7 +46,7 @@ class Radar(NamedTuple):
         """Names (3,), with units, of what it detects."""
         return "range_m", "azimuth_rad", "elevation_rad"
 
-    def observed(self, x: np.ndarray) -> np.ndarray:
+    def measure(self, x: np.ndarray) -> np.ndarray:
         """Range, azimuth and elevation (..., 3) of states x (..., d)."""
         return _by_rows(kernels.spherical_of, np.ascontiguousarray(x[..., :3], float))
 
@@ -56,7 +56,7 @@ class Radar(NamedTuple):
         away[..., 1] = wrapped(away[..., 1])
         return away
 
-    def settled(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def wrap_and_validate(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Points (k, 3) with their azimuths wrapped, and which of them have a range and an elevation."""
         return kernels.settled_of(z)
 
@@ -64,7 +64,7 @@ class Radar(NamedTuple):
         """Predicted positions (n, 3) and the covariances (n, 3, 3) of converted detections about them."""
         return kernels.gates_of(p.m, p.P, self.deviations)
 
-    def placed(self, z: np.ndarray) -> np.ndarray:
+    def to_gate_space(self, z: np.ndarray) -> np.ndarray:
         """Detections z (k, 3) as positions (k, 3), where the gates stand."""
         return _by_rows(kernels.cartesian_of, np.ascontiguousarray(z, float))
 
@@ -72,12 +72,16 @@ class Radar(NamedTuple):
         """Density per m^3, at positions (n, 3), of clutter whose density per m rad^2 is given."""
         return kernels.density_of(density, at)
 
-    def look(self, p: Mixture, expected: np.ndarray, S: np.ndarray, z: np.ndarray) -> Look:
+    def predict_detections(
+        self, p: Mixture, z_hat: np.ndarray, S: np.ndarray, z: np.ndarray
+    ) -> PredictedDetections:
         """The scan z (k, 3) as the components of p see it by this update. Raises ValueError for a range that
         is not positive, an elevation beyond a right angle and a component at the radar itself, where there
         is no direction."""
         which = UPDATES.index(self.update)
-        return Look(*kernels.look_of(which, p.m, p.P, check_detections(z), self.deviations))
+        return PredictedDetections(
+            *kernels.predicted_detections(which, p.m, p.P, check_detections(z), self.deviations)
+        )
 
 
 def radar(deviations, states: int = 6, update: str = "debiased") -> Radar:

@@ -222,9 +222,9 @@ def gates_of(m, P, noise):
 
 
 @kernel
-def look_of(update, m, P, z, noise):
-    """What a `Look` holds, of the scan z (k, 3) by Gaussians of means m (n, d) and covariances P (n, d, d),
-    by the update of that place in `radar.UPDATES`."""
+def predicted_detections(update, m, P, z, noise):
+    """The fields of PredictedDetections, of the scan z (k, 3) by Gaussians of means m (n, d) and covariances
+    P (n, d, d), by the update of that place in `radar.UPDATES`."""
     n, k = len(m), len(z)
     at, P_at = np.ascontiguousarray(m[:, :3]), np.ascontiguousarray(P[:, :3, :3])
     C = np.ascontiguousarray(P[:, :3])
@@ -233,12 +233,12 @@ def look_of(update, m, P, z, noise):
     if update >= DECORRELATED and not (place[:, 0] > 0).all():
         raise ValueError("a predicted position is that of the radar itself, where there is no direction")
     if update >= EXTENDED:
-        expected = place
+        z_hat = place
         if update == EXTENDED:
-            C, S, H = _linearised(expected, C)
+            C, S, H = _linearised(z_hat, C)
             own = np.zeros((n, 3, 3))
         else:
-            C, S, H, own = _by_points(expected, m, P, C, update)
+            C, S, H, own = _by_points(z_hat, m, P, C, update)
         points = np.empty((n, k, 3))
         for i in range(n):
             for r in range(3):
@@ -246,8 +246,8 @@ def look_of(update, m, P, z, noise):
                 own[i, r, r] += noise[r] ** 2
             points[i] = z
             for j in range(k):
-                points[i, j, 1] = expected[i, 1] + wrapped_angle(z[j, 1] - expected[i, 1])
-        return expected, S, C, points, R, np.zeros(k), H, own
+                points[i, j, 1] = z_hat[i, 1] + wrapped_angle(z[j, 1] - z_hat[i, 1])
+        return z_hat, S, C, points, R, np.zeros(k), H, own
     S, D, scale, own = P_at, shrinking_of(noise), np.ones(3), np.zeros((1, 3, 3))
     if update == RAW:
         points[0], R = raw_of(z, noise)
@@ -269,8 +269,8 @@ def look_of(update, m, P, z, noise):
             points, own = debiased_at_of(z, noise, place, spread)
         S = P_at + own
     # what a conversion stretches, its clutter fills
-    log_stretch = log_stretch_of(z) + np.log(scale).sum()
-    return at, S, C, points, R, log_stretch, np.expand_dims(np.eye(3, m.shape[1]), 0), own
+    log_jacobian = log_stretch_of(z) + np.log(scale).sum()
+    return at, S, C, points, R, log_jacobian, np.expand_dims(np.eye(3, m.shape[1]), 0), own
 
 
 @kernel
@@ -287,11 +287,11 @@ def _spread_of(place, P):
 
 
 @kernel
-def _linearised(expected, PH):
+def _linearised(z_hat, PH):
     """Covariances of what is expected with the state (n, 3, d) and with itself (n, 3, 3), to first order
     about the prediction, and its derivatives by the state (n, 3, d); PH (n, 3, d) the position's covariance
     with the state."""
-    J = inverse_jacobian_of(expected)
+    J = inverse_jacobian_of(z_hat)
     C, S, H = np.zeros(PH.shape), np.zeros((len(PH), 3, 3)), np.zeros(PH.shape)
     H[:, :, :3] = J
     for i in range(len(PH)):
@@ -308,7 +308,7 @@ def _linearised(expected, PH):
 
 
 @kernel
-def _by_points(expected, m, P, PH, update):
+def _by_points(z_hat, m, P, PH, update):
     """The same by points of the position, the radar sees nothing else: cubature (Arasaratnam and Haykin
     2009), or unscented with kappa = 3 - n = 0 raised to 1, so that the middle counts (Julier and Uhlmann
     1997). `expected` is the middle's, and becomes the points' mean. In place of derivatives there is the
@@ -331,7 +331,7 @@ def _by_points(expected, m, P, PH, update):
         shift = np.zeros(3)
         for j in range(6):
             for a in range(3):
-                off[j, a] -= expected[i, a]
+                off[j, a] -= z_hat[i, a]
             off[j, 1] = wrapped_angle(off[j, 1])
             shift += weight * off[j]
         cross[:] = 0.0
@@ -356,7 +356,7 @@ def _by_points(expected, m, P, PH, update):
                 for b in range(3):
                     C[i, a, c] += cross[a, b] * W[b]
         _regressed(H[i], left[i], off, shift, reach * L, weight, middle_weight)
-        expected[i] += shift
+        z_hat[i] += shift
     return C, S, H, left
 
 

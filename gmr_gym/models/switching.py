@@ -3,7 +3,7 @@
 import numpy as np
 
 
-def staying(probability: float, modes: int) -> np.ndarray:
+def sticky_switching(probability: float, modes: int) -> np.ndarray:
     """Switching matrix (r, r) that keeps a mode with `probability` and is impartial otherwise."""
     if not 0 <= probability <= 1:
         raise ValueError(f"probability must lie in [0, 1], got {probability}")

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gmr_gym.checks import at_least_one
+from gmr_gym.checks import check_count
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, moments
 from gmr_gym.reduction.dissimilarity import isd_row, isd_table, own_products
@@ -21,7 +21,7 @@ LARGE = 1e100  # of a weight whose square a float holds
 def merged_by(groups: Callable[[Mixture, int], np.ndarray], p: Mixture, components: int) -> Reduced:
     """Moment match of groups of the components that weigh anything; groups(q, components) (n,) are
     the groups 0..components-1 of those, called with q when it has more components than that."""
-    components = at_least_one(components)
+    components = check_count(components)
     q, place = weighing(p)
     if len(q.w) <= components:
         return q, place
@@ -55,7 +55,7 @@ def cheapest_pair(nearest, least):
 
 
 @kernel
-def take_in(i, j, group, table, nearest, least):
+def absorb(i, j, group, table, nearest, least):
     """Closes row j, whose members go to i; row i of the table holds its new costs already."""
     n = len(table)
     for k in range(n):
@@ -71,7 +71,7 @@ def take_in(i, j, group, table, nearest, least):
 
 
 @kernel
-def numbered(group):
+def relabelled(group):
     """Groups (n,) named by their first member, numbered in the order of these."""
     number, count = np.full(len(group), -1), 0
     for i in range(len(group)):
@@ -111,5 +111,5 @@ def _merge_nearest(w, M, components):
         row = isd_row(i, others, w, M, own)
         for k in range(len(others)):
             table[i, others[k]] = table[others[k], i] = row[k]
-        take_in(i, j, group, table, nearest, least)
-    return numbered(group)
+        absorb(i, j, group, table, nearest, least)
+    return relabelled(group)

@@ -9,7 +9,7 @@ import numpy as np
 from gmr_gym.checks import check_choice
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
-from gmr_gym.reduction.agglomeration import cheapest_pair, merged_by, nearest_others, numbered, take_in
+from gmr_gym.reduction.agglomeration import absorb, cheapest_pair, merged_by, nearest_others, relabelled
 from gmr_gym.reduction.dissimilarity import MEASURES, dissimilarities
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.salmond_west import whitened
@@ -78,8 +78,8 @@ def _agglomerate(table, components, linkage):
             table[i, k] = table[k, i] = cost
         table[i, i] = np.inf
         size[i] += size[j]
-        take_in(i, j, group, table, nearest, least)
-    return numbered(group)
+        absorb(i, j, group, table, nearest, least)
+    return relabelled(group)
 
 
 @kernel

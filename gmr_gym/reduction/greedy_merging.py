@@ -17,8 +17,8 @@ is no less than half of the 8 ns of the costs themselves, and many of these are 
 
 import numpy as np
 
-from gmr_gym.kernels import ZERO, kernel, uncounted
-from gmr_gym.reduction.merge_cost import BLOCK, by_entry, form_costs, log_determinants, merge_pair
+from gmr_gym.kernels import ZERO, kernel, leaf_kernel
+from gmr_gym.reduction.merge_cost import BLOCK, components_last, cost_row, log_determinants, merge_pair
 
 ROUNDING = 1e-15  # of weight times log determinant: bounds stay on the safe side of it
 SOON = 2.0  # times the cost just paid: pairs that may cost less are priced at once, many together
@@ -32,7 +32,7 @@ def merge_greedily(w, m, P, components, budget):
     `budget`, which every merge lowers: w, m, P and origin (n,) of what is left, in the order of their
     first members. At equal cost the pair comes first whose later component does, then whose earlier."""
     n, d = m.shape
-    w, means, entries = by_entry(w, m, P)
+    w, means, entries = components_last(w, m, P)
     room = np.empty((len(entries), BLOCK)), np.empty(BLOCK)
     near = np.empty(n), np.empty((d, n)), np.empty((len(entries), n)), np.empty(n), np.empty(n)
     log_det = log_determinants(entries, room)
@@ -45,7 +45,7 @@ def merge_greedily(w, m, P, components, budget):
     # the least of row i and where it stands; or a bound on it and UNKNOWN; or infinite and GONE
     least, nearest = np.full(n, np.inf), np.full(n, UNKNOWN)
     for i in range(1, n):
-        form_costs(i, ZERO, i, w, means, entries, log_det, room, table[i])
+        cost_row(i, ZERO, i, w, means, entries, log_det, room, table[i])
         nearest[i] = first_least(table[i], i)
         least[i] = table[i, nearest[i]]
     row, listed = np.empty(n), np.empty(n, np.int64)
@@ -63,7 +63,7 @@ def merge_greedily(w, m, P, components, budget):
             least[i] = table[i, nearest[i]]
             continue
         j = nearest[i]
-        form_costs(i, j, j + 1, w, means, entries, log_det, room, row)
+        cost_row(i, j, j + 1, w, means, entries, log_det, room, row)
         cost = row[j]
         if cost > least[i]:
             table[i, j], nearest[i] = cost, UNKNOWN
@@ -115,7 +115,7 @@ def _bound_costs(i, j, n, w, cost, rounding, table, row):
         other[r] = np.inf
 
 
-@uncounted
+@leaf_kernel
 def _below(limit, row, n, listed):
     """Lists where the first n of row lie below the limit; how many do."""
     k = 0
@@ -138,7 +138,7 @@ def _price(i, listed, k, w, means, entries, log_det, near, room, row):
             means_near[q, r] = means[q, c]
         for q in range(len(entries)):
             entries_near[q, r] = entries[q, c]
-    form_costs(k, ZERO, k, w_near, means_near, entries_near, log_det_near, room, costs)
+    cost_row(k, ZERO, k, w_near, means_near, entries_near, log_det_near, room, costs)
     for r in range(k):
         row[listed[r]] = costs[r]
 
@@ -164,7 +164,7 @@ def _close_gaps(n, w, means, entries, log_det, table, least, nearest, name):
     return left
 
 
-@uncounted
+@leaf_kernel
 def first_least(row, n):
     """Index of the least of the first n, the first among equals. Eight at a time are compared two by two:
     a minimum carried from one to the next, which the compiler does not vectorise, takes five times as
@@ -192,7 +192,7 @@ def first_least(row, n):
 
 @kernel(inline="always")
 def _by_component(n, w, means, entries, name, into):
-    """Undoes `by_entry` for the first n components; origin from the chain of merges `into`."""
+    """Undoes `components_last` for the first n components; origin from the chain of merges `into`."""
     d = len(means)
     m, P = np.empty((n, d)), np.empty((n, d, d))
     place, origin = np.empty(len(into), np.int64), np.empty(len(into), np.int64)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gmr_gym.checks import at_least_one
+from gmr_gym.checks import check_count
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.distances import known, pack, products, unpack
@@ -51,7 +51,7 @@ def integral_squared_error(
     than that the choice is repeatable but arbitrary. A pair so many standard deviations apart, some
     1e8, that the covariance of its merge is lost in rounding is not merged.
     """
-    components = at_least_one(components)
+    components = check_count(components)
     p, place = weighing(p)
     if len(p.w) <= components:
         return p, place

@@ -10,13 +10,13 @@ which is the least of wi KL(i || N) + wj KL(j || N) over all Gaussians N.
 
 import numpy as np
 
-from gmr_gym.kernels import ONE, kernel, uncounted
+from gmr_gym.kernels import ONE, kernel, leaf_kernel
 
 BLOCK = 128  # components: a block of covariances stays in the nearest cache
 
 
-@uncounted
-def form_costs(i, start, stop, w, means, entries, log_det, room, row):
+@leaf_kernel
+def cost_row(i, start, stop, w, means, entries, log_det, room, row):
     """Costs of merging component i with each of start..stop-1, written to the same places in row."""
     if len(means) == 4:
         _planar_determinants(i, start, stop, w, means, entries, row)
@@ -50,7 +50,7 @@ def merge_pair(i, j, w, means, entries, room):
 
 
 @kernel
-def cost_of_all(w, m, P):
+def total_cost(w, m, P):
     """Cost of merging everything: the sum of the costs B of any way down to one; and the mean (d,) and
     covariance (d, d) of that one."""
     n, d = m.shape
@@ -112,7 +112,7 @@ def _log_determinants(A, n, out):
 
 
 @kernel
-def by_entry(w, m, P):
+def components_last(w, m, P):
     """The mixture with the component axis last, so that a loop over components is vectorised: w
     (n,), means (d, n), lower triangles of the covariances row by row (d (d + 1) / 2, n)."""
     n, d = m.shape
@@ -127,7 +127,7 @@ def by_entry(w, m, P):
     return w.copy(), means, entries
 
 
-@uncounted
+@leaf_kernel
 def pair_covariances(i, start, stop, w, means, entries, share, A):
     """Covariances by entry of component i merged with each of start..stop-1, written to the first
     columns of A; share is left holding w_i / (w_i + w_j)."""
@@ -146,7 +146,7 @@ def pair_covariances(i, start, stop, w, means, entries, share, A):
             q += 1
 
 
-@uncounted
+@leaf_kernel
 def _planar_determinants(i, start, stop, w, means, entries, out):
     """`_determinants` of `pair_covariances` for four states, the case of a planar position and
     velocity, written out: |A + c dd'| = |A| (1 + c d'A^-1 d) with A = a Pi + b Pj and c = a b, by
@@ -185,7 +185,7 @@ def _planar_determinants(i, start, stop, w, means, entries, out):
         out[j] = upper * (lower + spread) if spread < 1e16 * lower else 0.0
 
 
-@uncounted
+@leaf_kernel
 def _determinants(A, n, out):
     """Determinants of the first n symmetric matrices given by entry, A (d (d + 1) / 2, n), by LDL'
     without square roots; A is overwritten."""
@@ -205,7 +205,7 @@ def _determinants(A, n, out):
                     A[target, j] -= A[below, j] * A[pivot, j] * A[beside, j]
 
 
-@uncounted
+@leaf_kernel
 def _logarithm(x):
     """Natural logarithm of a positive normal number, to the last bit or the one before. A call of the
     library's logarithm would keep a loop from being vectorised."""

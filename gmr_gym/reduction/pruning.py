@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gmr_gym.checks import at_least_one, at_least_zero
+from gmr_gym.checks import check_count, check_not_negative
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import root_determinants
 from gmr_gym.mixture import Mixture, checked
@@ -11,32 +11,32 @@ from gmr_gym.reduction.protocol import Reduced
 
 def capping(p: Mixture, components: int) -> Reduced:
     """The `components` heaviest, the earlier first among equals (D'Ortenzio, section 3.3)."""
-    p, components = checked(p), at_least_one(components)
-    return _kept(p, among_heaviest(p.w, components) & (p.w > 0))
+    p, components = checked(p), check_count(components)
+    return _kept(p, heaviest_mask(p.w, components) & (p.w > 0))
 
 
 def prune(p: Mixture, weight: float) -> Reduced:
     """Drops what weighs less than `weight` (gamma; D'Ortenzio, section 3.4), never the heaviest."""
-    p, weight = checked(p), at_least_zero("weight", weight)
-    return _kept(p, heavier(p.w, p.w, weight))
+    p, weight = checked(p), check_not_negative("weight", weight)
+    return _kept(p, above_threshold(p.w, p.w, weight))
 
 
 def prune_density(p: Mixture, density: float) -> Reduced:
     """Drops what has w / sqrt|P| below `density` (gamma~, in units of 1 / sqrt|P|: s^2/m^4 for a
     planar position and velocity), never the heaviest (D'Ortenzio, eq. 16)."""
-    p, density = checked(p), at_least_zero("density", density)
-    return _kept(p, heavier(p.w, p.w / root_determinants(p.P), density))
+    p, density = checked(p), check_not_negative("density", density)
+    return _kept(p, above_threshold(p.w, p.w / root_determinants(p.P), density))
 
 
-def heaviest(p: Mixture, weight: float, most: int) -> Reduced:
+def prune_and_cap(p: Mixture, weight: float, max_components: int) -> Reduced:
     """What weighs at least `weight`, and of that no more than the `most` heaviest: `prune` and
     `capping` in one, for the hypotheses that are to enter a reduction."""
-    return entering(checked(p), at_least_zero("weight", weight), at_least_one(most, "most"))
+    return entering(checked(p), check_not_negative("weight", weight), check_count(max_components, "most"))
 
 
-def entering(p: Mixture, weight: float, most: int) -> Reduced:
-    """`heaviest` for a mixture made here."""
-    return _kept(p, among_heaviest(p.w, most) & heavier(p.w, p.w, weight))
+def entering(p: Mixture, weight: float, max_components: int) -> Reduced:
+    """`prune_and_cap` for a mixture made here."""
+    return _kept(p, heaviest_mask(p.w, max_components) & above_threshold(p.w, p.w, weight))
 
 
 def weighing(p: Mixture) -> Reduced:
@@ -47,12 +47,12 @@ def weighing(p: Mixture) -> Reduced:
 
 
 def _kept(p: Mixture, kept: np.ndarray) -> Reduced:
-    *selected, origin = selected_by(*p, kept)
+    *selected, origin = select(*p, kept)
     return Mixture(*selected), origin
 
 
 @kernel
-def heavier(w, measure, threshold):
+def above_threshold(w, measure, threshold):
     """Which components (n,) have a weight and a measure of at least the threshold: the heaviest if none,
     should it weigh anything."""
     n, found, first = len(w), False, 0
@@ -67,11 +67,11 @@ def heavier(w, measure, threshold):
 
 
 @kernel
-def among_heaviest(w, most):
+def heaviest_mask(w, max_components):
     """Which components (n,) are the `most` heaviest, the earlier first among equals."""
     n = len(w)
     kept = np.zeros(n, np.bool_)
-    if n <= most:
+    if n <= max_components:
         for i in range(n):
             kept[i] = True
         return kept
@@ -85,11 +85,11 @@ def among_heaviest(w, most):
         reached = 0
         for i in range(n):
             reached += bits[i] >= middle
-        if reached >= most:
+        if reached >= max_components:
             low = middle
         else:
             high = middle - 1
-    left = most
+    left = max_components
     for i in range(n):
         kept[i] = bits[i] > low
         left -= kept[i]
@@ -101,7 +101,7 @@ def among_heaviest(w, most):
 
 
 @kernel
-def selected_by(w, m, P, kept):
+def select(w, m, P, kept):
     """Components that are kept, and the place (n,) of each, -1 where it is not."""
     n, d = m.shape
     count = 0

@@ -5,7 +5,7 @@ from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
 
-from gmr_gym.checks import at_least_zero
+from gmr_gym.checks import check_not_negative
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.agglomeration import greedy_isd
 from gmr_gym.reduction.clustering import LINKAGES, hierarchical, k_means, k_medoids
@@ -58,7 +58,7 @@ def reducer(name: str, components: int) -> partial:
 def reduction_named(name: str, components: int, merging: float) -> Callable[[Mixture], Reduced]:
     """The reduction of that name to `components`: "vo-ma", which alone heeds `merging`, or any that
     `reducer` knows. Raises ValueError for an unknown name and a negative `merging`."""
-    merging = at_least_zero("merging", merging)
+    merging = check_not_negative("merging", merging)
     if name == "vo-ma":
         return partial(vo_ma, components=components, distance=merging)
     return reducer(name, components)

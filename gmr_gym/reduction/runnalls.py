@@ -11,19 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmr_gym.checks import ANY, at_least_one
+from gmr_gym.checks import UNLIMITED, check_count
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, checked
 from gmr_gym.reduction.greedy_merging import merge_greedily
-from gmr_gym.reduction.merge_cost import cost_of_all
+from gmr_gym.reduction.merge_cost import total_cost
 from gmr_gym.reduction.protocol import Reduced, _definite
-from gmr_gym.reduction.pruning import heavier, selected_by, weighing
+from gmr_gym.reduction.pruning import above_threshold, select, weighing
 
 
 def runnalls(p: Mixture, components: int) -> Reduced:
     """Greedy merging of the pair with the least cost B until `components` remain
     (Runnalls 2007; D'Ortenzio, eq. 13 and section 3.1)."""
-    return Greedy(at_least_one(components))(p)
+    return Greedy(check_count(components))(p)
 
 
 def adaptive(p: Mixture, loss_bound: float, components: int | None = None) -> Reduced:
@@ -53,7 +53,7 @@ def greedy(components: int | None, loss_bound: float) -> Greedy:
     """Checked Greedy of `adaptive`; ValueError for a loss outside [0, 1] and for no component at all."""
     if not 0 <= loss_bound <= 1:
         raise ValueError(f"loss_bound must lie in [0, 1], got {loss_bound}")
-    return Greedy(ANY if components is None else at_least_one(components), float(loss_bound))
+    return Greedy(UNLIMITED if components is None else check_count(components), float(loss_bound))
 
 
 def total_merge_cost(p: Mixture) -> float:
@@ -63,19 +63,19 @@ def total_merge_cost(p: Mixture) -> float:
     costs B of any way of merging down to one, whatever the weights sum to.
     """
     q, _ = weighing(p)
-    return float(cost_of_all(*q)[0]) if len(q.w) else 0.0
+    return float(total_cost(*q)[0]) if len(q.w) else 0.0
 
 
 @kernel(inline="always")
 def merge_by_cost(w, m, P, components, loss_bound):
     """`adaptive`, or `runnalls` for a negative bound: w, m, P and origin (n,) of what is left."""
-    w, m, P, alive = selected_by(w, m, P, heavier(w, w, 0.0))
+    w, m, P, alive = select(w, m, P, above_threshold(w, w, 0.0))
     if len(w) <= 1 or (loss_bound < 0.0 and len(w) <= components):
         return w, m, P, alive
     # at a bound of 1 the rounding of the sum must not spare the last merge
     budget = np.inf if loss_bound == 1.0 else -1.0
     if 0.0 <= loss_bound < 1.0:
-        budget = loss_bound * cost_of_all(w, m, P)[0]
+        budget = loss_bound * total_cost(w, m, P)[0]
     w, m, P, origin = merge_greedily(w, m, P, components, budget)
     for i in range(len(alive)):
         if alive[i] >= 0:

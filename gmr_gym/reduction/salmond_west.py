@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gmr_gym.checks import at_least_one, at_least_zero
+from gmr_gym.checks import check_count, check_not_negative
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, moments
 from gmr_gym.reduction.protocol import TOO_FAR, Reduced, at_unit, grouped, through
@@ -13,7 +13,7 @@ def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
     """Joining: merges the pair with the least d^2 = wi wj / (wi + wj) (mi - mj)' P^-1 (mi - mj), P
     the covariance of the whole mixture, while more than `components` remain or d^2 is below
     `distance` (Salmond 1990, section 4.1). Raises ValueError for a negative distance."""
-    components, distance = at_least_one(components), at_least_zero("distance", distance)
+    components, distance = check_count(components), check_not_negative("distance", distance)
     q, place = weighing(p)
     if len(q.w) <= (components if distance == 0 else 1):
         return q, place
@@ -23,7 +23,7 @@ def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
 def west(p: Mixture, components: int) -> Reduced:
     """Merges the lightest component with its nearest neighbour, distances measured by the
     covariance of the whole mixture, until `components` remain (West 1993, section 3)."""
-    components = at_least_one(components)
+    components = check_count(components)
     q, place = weighing(p)
     if len(q.w) <= components:
         return q, place

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gmr_gym.checks import at_least_one, at_least_zero
+from gmr_gym.checks import check_count, check_not_negative
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, mahalanobis_squared
 from gmr_gym.mixture import Mixture, checked
@@ -14,7 +14,7 @@ def vo_ma(p: Mixture, components: int, distance: float = 4.0) -> Reduced:
     """Merges into the heaviest component j every i with (m_i - m_j)' P_i^-1 (m_i - m_j) <= `distance`,
     then so with the heaviest of the rest until none is left; of these the `components` heaviest
     (Vo and Ma 2006, Table II). Raises ValueError for a negative distance."""
-    p, components, distance = checked(p), at_least_one(components), at_least_zero("distance", distance)
+    p, components, distance = checked(p), check_count(components), check_not_negative("distance", distance)
     group, count = _near(*p, distance)
     capped, place = capping(grouped(p, group, count), components)
     return capped, through(group, place)

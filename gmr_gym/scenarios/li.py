@@ -12,7 +12,7 @@ from gmr_gym.mixture import gaussian
 from gmr_gym.models.model import Model, model
 from gmr_gym.models.motions import constant_velocity, singer, with_accelerations
 from gmr_gym.models.radar import WIDEST, modified_unbiased, radar, spherical
-from gmr_gym.models.switching import staying
+from gmr_gym.models.switching import sticky_switching
 from gmr_gym.points import check_unmasked
 from gmr_gym.scenarios.planar import moving_as_told, shortened
 from gmr_gym.simulation.loss import truth_outside_gates
@@ -125,7 +125,7 @@ def airborne_radar(
     bend = float(np.linalg.norm(x[0, :3])) * angle**2
     half = np.array([max(DEPTH, BENT * bend), min(SIGHT * angle, np.pi), SIGHT * angle])
     # no clutter, nothing that a lone point outside could betray
-    window = Window(-half, half, follows=True, ends_sight=clutter_rate > 0)
+    window = Window(-half, half, follows=True, limits_view=clutter_rate > 0)
     density = clutter_rate / window.volume
     start = x[0].copy()
     start[:3] -= period * start[3:6]
@@ -143,7 +143,7 @@ def airborne_radar(
         gate_probability=0.999 if clutter_rate > 0 else 1.0,
         clutter_density=max(density, np.finfo(float).tiny),
         prior=gaussian(start, prior),
-        switching=staying(stay, len(motions)),
+        switching=sticky_switching(stay, len(motions)),
     )  # fmt: skip
     truth = partial(scripted, x)
     if drawn:
@@ -161,7 +161,7 @@ def airborne_radar(
         period=period,
         position=(0, 1, 2),
         velocity=(3, 4, 5),
-        off_target=partial(truth_outside_gates, told.sensor.H),
+        loss_rule=partial(truth_outside_gates, told.sensor.H),
         patience=PATIENCE,
         cutoff=5 * float(np.sqrt(np.trace(prior[:3, :3]))),
     )

@@ -9,13 +9,13 @@ import numpy as np
 
 from gmr_gym.checks import check_probability
 from gmr_gym.mixture import Mixture
-from gmr_gym.models.clutter import Clutter, nothing, uniform_clutter
-from gmr_gym.models.gating import gate_size
+from gmr_gym.models.clutter import Clutter, no_components, uniform_clutter
+from gmr_gym.models.gating import gate_threshold
 from gmr_gym.models.kalman import Motion, position_sensor
 from gmr_gym.models.motions import constant_acceleration, constant_velocity
-from gmr_gym.models.multi_target import population
+from gmr_gym.models.multi_target import multi_target_model
 from gmr_gym.scenarios.planar import shortened
-from gmr_gym.simulation.multi_target import ManyScenario
+from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 LOW, HIGH = np.array([[-1000.0, -1000.0], [1000.0, 1000.0]])  # m, corners of the region
 SCANS = 100
@@ -30,7 +30,7 @@ GROUPS = (
     (0.2, (-200.0, 400.0), (200.0, 200.0)),
     (0.2, (200.0, -200.0), (200.0, 200.0)),
 )
-ELLIPSE_95 = gate_size(0.95, 2)  # squared Mahalanobis distance
+ELLIPSE_95 = gate_threshold(0.95, 2)  # squared Mahalanobis distance
 # expected number a scan, and where
 BIRTHS = ((0.02, (200.0, 800.0)), (0.02, (800.0, -800.0)))
 SPAWNS = 0.01  # expected of a target, a scan
@@ -65,7 +65,7 @@ def unknown_clutter(
     trajectory=None,
     horizon: int | None = None,
     told: str | bool = "uniform",
-) -> ManyScenario:
+) -> MultiTargetScenario:
     """Three targets in a square of 2 km, and clutter in groups.
 
     clutter: "groups", "uniform" (no groups: all of clutter_rate is spread evenly) or "dense" (groups four
@@ -121,8 +121,8 @@ def unknown_clutter(
         births = BIRTHS if x is None else [(BIRTHS[0][0], place) for place in _appearances(x)]
     new = np.diag(np.repeat(NEW, 2) ** 2)
     sensor = position_sensor(SENSOR_DEVIATION, rates=2)
-    return ManyScenario(
-        population=population(
+    return MultiTargetScenario(
+        model=multi_target_model(
             constant_acceleration(PERIOD, TOLD_PROCESS),
             sensor,
             detection_probability,
@@ -185,7 +185,7 @@ def _intensity(groups: list[Group], uniform: float, rate: float, t: int) -> Clut
     """The true clutter at scan t (from 0): `uniform` points, and of `rate` what each group has as its
     share."""
     if not groups:
-        return Clutter(LOW, HIGH, float(uniform), nothing(2), nothing(2))
+        return Clutter(LOW, HIGH, float(uniform), no_components(2), no_components(2))
     half = rate / 2 * np.array([group.share for group in groups])
     m = np.array([group.centre + t * PERIOD * group.drift for group in groups])
     shape = np.array([np.diag(group.axes**2) for group in groups])

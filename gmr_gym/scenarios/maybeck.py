@@ -77,7 +77,7 @@ def agile_flight(
         period=PERIOD,
         position=(0, 1),
         velocity=(2, 3),
-        off_target=detection_outside_gates,
+        loss_rule=detection_outside_gates,
         patience=PATIENCE,
         cutoff=500.0,
     )

@@ -70,7 +70,7 @@ def along(
         period=period,
         position=(0, 1),
         velocity=(2, 3),
-        off_target=partial(truth_outside_gates, told.sensor.H),
+        loss_rule=partial(truth_outside_gates, told.sensor.H),
         patience=1,
         cutoff=100.0,
     )
@@ -121,7 +121,7 @@ def bounding_box(points: np.ndarray) -> Window:
     widening = np.maximum(100.0 - (high - low), 0.0) / 2
     # detections of a target on the edge fall outside and are seen all the same, about one in twenty
     # on the printed path: the paper's field of view is no larger
-    return fixed_box(low - widening, high + widening)._replace(ends_sight=False)
+    return fixed_box(low - widening, high + widening)._replace(limits_view=False)
 
 
 def following_box(sides) -> Window:

@@ -10,7 +10,7 @@ from gmr_gym.checks import check_probability
 from gmr_gym.mixture import gaussian
 from gmr_gym.models.kalman import Motion, motion, sensor
 from gmr_gym.models.model import Model, model
-from gmr_gym.models.switching import staying
+from gmr_gym.models.switching import sticky_switching
 from gmr_gym.scenarios.planar import fixed_box, following_box, moving_as_told
 from gmr_gym.simulation.loss import truth_outside_gates
 from gmr_gym.simulation.single_target import Scenario, Truth, Window
@@ -73,7 +73,7 @@ def jump_markov(
         gate_probability=float(-np.expm1(-GATE / 2)) if density > 0 else 1.0,
         clutter_density=max(density, np.finfo(float).tiny),
         prior=gaussian(START, np.diag(PRIOR)),
-        switching=staying(stay, len(motions)),
+        switching=sticky_switching(stay, len(motions)),
     )
     return Scenario(
         model=told,
@@ -86,7 +86,7 @@ def jump_markov(
         period=PERIOD,
         position=(0, 1),
         velocity=(2, 3),
-        off_target=partial(truth_outside_gates, told.sensor.H),
+        loss_rule=partial(truth_outside_gates, told.sensor.H),
         patience=1,
         cutoff=100.0,
         region=_region(np.abs(accelerations).max(), process_variance),

@@ -9,18 +9,18 @@ import numpy as np
 
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.kalman import Sensor
-from gmr_gym.models.multi_target import Population
+from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.simulation.single_target import Scan, stream
 
 
 @dataclass(frozen=True)
-class ManyScenario:
+class MultiTargetScenario:
     """The world of targets that come and go, and what a tracker is told of it.
 
     Nothing outside the box of the clutter is ever reported, be it clutter or a target.
     """
 
-    population: Population  # what a tracker is told
+    model: MultiTargetModel  # what a tracker is told
     truth: Callable[[np.random.Generator], np.ndarray]  # states (T, m, d), nan where a target is absent
     targets: int  # m, all that ever appear
     sensor: Sensor  # the world's own; population.sensor is what the tracker believes
@@ -39,7 +39,7 @@ class ManyScenario:
         return max(self.clutter(t).expected for t in range(self.horizon))
 
 
-class Crowd(NamedTuple):
+class MultiTargetEpisode(NamedTuple):
     """Everything that chance decides in one episode: nothing in it depends on what a tracker submits."""
 
     x: np.ndarray  # (T, m, d), true states, nan where a target is absent
@@ -48,7 +48,7 @@ class Crowd(NamedTuple):
     first: np.ndarray  # (T + 1,), scan t has z[first[t] : first[t + 1]]
 
 
-def draw(scenario: ManyScenario, seed: int | np.random.SeedSequence) -> Crowd:
+def draw(scenario: MultiTargetScenario, seed: int | np.random.SeedSequence) -> MultiTargetEpisode:
     """One episode; truth, detection and clutter each draw from their own stream.
 
     Raises ValueError for a truth that has not the scans and the targets that the scenario names."""
@@ -59,29 +59,29 @@ def draw(scenario: ManyScenario, seed: int | np.random.SeedSequence) -> Crowd:
         raise ValueError(f"truth must be {shape[0]} scans of {shape[1]} targets, got shape {x.shape}")
     R = scenario.sensor.R
     noise = for_detection.standard_normal((*shape, len(R))) @ np.linalg.cholesky(R).T
-    heard = scenario.sensor.observed(x) + noise  # nan where absent, which no box holds
+    heard = scenario.sensor.measure(x) + noise  # nan where absent, which no box holds
     detected = for_detection.random(shape) < scenario.detection_probability
     ranks = for_detection.random(shape)
     scans = []
     for t in range(scenario.horizon):
         clutter = scenario.clutter(t)
         seen = np.flatnonzero(detected[t] & inside(clutter, heard[t]))
-        false = sampled(clutter, for_clutter)
+        false = draw_clutter(clutter, for_clutter)
         # ranks of their own, so that clutter stands in the same order whoever is among it
         order = np.argsort(np.concatenate((ranks[t, seen], for_clutter.random(len(false)))))
         origin = np.concatenate((seen, np.full(len(false), -1)))
         scans.append(Scan(np.concatenate((heard[t, seen], false))[order], origin[order]))
     z, origin = map(np.concatenate, zip(*scans, strict=True))
-    return Crowd(x, z, origin, np.cumsum([0, *(len(one.z) for one in scans)]))
+    return MultiTargetEpisode(x, z, origin, np.cumsum([0, *(len(one.z) for one in scans)]))
 
 
-def scan(crowd: Crowd, t: int) -> Scan:
+def scan(crowd: MultiTargetEpisode, t: int) -> Scan:
     """Scan t (from 0) of the episode."""
     span = slice(crowd.first[t], crowd.first[t + 1])
     return Scan(crowd.z[span], crowd.origin[span])
 
 
-def sampled(clutter: Clutter, rng: np.random.Generator) -> np.ndarray:
+def draw_clutter(clutter: Clutter, rng: np.random.Generator) -> np.ndarray:
     """False detections (k, p) of one scan: a Poisson process of intensity `clutter.density` inside the box.
 
     Points of Gaussians and ellipses that fall outside the box are dropped, not drawn again: so the density

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from gmr_gym.kernels import kernel, uncounted
+from gmr_gym.kernels import kernel, leaf_kernel
 
 ROUNDS = 10
 MULTIPLIERS = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
@@ -38,7 +38,7 @@ def uniform(a, b):
     return np.float64(np.int64(((a << HALF) | b) >> np.uint64(11))) * 2.0**-53
 
 
-@uncounted
+@leaf_kernel
 def pair(key, stream, draw, at):
     """Two uniforms in [0, 1): of key (2,), a stream's draw and the place `at`, three words."""
     a, b, c, d = block(
@@ -48,13 +48,13 @@ def pair(key, stream, draw, at):
     return uniform(a, b), uniform(c, d)
 
 
-@uncounted
-def points_into(z, n, low, high, centre, key, stream, at, words):
+@leaf_kernel
+def points_into(z, n, low, high, centre, key, stream, at, buffer):
     """The first n rows of z (capacity, p), contiguous, become points uniform between low and high (p,) about
     centre (p,): row i of the i-th pairs of the stream and of those after it, each of which gives two
-    coordinates. For `words` see `words_for`."""
+    coordinates. For `words` see `buffer_for`."""
     p, flat = z.shape[1], z.reshape(-1)
-    w0, w1, w2, w3 = words[0], words[1], words[2], words[3]
+    w0, w1, w2, w3 = buffer[0], buffer[1], buffer[2], buffer[3]
     c1, c2, c3 = np.uint64(at[0]), np.uint64(at[1]), np.uint64(at[2])
     k0, k1 = np.uint64(key[0]), np.uint64(key[1])
     for c in range(0, p, 2):
@@ -84,12 +84,12 @@ def points_into(z, n, low, high, centre, key, stream, at, words):
 
 
 @kernel
-def words_for(n):
+def buffer_for(n):
     """Room for the words of n points, for `points_into` to write to: many scans share it."""
     return np.empty((4, n + LANES), np.uint32)
 
 
-@uncounted
+@leaf_kernel
 def normals_into(out, key, stream, at):
     """Fills out (n,) with standard normals, two of every pair of uniforms (Box and Muller 1958)."""
     for i in range(0, len(out), 2):
@@ -100,7 +100,7 @@ def normals_into(out, key, stream, at):
             out[i + 1] = length * math.sin(2.0 * math.pi * v)
 
 
-@uncounted
+@leaf_kernel
 def poisson(rate, key, stream, at):
     """A Poisson count of that rate, at least 0: by transformed rejection with squeeze (Hörmann 1993, PTRS),
     a rate below `FEW` by multiplying uniforms until they are less than exp(-rate)."""

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.kernels import ZERO, kernel, uncounted
+from gmr_gym.kernels import ZERO, kernel, leaf_kernel
 from gmr_gym.linalg import cholesky_into
-from gmr_gym.simulation.philox import normals_into, pair, points_into, poisson, words_for
+from gmr_gym.simulation.philox import buffer_for, normals_into, pair, points_into, poisson
 
 CELL = 500.0  # m, side of the squares in which clutter on the ground is drawn
 # streams of an episode's key
@@ -16,37 +16,42 @@ PLACES, GROUND_PLACES = np.int64(4), np.int64(8)  # and those after them, one fo
 
 
 class View(NamedTuple):
-    """What `scan_into` has to know of a scenario; `simulate.viewed` reads it off."""
+    """What `scan_into` has to know of a scenario; `simulate.view_of` reads it off."""
 
     clutter_rate: float  # expected false detections in the window, a scan
     low: np.ndarray  # (p,), m, of the window, relative to its centre
     high: np.ndarray  # (p,), m
-    ends_sight: bool
+    limits_view: bool
     region_low: np.ndarray  # (2,), m, of the region; (0,) where there is none
     region_high: np.ndarray  # (2,), m
 
 
 @kernel
-def hear_all(heard, key, R):
+def measure_all(measurement, key, R):
     """Adds to what a sensor would say of T scans (T, p) the noise of covariance R (p, p) that goes with the
     key (2,). Returns for every scan two numbers (T,) in [0, 1): the target is detected if the first is below
     its probability, and the second decides where among the clutter its detection stands."""
-    L, normal, luck, slot = factor(R), np.empty(len(R)), np.empty(len(heard)), np.empty(len(heard))
-    for t in range(len(heard)):
-        luck[t], slot[t] = hear(heard[t], key, t, L, normal)
-    return luck, slot
+    L, normal, detection_draw, slot = (
+        factor(R),
+        np.empty(len(R)),
+        np.empty(len(measurement)),
+        np.empty(len(measurement)),
+    )
+    for t in range(len(measurement)):
+        detection_draw[t], slot[t] = add_noise(measurement[t], key, t, L, normal)
+    return detection_draw, slot
 
 
-@uncounted
-def hear(heard, key, t, L, normal):
-    """`hear_all` of scan t alone, heard (p,), for noise of covariance L L'; normal (p,) is written over."""
+@leaf_kernel
+def add_noise(measurement, key, t, L, normal):
+    """`measure_all` of scan t alone, z (p,), for noise of covariance L L'; normal (p,) is written over."""
     at = (t, ZERO, ZERO)
     normals_into(normal, key, NOISE, at)
     for r in range(len(L)):
         noise = 0.0
         for c in range(r + 1):
             noise += L[r, c] * normal[c]
-        heard[r] += noise
+        measurement[r] += noise
     return pair(key, DETECTION, ZERO, at)
 
 
@@ -64,14 +69,14 @@ def scan_into(z, view, key, t, centre, target, detected, slot):
     zeros where it stands fast: its k detections, one a row of z (capacity, p), among them that of the target
     (p,) where it is `detected` and in sight, in a place that `slot` in [0, 1) decides. Returns k and the
     target's row, -1 for none; the rows from k on are left as they are."""
-    return scan_by(z, view, key, t, centre, target, detected, slot, words_for(len(z)))
+    return scan_by(z, view, key, t, centre, target, detected, slot, buffer_for(len(z)))
 
 
-@uncounted
-def scan_by(z, view, key, t, centre, target, detected, slot, words):
-    """`scan_into` by way of `words_for` as many points as z has rows."""
+@leaf_kernel
+def scan_by(z, view, key, t, centre, target, detected, slot, buffer):
+    """`scan_into` by way of `buffer_for` as many points as z has rows."""
     seen = detected
-    if view.ends_sight:
+    if view.limits_view:
         for c in range(len(target)):
             away = target[c] - centre[c]
             seen = seen and view.low[c] <= away and away <= view.high[c]
@@ -80,7 +85,7 @@ def scan_by(z, view, key, t, centre, target, detected, slot, words):
     if len(view.region_low) > 0:
         k, place = ground_into(z, view, key, t, centre, slot)
     else:
-        k = clutter_into(z, view, key, t, centre, words)
+        k = clutter_into(z, view, key, t, centre, buffer)
         place = int(slot * (k + 1))
     if not seen:
         return k, -1
@@ -93,14 +98,14 @@ def scans_into(first, last, R, z, *given):
     z (n, capacity, p). What is given is the rest of what `_scans_into` takes."""
     p = len(R)
     _scans_into(
-        first, last, np.zeros(p), np.empty(p), np.empty(p), factor(R), words_for(z.shape[1]), z, *given
+        first, last, np.zeros(p), np.empty(p), np.empty(p), factor(R), buffer_for(z.shape[1]), z, *given
     )
 
 
-@uncounted
+@leaf_kernel
 def _scans_into(
-    first, last, centre, heard, normal, L, words,
-    z, mask, origin, was, view, carried, chance, key, expected, of, t, estimates,
+    first, last, centre, measurement, normal, L, buffer,
+    z, mask, origin, was, view, window_motion, chance, key, expected, of, t, estimates,
 ):  # fmt: skip
     """Scan t[i] of the episode with key[i] (n, 2), or nothing where it has none of that number. What the
     sensor would say of the truth without noise is `expected` (m, T, p), in the row of[i]; the target's
@@ -109,15 +114,17 @@ def _scans_into(
     for i in range(first, last):
         k, place, now = 0, -1, t[i]
         if now < expected.shape[1]:
-            carry_into(centre, carried, estimates[i])
-            for c in range(len(heard)):
-                heard[c] = expected[of[i], now, c]
-            luck, slot = hear(heard, key[i], now, L, normal)
-            k, place = scan_by(z[i], view, key[i], now, centre, heard, luck < chance, slot, words)
+            centre_into(centre, window_motion, estimates[i])
+            for c in range(len(measurement)):
+                measurement[c] = expected[of[i], now, c]
+            detection_draw, slot = add_noise(measurement, key[i], now, L, normal)
+            k, place = scan_by(
+                z[i], view, key[i], now, centre, measurement, detection_draw < chance, slot, buffer
+            )
         label_into(z[i], mask[i], origin[i], was[i], k, place)
 
 
-@uncounted
+@leaf_kernel
 def label_into(z, mask, origin, was, k, place):
     """Tells of a scan of k detections in the rows of z (capacity, p): mask (capacity,) 1 for a detection and
     0 for none, origin (capacity,) 0 in the target's row `place`, unless that is -1, then -1, and -2 for no
@@ -137,10 +144,10 @@ def label_into(z, mask, origin, was, k, place):
     was[0], was[1] = k, place
 
 
-@uncounted
-def carry_into(centre, carried, estimate):
+@leaf_kernel
+def centre_into(centre, window_motion, estimate):
     """Where the next scan's window stands (p,) after the estimate (d,): nowhere else for no motion."""
-    F, offset, H = carried
+    F, offset, H = window_motion
     d = len(F)
     for c in range(len(H)):
         centre[c] = 0.0
@@ -151,7 +158,7 @@ def carry_into(centre, carried, estimate):
             centre[c] += H[c, i] * moved
 
 
-@uncounted
+@leaf_kernel
 def insert_into(z, k, place, target):
     """Puts the target (p,) in its place among the first k rows of z, whose order says nothing; the row that
     stood there becomes the last. Returns k + 1 and the place."""
@@ -161,13 +168,13 @@ def insert_into(z, k, place, target):
     return k + 1, place
 
 
-@uncounted
-def clutter_into(z, view, key, t, centre, words):
+@leaf_kernel
+def clutter_into(z, view, key, t, centre, buffer):
     """Clutter of scan t, uniform in the window placed at centre (p,), one point a row of z (capacity, p), by
-    way of `words_for` as many; returns how many, always less than the rows."""
+    way of `buffer_for` as many; returns how many, always less than the rows."""
     at = (t, ZERO, ZERO)
     k = min(poisson(view.clutter_rate, key, COUNT, at), len(z) - 1)
-    points_into(z, k, view.low, view.high, centre, key, PLACES, at, words)
+    points_into(z, k, view.low, view.high, centre, key, PLACES, at, buffer)
     return k
 
 
@@ -196,8 +203,8 @@ def ground_into(z, view, key, t, centre, slot):
             # squares are counted from 1: 0 is where the episode's other streams are
             at = (t, i + 1, j + 1)
             points = np.empty((poisson(expected, key, GROUND_COUNT, at), 3))
-            words = words_for(len(points))
-            points_into(points, len(points), none, one, none, key, GROUND_PLACES, at, words)
+            buffer = buffer_for(len(points))
+            points_into(points, len(points), none, one, none, key, GROUND_PLACES, at, buffer)
             for n in range(len(points)):
                 x, y = corner[0] + CELL * (i + points[n, 0]), corner[1] + CELL * (j + points[n, 1])
                 if low[0] <= x <= high[0] and low[1] <= y <= high[1] and k < len(z) - 1:

@@ -11,11 +11,11 @@ from scipy.special import pdtr, pdtrik
 from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model
-from gmr_gym.models.sensing import Sensing
-from gmr_gym.simulation.philox import words_for
-from gmr_gym.simulation.scans import View, carry_into, clutter_into, hear_all, insert_into, scan_into
+from gmr_gym.models.sensing import MeasurementModel
+from gmr_gym.simulation.philox import buffer_for
+from gmr_gym.simulation.scans import View, centre_into, clutter_into, insert_into, measure_all, scan_into
 
-Loss = Callable[[Gates, np.ndarray, np.ndarray], bool]
+LossRule = Callable[[Gates, np.ndarray, np.ndarray], bool]
 UNUSED = np.random.default_rng(0)
 NOWHERE = np.empty(0)  # m, the corners of no region
 
@@ -34,7 +34,7 @@ class Window(NamedTuple):
     high: np.ndarray  # (p,), m
     follows: bool
     # whether the sensor sees nothing outside: not so where the paper's truth runs along the edge
-    ends_sight: bool = True
+    limits_view: bool = True
 
     @property
     def volume(self) -> float:
@@ -53,7 +53,7 @@ class Scenario:
 
     model: Model
     truth: Callable[[np.random.Generator], Truth]
-    sensor: Sensing  # the world's own; model.sensor is what the tracker believes
+    sensor: MeasurementModel  # the world's own; model.sensor is what the tracker believes
     detection_probability: float
     clutter_rate: float  # expected false detections in the window, a scan
     window: Window
@@ -61,7 +61,7 @@ class Scenario:
     period: float  # s
     position: tuple[int, ...]  # which states are coordinates, m
     velocity: tuple[int, ...]  # which states are velocities, m/s
-    off_target: Loss  # (gates, true state, target's detection) -> is the target out of sight?
+    loss_rule: LossRule  # (gates, true state, target's detection) -> is the target out of sight?
     patience: int  # scans in a row off target that make a track lost
     cutoff: float  # m, an error beyond counts as this much
     region: Window | None = None  # in the plane: where there is clutter and sight; None for all of the window
@@ -77,8 +77,8 @@ class Scenario:
         if self.window.follows:
             motion, sensor = self.model.motions[0], self.model.sensor
             if not isinstance(sensor, Sensor):
-                return sensor.observed(motion.F @ estimate + motion.offset)
-            carry_into(centre, (motion.F, motion.offset, sensor.H), np.asarray(estimate, float))
+                return sensor.measure(motion.F @ estimate + motion.offset)
+            centre_into(centre, (motion.F, motion.offset, sensor.H), np.asarray(estimate, float))
         return centre
 
 
@@ -103,14 +103,14 @@ class Scan(NamedTuple):
 def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
     """One episode: its truth drawn by a generator of its own, and of its detections and clutter, which are
     functions of the seed's key and of a scan's number, the part that waits for no estimate."""
-    x, mode = true(scenario, seed)
-    key, z = key_of(seed), np.array(scenario.sensor.observed(x))
-    luck, slot = hear_all(z, key, scenario.sensor.R)
-    z, possible = scenario.sensor.settled(z)
-    return Episode(x, mode, z, (luck < scenario.detection_probability) & possible, slot, key)
+    x, mode = draw_truth(scenario, seed)
+    key, z = key_of(seed), np.array(scenario.sensor.measure(x))
+    detection_draw, slot = measure_all(z, key, scenario.sensor.R)
+    z, possible = scenario.sensor.wrap_and_validate(z)
+    return Episode(x, mode, z, (detection_draw < scenario.detection_probability) & possible, slot, key)
 
 
-def true(scenario: Scenario, seed: int | np.random.SeedSequence) -> Truth:
+def draw_truth(scenario: Scenario, seed: int | np.random.SeedSequence) -> Truth:
     """The truth of the episode of a seed."""
     # a script draws nothing, and a generator of its own would take as long as ten scans
     return scenario.truth(UNUSED if is_scripted(scenario) else stream(seed, 0))
@@ -150,17 +150,17 @@ def capacity(clutter_rate: float) -> int:
     return int(quantile - (pdtr(quantile - 1, clutter_rate) >= share)) + 1  # rounding may step over it
 
 
-def viewed(scenario: Scenario) -> View:
+def view_of(scenario: Scenario) -> View:
     """What `scan_into` has to know of the scenario."""
-    low, high, _, ends_sight = scenario.window
+    low, high, _, limits_view = scenario.window
     region = scenario.region
     corners = (NOWHERE, NOWHERE) if region is None else (region.low, region.high)
-    return View(float(scenario.clutter_rate), low, high, bool(ends_sight), *corners)
+    return View(float(scenario.clutter_rate), low, high, bool(limits_view), *corners)
 
 
-def carried(scenario: Scenario) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """F (d, d), offset (d,) and H (p, d) by which `carry_into` places the window, empty where it stands fast;
-    None where the sensor is not linear."""
+def window_motion(scenario: Scenario) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """F (d, d), offset (d,) and H (p, d) by which `centre_into` places the window, empty where it stands
+    fast; None where the sensor is not linear."""
     motion, sensor = scenario.model.motions[0], scenario.model.sensor
     if not isinstance(sensor, Sensor):
         return None
@@ -174,7 +174,7 @@ def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Sc
     z = np.empty((capacity(scenario.clutter_rate), len(centre)))
     if not scenario.window.follows:
         centre = np.zeros(len(centre))
-    k, place = make_scan(z, scenario, viewed(scenario), episode, t, centre)
+    k, place = make_scan(z, scenario, view_of(scenario), episode, t, centre)
     origin = np.full(k, -1)
     if place >= 0:
         origin[place] = 0
@@ -192,11 +192,11 @@ def make_scan(
 
 def _settled_into(scenario, z, view, key, t, centre, target, detected, slot) -> tuple[int, int]:
     """`scan_into` for a sensor that reports not every point of its space, and not all where they fell."""
-    k = clutter_into(z, view, key, t, centre, words_for(len(z)))
-    settled, possible = scenario.sensor.settled(z[:k])
+    k = clutter_into(z, view, key, t, centre, buffer_for(len(z)))
+    settled, possible = scenario.sensor.wrap_and_validate(z[:k])
     settled = settled[possible]
     k = len(settled)
     z[:k] = settled
     away = scenario.sensor.relative(target, centre) if scenario.window.follows else target
-    seen = detected and (not view.ends_sight or bool(((view.low <= away) & (away <= view.high)).all()))
+    seen = detected and (not view.limits_view or bool(((view.low <= away) & (away <= view.high)).all()))
     return insert_into(z, k, int(slot * (k + 1)), target) if seen else (k, -1)

@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.filters.mht import MOST
+from gmr_gym.filters.mht import MAX_HYPOTHESES
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import root_determinants
-from gmr_gym.models.gating import Gates, gate_size, volumes
+from gmr_gym.models.gating import Gates, gate_threshold, volumes
 from gmr_gym.models.kalman import innovation
 from gmr_gym.models.model import Model
-from gmr_gym.reduction.merge_cost import cost_of_all
+from gmr_gym.reduction.merge_cost import total_cost
 
 # In this order, and scaled so that most of them lie within [-1, 1] most of the time. n: hypotheses of the
 # full posterior, w: their weights, c: cost of merging them all, S = H P H' + R: covariance of a detection,
@@ -42,14 +42,14 @@ FEATURES = (
     "manoeuvre",  # log10(tr(H Q H') / tr(R)) / 2 + 0.5, Q the noise of the motion it is told
 )
 BOUND = 2.0  # no feature lies outside +- this
-LOG_MOST = log(MOST)
+LOG_MOST = log(MAX_HYPOTHESES)
 
 
 class Memory(NamedTuple):
     """What a policy knows of the scan before."""
 
     kept: int  # hypotheses
-    given_up: float  # see `thresholds.adapt`
+    relative_loss: float  # see `thresholds.adapt`
     work: int
 
 
@@ -58,11 +58,11 @@ def at_start(model: Model) -> Memory:
     return Memory(len(model.prior.w), 0.0, 0)
 
 
-def told(model: Model) -> np.ndarray:
+def model_features(model: Model) -> np.ndarray:
     """The features "clutter", "detection" and "manoeuvre" (3,): what the model says, and goes on saying for
     the whole of an episode. Its sensor must be linear."""
     H, R = model.sensor.H, model.sensor.R
-    area = volumes(Gates(np.zeros((1, len(R))), R[None], gate_size(model.gate_probability, len(R))))[0]
+    area = volumes(Gates(np.zeros((1, len(R))), R[None], gate_threshold(model.gate_probability, len(R))))[0]
     index = np.trace(H @ model.motion.Q @ H.T) / np.trace(R)
     return np.array([
         np.log10(model.clutter_density * area),
@@ -72,10 +72,11 @@ def told(model: Model) -> np.ndarray:
 
 
 @kernel
-def observe(w, m, P, detection, log_density, S, H, R, log_odds, known, kept, given_up, work):
+def observe(w, m, P, detection, log_density, S, H, R, log_weights, known, kept, relative_loss, work):
     """FEATURES (k,) of a scan's full posterior w, m, P, each within +-BOUND, the cost of merging everything,
     and how many hypotheses have a detection, of log N(z; H m, S) `log_density`. S are the covariances of the
-    predicted hypotheses' gates, `known` is `told` of the model, `log_odds` is log(P_D / lambda), and the rest
+    predicted hypotheses' gates, `known` is `model_features` of the model,
+    `log_weights` is log(P_D / lambda), and the rest
     is the Memory. Features do not depend on the order of the hypotheses."""
     entropy, square, first, second, hit, evidence = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     pairs, over_2, over_3, over_4, over_5 = 0, 0, 0, 0, 0
@@ -92,9 +93,9 @@ def observe(w, m, P, detection, log_density, S, H, R, log_odds, known, kept, giv
         over_5 += v > 1e-5
         if detection[i] >= 0:
             hit += v
-            evidence += v * (log_density[i] + log_odds)
+            evidence += v * (log_density[i] + log_weights)
             pairs += 1
-    cost, mean, covariance = cost_of_all(w, m, P)
+    cost, mean, covariance = total_cost(w, m, P)
     d = len(mean)
     _, whole, _ = innovation(mean.reshape(1, d), covariance.reshape(1, d, d), H, R)
     alone = np.empty((1, *R.shape))
@@ -119,7 +120,7 @@ def observe(w, m, P, detection, log_density, S, H, R, log_odds, known, kept, giv
         2 * cost / (cost + entropy) - 1 if cost > 0.0 else -1.0,
         np.log10(1 + pairs / len(S)),
         evidence / hit / 5 if hit > 0.0 else 0.0,
-        2 * given_up - 1,
+        2 * relative_loss - 1,
         2 * np.log(kept) / LOG_MOST - 1,
         np.log10(1 + work) / 3 - 1,
         # a gate is to one about R alone as the roots of their determinants

@@ -28,7 +28,7 @@ AHEAD = 5  # scans
 FORESEEN = 3  # of HINDSIGHT, the last: they do not depend on the tracker
 
 
-def ahead(scenario: Scenario, episode: Episode) -> np.ndarray:
+def lookahead(scenario: Scenario, episode: Episode) -> np.ndarray:
     """ "turning", "showing" and "noise" (T, 3) of every scan of an episode."""
     T, p = len(episode.x), list(scenario.position)
     x, v = episode.x[:, p], episode.x[:, list(scenario.velocity)]
@@ -43,7 +43,7 @@ def ahead(scenario: Scenario, episode: Episode) -> np.ndarray:
 
 
 @kernel
-def hindsight(w, m, P, H, size, x, left, strayed, foreseen):
+def hindsight(w, m, P, H, size, x, left, scans_off, lookahead_reward):
     """HINDSIGHT (9,), each within +-BOUND, of the full posterior, whose gates have that size, and the true
     state x (d,); `left` scans are to come with this one, and `foreseen` (3,) is the scan's row of `ahead`."""
     p, d = H.shape
@@ -73,13 +73,13 @@ def hindsight(w, m, P, H, size, x, left, strayed, foreseen):
     error = np.sqrt(((mean - target) ** 2).sum())
     values = np.array([
         2 * left / 100 - 1,
-        strayed / 5 - 1,
+        scans_off / 5 - 1,
         np.log10(1 + error) / 1.5 - 1,
         np.log10(0.1 + nearest) / 2,
         2 * min(holding, 1.0) - 1,
         np.log10(hope) / 4 + 1,
-        foreseen[0],
-        foreseen[1],
-        foreseen[2],
+        lookahead_reward[0],
+        lookahead_reward[1],
+        lookahead_reward[2],
     ])  # fmt: skip
     return np.minimum(np.maximum(values, -BOUND), BOUND)

@@ -20,7 +20,7 @@ class Network(NamedTuple):
     """Layers with an activation between them, over features first made of mean 0 and deviation 1."""
 
     features: tuple[str, ...]  # names of what goes in
-    parameters: tuple[str, ...]  # names of what comes out, see `thresholds.decoded`
+    parameters: tuple[str, ...]  # names of what comes out, see `thresholds.from_action`
     mean: np.ndarray  # (k,)
     deviation: np.ndarray  # (k,), positive
     reach: float  # normalised features are clipped to +- this

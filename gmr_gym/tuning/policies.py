@@ -1,8 +1,8 @@
 """Policies that set thresholds: policy(features (k,), t) -> action (j,), t the scan from 0.
 
 The features are those of `gmr_gym.tuning.features`, and the action is what
-`gmr_gym.tuning.thresholds.decoded` takes. A learned policy and those that it has to beat go through the same
-door.
+`gmr_gym.tuning.thresholds.from_action` takes. A learned policy and those that it has to beat go through the
+same door.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gmr_gym.checks import at_least_one
+from gmr_gym.checks import check_count
 from gmr_gym.tuning.features import FEATURES
 from gmr_gym.tuning.network import Network
 
@@ -34,7 +34,7 @@ class Schedule:
     every: int  # scans
 
     def __post_init__(self):
-        at_least_one(self.every, "every")
+        check_count(self.every, "every")
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
         return self.actions[min(t // self.every, len(self.actions) - 1)]
@@ -77,7 +77,7 @@ class Random:
     _action: np.ndarray = field(init=False)
 
     def __post_init__(self):
-        at_least_one(self.every, "every")
+        check_count(self.every, "every")
 
     def watching(self, env: Any) -> "Random":
         """Itself: having a stream, it plays one episode after another and no two at once."""

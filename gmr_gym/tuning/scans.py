@@ -7,13 +7,13 @@ and the posterior that waits for its thresholds.
 import numba
 import numpy as np
 
-from gmr_gym.filters.mht import MOST, expand_scan, odds
+from gmr_gym.filters.mht import MAX_HYPOTHESES, expand_scan, gate_and_log_weights
 from gmr_gym.kernels import kernel, together
-from gmr_gym.reduction.pruning import among_heaviest, heavier, selected_by
+from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
 from gmr_gym.simulation.scans import View, scan_into
-from gmr_gym.simulation.single_target import Episode, Scenario, capacity, viewed
-from gmr_gym.tuning.features import observe, told
-from gmr_gym.tuning.hindsight import FORESEEN, ahead, hindsight
+from gmr_gym.simulation.single_target import Episode, Scenario, capacity, view_of
+from gmr_gym.tuning.features import model_features, observe
+from gmr_gym.tuning.hindsight import FORESEEN, hindsight, lookahead
 from gmr_gym.tuning.instances import SCANS
 from gmr_gym.tuning.thresholds import RANGES, adapt
 
@@ -47,16 +47,16 @@ EPISODE = np.dtype(
         ("scans", "i8"),  # in all; where t is as many, no episode is running
         ("strayed", "i8"),  # scans in a row beyond the cutoff
         ("hypotheses", "i8"),  # of the posterior that may enter a reduction
-        ("w", "f8", (MOST,)),
-        ("m", "f8", (MOST, 4)),
-        ("P", "f8", (MOST, 4, 4)),
+        ("w", "f8", (MAX_HYPOTHESES,)),
+        ("m", "f8", (MAX_HYPOTHESES, 4)),
+        ("P", "f8", (MAX_HYPOTHESES, 4, 4)),
         ("cost", "f8"),  # of merging all of the posterior
         ("gated", "i8"),  # Gaussians updated
         ("kept", "i8"),  # of the scan before: see `Memory`
         ("given_up", "f8"),
         ("work", "i8"),
         ("detected", "u1", (SCANS,)),
-        ("ends_sight", "u1"),
+        ("limits_view", "u1"),
     ],
     align=True,
 )
@@ -76,18 +76,18 @@ STEP = np.dtype(
 
 def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode, patience: int) -> None:
     """Puts an episode of a scenario of `instances.world` into its record (), to be looked at."""
-    view, model, n = viewed(scenario), scenario.model, scenario.horizon
+    view, model, n = view_of(scenario), scenario.model, scenario.horizon
     episode["x"][:n], episode["z"][:n], episode["slot"][:n] = drawn.x, drawn.z, drawn.slot
     episode["detected"][:n], episode["key"] = drawn.detected, drawn.key
-    for name in ("clutter_rate", "low", "high", "ends_sight"):
+    for name in ("clutter_rate", "low", "high", "limits_view"):
         episode[name] = getattr(view, name)
-    episode["ahead"][:n] = ahead(scenario, drawn)
+    episode["ahead"][:n] = lookahead(scenario, drawn)
     episode["capacity"] = capacity(view.clutter_rate)
     episode["cutoff"], episode["patience"] = scenario.cutoff, patience
     episode["prior"], episode["prior_covariance"] = model.prior.m, model.prior.P
     episode["F"], episode["Q"], episode["offset"] = model.motion
     episode["H"], episode["R"] = model.sensor.H, model.sensor.R
-    episode["odds"], episode["known"] = odds(model), told(model)
+    episode["odds"], episode["known"] = gate_and_log_weights(model), model_features(model)
     episode["t"], episode["scans"], episode["strayed"] = -1, n, 0
     episode["kept"], episode["given_up"], episode["work"] = 1, 0.0, 0
 
@@ -118,7 +118,7 @@ def step(episodes, rows, thresholds, price, steps, observations):
         w, m, P, estimate = np.ones(1), e.prior[:], e.prior_covariance[:], e.prior[0]
         if e.t >= 0:
             n = e.hypotheses
-            w, m, P, estimate, _, e.given_up, e.work = adapt(
+            w, m, P, estimate, _, e.relative_loss, e.work = adapt(
                 e.w[:n], e.m[:n], e.P[:n], thresholds[i], e.cost, e.gated
             )
             e.kept = len(w)
@@ -140,12 +140,12 @@ def score(e, estimate, thresholds, price, out):
             away += e.H[r, c] * (estimate[c] - e.x[e.t, c])
         squared += away * away
     error = np.sqrt(squared)
-    e.strayed = e.strayed + 1 if error > e.cutoff else 0
+    e.scans_off = e.scans_off + 1 if error > e.cutoff else 0
     out.reward = -min(error / e.cutoff, 1.0) - price * e.work
     out.error, out.work, out.components = error, e.work, e.kept
     for i in range(len(thresholds)):
         out.thresholds[i] = thresholds[i]
-    out.terminated = e.strayed >= e.patience
+    out.terminated = e.scans_off >= e.patience
     out.truncated = left == 0 and not out.terminated
     if out.terminated:
         out.reward -= left
@@ -165,7 +165,7 @@ def look(e, w, m, P, estimate, observation):
         for c in range(d):
             centre[r] += e.H[r, c] * ahead[c]
     nowhere = np.empty(0)
-    view = View(e.clutter_rate, e.low[:], e.high[:], e.ends_sight > 0, nowhere, nowhere)
+    view = View(e.clutter_rate, e.low[:], e.high[:], e.limits_view > 0, nowhere, nowhere)
     z = np.empty((e.capacity, p))
     k, _ = scan_into(z, view, e.key[:], t, centre, e.z[t], e.detected[t] > 0, e.slot[t])
     size, log_miss, log_detect = e.odds[0], e.odds[1], e.odds[2]
@@ -173,14 +173,26 @@ def look(e, w, m, P, estimate, observation):
         w, m, P, e.F[:], e.Q[:], e.offset[:], e.H[:], e.R[:], size, log_miss, log_detect, z[:k]
     )
     seen, e.cost, e.gated = observe(
-        w, m, P, detection, log_density, S, e.H[:], e.R[:], log_detect, e.known[:], e.kept, e.given_up, e.work
+        w,
+        m,
+        P,
+        detection,
+        log_density,
+        S,
+        e.H[:],
+        e.R[:],
+        log_detect,
+        e.known[:],
+        e.kept,
+        e.relative_loss,
+        e.work,
     )
     for f in range(len(seen)):
         observation[f] = seen[f]
     if len(observation) > len(seen):
         observation[len(seen) :] = hindsight(
-            w, m, P, e.H[:], size, e.x[t], e.scans - t, e.strayed, e.ahead[t]
+            w, m, P, e.H[:], size, e.x[t], e.scans - t, e.scans_off, e.ahead[t]
         )
-    w, m, P, _ = selected_by(w, m, P, among_heaviest(w, len(e.w)) & heavier(w, w, LEAST))
+    w, m, P, _ = select(w, m, P, heaviest_mask(w, len(e.w)) & above_threshold(w, w, LEAST))
     e.hypotheses = n = len(w)
     e.w[:n], e.m[:n], e.P[:n] = w, m, P

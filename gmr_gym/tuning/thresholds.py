@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.filters.mht import MOST, merge_costs, reduce_scan
+from gmr_gym.filters.mht import MAX_HYPOTHESES, merge_costs, reduce_scan
 from gmr_gym.kernels import kernel
 from gmr_gym.points import check_unmasked
-from gmr_gym.reduction.merge_cost import cost_of_all
+from gmr_gym.reduction.merge_cost import total_cost
 
 
 class Thresholds(NamedTuple):
@@ -20,7 +20,7 @@ class Thresholds(NamedTuple):
     components: int = 100  # N_M: merging goes on past alpha down to so many
 
 
-PAPER = Thresholds()
+DORTENZIO = Thresholds()
 # An action of -1 and of 1; in between it is the logarithm that is linear. Below 1e-4 alpha merges next to
 # nothing and above a half everything that matters is gone. gamma multiplies the work by about three a decade,
 # and at 1e-2 it leaves a few hypotheses.
@@ -29,7 +29,7 @@ RANGES = {"alpha": (1e-4, 0.5), "prune": (1e-6, 1e-2), "prune_density": (1e-14, 
 LIMITS, COMPONENTS = np.array(list(RANGES.values()), float), list(RANGES).index("components")
 
 
-def decoded(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = PAPER) -> Thresholds:
+def from_action(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = DORTENZIO) -> Thresholds:
     """The thresholds that an action (k,) in [-1, 1] stands for, one of `parameters` each, on a logarithmic
     scale over RANGES; the others are those of `rest`. Raises ValueError for another shape, and for a number
     that is not finite or outside the box."""
@@ -45,13 +45,13 @@ def decoded(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = PA
         )
     if not (np.abs(action) <= 1).all():
         raise ValueError(f"action must be finite and within [-1, 1], got {action.tolist()}")
-    row = decode(action[None], places(parameters), np.array(rest, float))[0].tolist()
+    row = from_actions(action[None], threshold_index(parameters), np.array(rest, float))[0].tolist()
     return Thresholds(*row)._replace(components=int(row[COMPONENTS]))
 
 
 def check_actions(actions: np.ndarray, n: int, parameters: Sequence[str], used: np.ndarray) -> np.ndarray:
-    """Actions (n, k) as floats; ValueError for another shape, and for what `decoded` refuses in one that is
-    `used` (n,)."""
+    """Actions (n, k) as floats; ValueError for another shape, and for what `from_action` refuses in one that
+    is `used` (n,)."""
     shape = n, len(parameters)
     check_unmasked("actions", actions)
     try:
@@ -72,14 +72,14 @@ def check_actions(actions: np.ndarray, n: int, parameters: Sequence[str], used: 
     return actions
 
 
-def places(parameters: Sequence[str]) -> np.ndarray:
+def threshold_index(parameters: Sequence[str]) -> np.ndarray:
     """Where the named thresholds stand (k,) among all."""
     return np.array([Thresholds._fields.index(name) for name in parameters])
 
 
 @kernel
-def decode(actions, places, rest):
-    """`decoded` for actions (n, k) that set the thresholds at `places` (k,): rows (n, 4)."""
+def from_actions(actions, places, rest):
+    """`from_action` for actions (n, k) that set the thresholds at `places` (k,): rows (n, 4)."""
     out = np.empty((len(actions), len(rest)))
     for i in range(len(actions)):
         out[i] = rest
@@ -90,9 +90,9 @@ def decode(actions, places, rest):
     return out
 
 
-def encoded(thresholds: Thresholds, parameters: Sequence[str]) -> np.ndarray:
-    """The action (k,) that stands for the thresholds named in `parameters`: `decoded` backwards. ValueError
-    for one outside its range."""
+def to_action(thresholds: Thresholds, parameters: Sequence[str]) -> np.ndarray:
+    """The action (k,) that stands for the thresholds named in `parameters`: `from_action` backwards.
+    ValueError for one outside its range."""
     action = np.empty(len(parameters))
     for i, name in enumerate(parameters):
         value, (low, high) = getattr(thresholds, name), RANGES[name]
@@ -123,9 +123,9 @@ def adapt(w, m, P, thresholds, cost, gated):
     from it; and the work, Gaussians that were updated and costs of pairs that were evaluated."""
     alpha, prune, density = thresholds[0], thresholds[1], thresholds[2]
     w, m, P, entered, left = reduce_scan(
-        w, m, P, prune, np.int64(MOST), int(thresholds[COMPONENTS]), alpha, density
+        w, m, P, prune, np.int64(MAX_HYPOTHESES), int(thresholds[COMPONENTS]), alpha, density
     )
-    after, mean, covariance = cost_of_all(w, m, P)
+    after, mean, covariance = total_cost(w, m, P)
     # what is left of the greedy way to one Gaussian is the cost of what is left, see `total_merge_cost`
-    given_up = max(0.0, 1 - after / cost) if cost > 0.0 else 0.0
-    return w, m, P, mean, covariance, given_up, gated + merge_costs(entered, left)
+    relative_loss = max(0.0, 1 - after / cost) if cost > 0.0 else 0.0
+    return w, m, P, mean, covariance, relative_loss, gated + merge_costs(entered, left)

@@ -26,7 +26,7 @@ from recurrent import remembering  # noqa: E402
 from gmr_gym.tuning.features import FEATURES  # noqa: E402
 from gmr_gym.tuning.hindsight import HINDSIGHT  # noqa: E402
 from gmr_gym.tuning.network import load, save  # noqa: E402
-from gmr_gym.tuning.thresholds import PAPER, Thresholds, encoded  # noqa: E402
+from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, to_action  # noqa: E402
 
 CONTRIB = find_spec("sb3_contrib")
 FEW = {"ppo": {"n_steps": 32, "batch_size": 64, "n_envs": 4}, "sac": {"learning_starts": 50, "n_envs": 4}}
@@ -138,7 +138,7 @@ def test_the_exported_policy_says_what_the_model_predicts_whatever_the_critic_kn
 def test_an_untrained_policy_is_about_the_papers_thresholds(tmp_path, algorithm):
     run = Run(tmp_path / "run", shortened(tmp_path, algorithm, 256))
     action, _ = run.model.predict(run.venv.reset(), deterministic=True)
-    wanted = np.tile(encoded(PAPER, ("alpha", "prune")), (len(action), 1))
+    wanted = np.tile(to_action(DORTENZIO, ("alpha", "prune")), (len(action), 1))
     np.testing.assert_allclose(action, wanted, atol=0.1)
 
 

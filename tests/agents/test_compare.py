@@ -21,12 +21,12 @@ from judge import Episodes, played  # noqa: E402
 from report import markdown, plain  # noqa: E402
 
 from gmr_gym.envs.tuning import ReductionTuningEnv  # noqa: E402
-from gmr_gym.evaluation.summary import Figure  # noqa: E402
+from gmr_gym.evaluation.summary import Estimate  # noqa: E402
 from gmr_gym.tuning.features import FEATURES  # noqa: E402
 from gmr_gym.tuning.instances import Instance  # noqa: E402
 from gmr_gym.tuning.network import Network, save  # noqa: E402
 from gmr_gym.tuning.policies import ByTable, Constant, Random, Rule, Schedule  # noqa: E402
-from gmr_gym.tuning.thresholds import PAPER, encoded  # noqa: E402
+from gmr_gym.tuning.thresholds import DORTENZIO, to_action  # noqa: E402
 
 SHORT = Instance("sure", "jump-markov-7", 0, 0.3, 40.0, 0.95, 6.0, 6.5, 2.0)  # 44 scans
 LOST = SHORT._replace(instance_id="lost", manoeuvre=3.0, told_acceleration_deviation=0.05)
@@ -177,7 +177,7 @@ def test_an_instance_that_noise_hides_is_left_with_what_is_best_for_all():
 
 
 def test_an_episode_of_a_constant_is_that_of_the_environment(table):
-    action = encoded(PAPER, NAMES)
+    action = to_action(DORTENZIO, NAMES)
     found = played({"paper": Constant(action)}, table, 2, jobs=1)["paper"]
     env = ReductionTuningEnv(instances=table)
     for place, row in enumerate((SHORT, LOST)):
@@ -376,9 +376,13 @@ def test_a_policy_of_other_thresholds_and_a_file_without_a_constant_are_refused(
 
 
 def test_nan_becomes_null_and_a_dash():
-    assert plain({"a": Figure(1.0), "b": [2, np.nan]}) == {"a": [1.0, None, None], "b": [2, None]}
-    row = {name: Figure(np.nan) for name in ("track_loss", "error_kept", "error_capped", "reward")}
-    row |= {"work_ratio": Figure(0.5, 0.4, 0.6), "work_iqm_ratio": Figure(1.0), "improvement": Figure(0.5)}
+    assert plain({"a": Estimate(1.0), "b": [2, np.nan]}) == {"a": [1.0, None, None], "b": [2, None]}
+    row = {name: Estimate(np.nan) for name in ("track_loss", "error_kept", "error_capped", "reward")}
+    row |= {
+        "work_ratio": Estimate(0.5, 0.4, 0.6),
+        "work_iqm_ratio": Estimate(1.0),
+        "improvement": Estimate(0.5),
+    }
     text = markdown(
         "x",
         {"shape": {"a": (1, 0, 2)}, "instances": [], "competitors": {}, "against": {"a": row}, "split": {}},

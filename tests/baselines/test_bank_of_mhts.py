@@ -8,10 +8,16 @@ import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baselines.banks import mmae_pda
+from baselines.bank_of_mhts import (
+    BankOfMhts,
+    equivalent_residual,
+    imm_of_mhts,
+    mmae_of_mhts,
+    single_model_mht,
+)
 from baselines.imm_pda import ImmPda
 from baselines.mht import Mht
-from baselines.mhts import Mhts, equivalent_residual, imm_of_mhts, mmae_of_mhts, of_one_motion
+from baselines.mht_of_banks import mmae_pda
 from gmr_gym.filters.association import expand
 from gmr_gym.filters.filter_bank import floored
 from gmr_gym.filters.registry import make_tracker
@@ -92,7 +98,9 @@ def by_hand(told, scans, mixing, floor, restart):
 def test_unreduced_but_by_mixing_it_is_maybecks_filter_written_out(mixing, restart):
     told = reference.jumping_model(2, 2, axes=1, detection_probability=0.9)._replace(gate_probability=1.0)
     scans = reference.flown(told, 3, np.random.default_rng(8), clutter=1)
-    tracker = Mhts(told, keep, mixing, 0.05, restart, prune_weight=0.0, most=10**6, hopeless=np.inf)
+    tracker = BankOfMhts(
+        told, keep, mixing, 0.05, restart, prune_weight=0.0, max_hypotheses=10**6, give_up_ratio=np.inf
+    )
     hand = list(by_hand(told, scans, mixing, 0.05, restart))
     for (_, report), (chances, mean, covariance, _) in zip(flight(tracker, scans), hand, strict=True):
         np.testing.assert_allclose(report.modes, chances, rtol=1e-8)
@@ -137,9 +145,11 @@ def plain_mht(told, scans, components):
     for z in scans:
         p = predict(p, told.motion)
         own = gates(p, told.sensor, told.gate_probability)
-        listed = z[[any(mahalanobis(point, own, i) <= own.size for i in range(len(own.z))) for point in z]]
+        listed = z[
+            [any(mahalanobis(point, own, i) <= own.threshold for i in range(len(own.z))) for point in z]
+        ]
         p = expand(
-            p, own._replace(size=np.inf), told.sensor, listed,
+            p, own._replace(threshold=np.inf), told.sensor, listed,
             told.detection_probability, told.gate_probability, told.clutter_density,
         ).mixture  # fmt: skip
         p = normalised(integral_squared_error(normalised(prune(p, 1e-5)[0]), components)[0])
@@ -158,7 +168,7 @@ def test_of_one_motion_is_the_mht_that_knows_no_other():
         z + 30 * np.random.default_rng(i).standard_normal((4, 2))
         for i, z in enumerate(draw(agile_flight(), 1).z[:30])
     ]
-    mine = flight(of_one_motion(told, 10, mode=1, prune_weight=1e-3), scans)
+    mine = flight(single_model_mht(told, 10, mode=1, prune_weight=1e-3), scans)
     theirs = flight(Mht(alone, reducer("runnalls", 10), 1e-3, 0.0), scans)
     for (_, a), (_, b) in zip(mine, theirs, strict=True):
         np.testing.assert_allclose(a.x, b.x, rtol=1e-9, atol=1e-9)
@@ -175,7 +185,9 @@ def test_the_equivalent_residual_is_that_of_the_hypotheses_with_a_detection(seed
     S = sensor.H @ predicted.P @ sensor.H.T + sensor.R
     gates = Gates(predicted.m @ sensor.H.T, S, np.inf)
     expansion = expand(predicted, gates, sensor, z, 0.7, 1.0, 0.1)
-    log_density = equivalent_residual(predicted, expansion, sensor.look(predicted, *gates[:2], z))
+    log_density = equivalent_residual(
+        predicted, expansion, sensor.predict_detections(predicted, *gates[:2], z)
+    )
     w = [
         predicted.w[i] * reference.gaussian_density(point, gates.z[i], S[i]) for i in range(n) for point in z
     ]
@@ -195,10 +207,13 @@ def test_a_filter_that_has_lost_its_target_is_not_taken_for_the_best():
     expansion = expand(predicted, gates, told.sensor, z, 1.0, 0.99, 1e-4)
     assert expansion.mixture.w[expansion.detection >= 0].sum() < 1e-300
     wanted = -0.5 * 1000.0**2 / S[0, 0, 0] - np.log(2 * np.pi * S[0, 0, 0])
-    look = told.sensor.look(predicted, *gates[:2], z)
+    look = told.sensor.predict_detections(predicted, *gates[:2], z)
     assert equivalent_residual(predicted, expansion, look) == pytest.approx(wanted)
     nothing = expand(predicted, gates, told.sensor, z[:0], 1.0, 0.99, 1e-4)
-    assert equivalent_residual(predicted, nothing, told.sensor.look(predicted, *gates[:2], z[:0])) == 0.0
+    assert (
+        equivalent_residual(predicted, nothing, told.sensor.predict_detections(predicted, *gates[:2], z[:0]))
+        == 0.0
+    )
 
 
 @pytest.mark.parametrize(
@@ -208,10 +223,10 @@ def test_a_filter_that_has_lost_its_target_is_not_taken_for_the_best():
         (mmae_of_mhts, {"restart": np.nan}, "restart must be a density, 0 for never, got nan"),
         (imm_of_mhts, {"reduction": "isse"}, "unknown reduction 'isse'; did you mean 'ise'"),
         (imm_of_mhts, {"components": 0}, "components must be"),
-        (imm_of_mhts, {"most": 0}, "most must be a whole number, at least 1, got 0"),
-        (partial(of_one_motion, mode=2), {}, "mode must be one of the 2 motions, counted from 0, got 2"),
+        (imm_of_mhts, {"max_hypotheses": 0}, "max_hypotheses must be a whole number, at least 1, got 0"),
+        (partial(single_model_mht, mode=2), {}, "mode must be one of the 2 motions, counted from 0, got 2"),
         *(
-            (partial(of_one_motion, mode=mode), {}, "mode must be one of the 2 motions")
+            (partial(single_model_mht, mode=mode), {}, "mode must be one of the 2 motions")
             for mode in (-1, 1.0, True, "x")
         ),
     ],
@@ -224,7 +239,7 @@ def test_a_wrong_parameter_is_refused_when_the_tracker_is_made(build, wrong, mes
 def test_filters_that_diverge_begin_anew_even_from_motions_called_impossible():
     told = agile_flight().model._replace(mode_prior=np.array([1.0, 0.0]), detection_probability=0.9)
     z = told.sensor.H @ told.prior.m[0] + 110.0 + np.array([[27.0, 0.0]])
-    belief, alone = mmae_of_mhts(told, floor=0.0).init(), of_one_motion(told, mode=1)
+    belief, alone = mmae_of_mhts(told, floor=0.0).init(), single_model_mht(told, mode=1)
     belief, _ = mmae_of_mhts(told, floor=0.0, restart=0.0).step(belief, z)
     # between the two motions' densities: the benign one diverges, the other has no probability
     densities = [told_density(told, p, belief.each[p], z) for p in (0, 1)]
@@ -238,6 +253,8 @@ def test_filters_that_diverge_begin_anew_even_from_motions_called_impossible():
 
 def told_density(told, mode, p, z):
     predicted = predict(p, told.motions[mode])
-    looked = gates(predicted, told.sensor, told.gate_probability)._replace(size=np.inf)
+    looked = gates(predicted, told.sensor, told.gate_probability)._replace(threshold=np.inf)
     expansion = expand(predicted, looked, told.sensor, z, 0.9, told.gate_probability, told.clutter_density)
-    return equivalent_residual(predicted, expansion, told.sensor.look(predicted, *looked[:2], z))
+    return equivalent_residual(
+        predicted, expansion, told.sensor.predict_detections(predicted, *looked[:2], z)
+    )

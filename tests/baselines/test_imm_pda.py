@@ -9,15 +9,15 @@ import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baselines.banks import Banks
 from baselines.imm_pda import ImmPda
+from baselines.mht_of_banks import MhtOfBanks
 from gmr_gym.evaluation.loop import play
-from gmr_gym.filters.filter_bank import leave_alone, mixed
+from gmr_gym.filters.filter_bank import imm_mix, no_interaction
 from gmr_gym.filters.registry import make_tracker, trackers
-from gmr_gym.filters.tracker import ALL
+from gmr_gym.filters.tracker import UNLIMITED
 from gmr_gym.mixture import collapsed, gaussian
 from gmr_gym.models.kalman import Motion
-from gmr_gym.models.model import told_by
+from gmr_gym.models.model import with_radar_update
 from gmr_gym.models.radar import UPDATES, cartesian, spherical
 from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.simulation.single_target import draw, scan
@@ -27,9 +27,17 @@ ONE_MOTION = {"runnalls", "adaptive", "capping", "ise", "salmond", "west", "pda"
 OF_A_RADAR = sorted(set(trackers()) - {"learned-thresholds"})
 
 
-def general(told, hopeless=20.0):
+def general(told, give_up_ratio=20.0):
     """The engine of many hypotheses, all merged into one after every scan."""
-    return Banks(told, one_left, mixed, leave_alone, prune_weight=0.0, most=ALL, hopeless=hopeless)
+    return MhtOfBanks(
+        told,
+        one_left,
+        imm_mix,
+        no_interaction,
+        prune_weight=0.0,
+        max_hypotheses=UNLIMITED,
+        give_up_ratio=give_up_ratio,
+    )
 
 
 def one_left(p):
@@ -73,7 +81,7 @@ def assert_same(got, wanted, rtol=1e-8):
     same((belief.m, belief.P), (other.m, other.P), rtol)
     same((report.x, report.P), (wish.x, wish.P), rtol)
     np.testing.assert_allclose(report.modes, wish.modes, rtol=rtol, atol=1e-14)
-    assert report.gates.z.shape == wish.gates.z.shape and report.gates.size == wish.gates.size
+    assert report.gates.z.shape == wish.gates.z.shape and report.gates.threshold == wish.gates.threshold
     np.testing.assert_allclose(report.gates.z, wish.gates.z, rtol=rtol, atol=rtol)
     np.testing.assert_allclose(
         report.gates.S, wish.gates.S, rtol=rtol, atol=rtol * np.abs(wish.gates.S).max()
@@ -83,9 +91,9 @@ def assert_same(got, wanted, rtol=1e-8):
     assert report.alive == wish.alive
 
 
-def flown_alike(told, scans, hopeless=20.0):
+def flown_alike(told, scans, give_up_ratio=20.0):
     """Belief and report after each scan, the same by both."""
-    fast, slow = ImmPda(told, hopeless), general(told, hopeless)
+    fast, slow = ImmPda(told, give_up_ratio), general(told, give_up_ratio)
     belief, other, out = fast.init(), slow.init(), []
     for z in scans:
         belief, report = fast.step(belief, z)
@@ -105,7 +113,7 @@ def test_imm_pda_is_the_engine_of_many_hypotheses_with_one(count, axes):
     scans = reference.flown(told, 20, np.random.default_rng(axes), clutter=4)
     scans[3] = scans[3][:0]
     scans[4] = np.empty((0, 0))
-    out = flown_alike(told, scans, hopeless=np.inf)
+    out = flown_alike(told, scans, give_up_ratio=np.inf)
     assert all(report.alive for _, report in out)
 
 
@@ -124,7 +132,7 @@ def test_imm_pda_is_the_engine_of_many_hypotheses_where_every_gate_is_empty(sure
 @pytest.mark.parametrize("update", UPDATES)
 def test_imm_pda_is_the_engine_of_many_hypotheses_on_a_radar(regime, update):
     scenario = turning(regime)
-    out = flown_alike(told_by(scenario.model, update), about_the_truth(scenario, 3, 30))
+    out = flown_alike(with_radar_update(scenario.model, update), about_the_truth(scenario, 3, 30))
     # it has something to weigh: both motions are likely at some time
     chances = np.array([report.modes for _, report in out])
     assert chances.min() < 0.5 < chances.max()
@@ -135,7 +143,7 @@ def test_it_gives_up_with_the_engine_of_many_hypotheses_and_then_looks_at_nothin
     scans = [np.empty((0, 2))] * 4 + reference.flown(
         told, 8, np.random.default_rng(0), clutter=30, reach=60.0
     )
-    out = flown_alike(told, scans, hopeless=2.0)
+    out = flown_alike(told, scans, give_up_ratio=2.0)
     alive = [report.alive for _, report in out]
     assert alive[0] and not alive[-1]
     last = alive.index(False) - 1
@@ -151,7 +159,9 @@ def test_it_gives_up_on_a_radar_where_the_engine_of_many_hypotheses_does():
     scenario = turning("far", 5_000.0)
     scans = about_the_truth(scenario, 0, 5) + [np.empty((0, 3))] * 25
     for update in ("debiased", "extended"):
-        alive = [report.alive for _, report in flown_alike(told_by(scenario.model, update), scans, 1.05)]
+        alive = [
+            report.alive for _, report in flown_alike(with_radar_update(scenario.model, update), scans, 1.05)
+        ]
         assert alive[0] and not alive[-1]
 
 
@@ -194,7 +204,7 @@ def test_on_a_radar_it_weighs_every_detection_by_a_noise_and_a_clutter_density_o
 @settings(max_examples=25, deadline=None)
 def test_the_order_of_detections_does_not_matter(random, update):
     scenario = turning("far")
-    tracker = ImmPda(told_by(scenario.model, update))
+    tracker = ImmPda(with_radar_update(scenario.model, update))
     belief = other = tracker.init()
     for z in about_the_truth(scenario, 2, 8):
         shuffled = z[random.sample(range(len(z)), len(z))]
@@ -229,7 +239,7 @@ def test_ten_thousand_detections_in_a_gate_are_weighed_one_by_one():
     told = reference.jumping_model(3, 2, 2, detection_probability=0.8)  # a gate of everything
     told = told._replace(clutter_density=10.0)
     z = told.prior.m[0, :2] + np.random.default_rng(0).uniform(-15, 15, (10_000, 2))
-    ((belief, report),) = flown_alike(told, [z], hopeless=1e9)
+    ((belief, report),) = flown_alike(told, [z], give_up_ratio=1e9)
     assert report.alive
     prior = np.repeat(told.prior.m, 2, 0), np.repeat(told.prior.P, 2, 0)
     w, m, P = reference.imm_step(told.mode_prior, *prior, told, partial(reference.pda, told=told, z=z))
@@ -242,7 +252,7 @@ def test_ten_thousand_detections_of_a_radar_are_no_trouble(update):
     scenario = turning("far", 10_000.0)
     scans = about_the_truth(scenario, 0, 3)
     assert min(map(len, scans)) > 9_000
-    for _, report in flown_alike(told_by(scenario.model, update), scans, hopeless=1e9):
+    for _, report in flown_alike(with_radar_update(scenario.model, update), scans, give_up_ratio=1e9):
         assert report.alive and np.isfinite(report.x).all()
 
 
@@ -266,7 +276,7 @@ def identical(flown, others):
 def test_lis_trackers_are_imm_pda_told_another_update():
     scenario = turning("far")
     scans = about_the_truth(scenario, 0, 10)
-    told = told_by(scenario.model, "unscented")  # of which neither takes any notice
+    told = with_radar_update(scenario.model, "unscented")  # of which neither takes any notice
     by_name = {name: flown_by(make_tracker(name, told), scans) for name in ("imm-dcm-pda", "imm-ekf-pda")}
     for name, update in (("imm-dcm-pda", "debiased"), ("imm-ekf-pda", "extended")):
         assert identical(by_name[name], flown_by(make_tracker("imm-pda", told, update=update), scans))

@@ -18,7 +18,7 @@ from gmr_gym.simulation.single_target import draw
 from gmr_gym.tuning.features import FEATURES
 from gmr_gym.tuning.network import Network, save
 from gmr_gym.tuning.policies import ByNetwork
-from gmr_gym.tuning.thresholds import PAPER, encoded
+from gmr_gym.tuning.thresholds import DORTENZIO, to_action
 
 WORLD = turning_target(horizon=30)
 
@@ -34,8 +34,8 @@ def network(seed=0, scale=0.3, bias=None):
 
 
 def test_a_network_that_says_one_thing_is_the_tracker_with_fixed_thresholds():
-    fixed = PAPER._replace(alpha=0.02, prune=1e-4)
-    learned = LearnedThresholds(WORLD.model, network(scale=0.0, bias=encoded(fixed, ("alpha", "prune"))))
+    fixed = DORTENZIO._replace(alpha=0.02, prune=1e-4)
+    learned = LearnedThresholds(WORLD.model, network(scale=0.0, bias=to_action(fixed, ("alpha", "prune"))))
     plain = adaptive(WORLD.model, 100, 0.02, 1e-4)
     for one, other in zip(*(play(WORLD, t, draw(WORLD, 1)) for t in (learned, plain)), strict=True):
         assert len(one.report.mixture.w) == len(other.report.mixture.w)

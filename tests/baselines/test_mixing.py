@@ -10,15 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_imm_pda import about_the_truth, general, turning
 
-from gmr_gym.filters.filter_bank import Bank, banked, mixed, moved
-from gmr_gym.filters.imm import mixed_ahead
+from gmr_gym.filters.filter_bank import FilterBank, as_bank, imm_mix, predict_bank
+from gmr_gym.filters.imm import mix_and_predict
 from gmr_gym.filters.mixing import MIXINGS, borrowed_states
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.mixture import Mixture, gaussian
 from gmr_gym.models.kalman import motion, position_sensor
 from gmr_gym.models.model import model
 from gmr_gym.models.motions import constant_velocity, singer, with_accelerations
-from gmr_gym.models.switching import staying
+from gmr_gym.models.switching import sticky_switching
 from gmr_gym.scenarios.li import airborne_radar
 
 THAT_MIX = ("imm", "imm-pda", "imm-dcm-pda", "imm-ekf-pda", "imm-dcm-pda-printed", "imm-mht", "imm-of-mhts")
@@ -33,16 +33,16 @@ def by_kernel(bank, switching, motions, mixing):
     """Mixed and carried forward as `ImmPda` does it."""
     moves = map(np.array, zip(*motions, strict=True))
     parts = bank.w[:, 0], bank.m[:, 0], bank.P[:, 0]
-    return Mixture(*mixed_ahead(*parts, switching, borrowed_states(motions, mixing), *moves))
+    return Mixture(*mix_and_predict(*parts, switching, borrowed_states(motions, mixing), *moves))
 
 
 def by_bank(bank, switching, motions, mixing):
-    """Mixed and carried forward as `Banks` does it."""
-    return moved(mixed(bank, switching, borrowed_states(motions, mixing)), motions)
+    """Mixed and carried forward as `MhtOfBanks` does it."""
+    return predict_bank(imm_mix(bank, switching, borrowed_states(motions, mixing)), motions)
 
 
 def random_bank(seed, modes, n, d):
-    return banked(Mixture(*reference.random_mixture(np.random.default_rng(seed), modes * n, d)), modes)
+    return as_bank(Mixture(*reference.random_mixture(np.random.default_rng(seed), modes * n, d)), modes)
 
 
 @pytest.mark.parametrize("ahead", [by_kernel, by_bank])
@@ -50,7 +50,7 @@ def test_singer_at_50_with_constant_velocity_90_per_cent_likely_predicts_33_augm
     told = airborne_radar("far").model
     m, P = np.zeros((2, 1, 9)), np.tile(np.diag(np.repeat([100.0, 25.0, 1e-6], 3)), (2, 1, 1, 1))
     m[1, 0, 6], P[1, 0, 6:, 6:] = 50.0, 4.0 * np.eye(3)
-    bank = Bank(np.array([[0.9], [0.1]]), m, P)
+    bank = FilterBank(np.array([[0.9], [0.1]]), m, P)
     # of Singer's own: 0.95 of what it weighed, beside 0.05 of what constant velocity did
     own = 0.95 * 0.1 / (0.95 * 0.1 + 0.05 * 0.9)
     kept = np.exp(-0.1 / 5.0)  # of an acceleration, over a period
@@ -111,7 +111,7 @@ def test_two_scans_ahead_are_the_moments_of_all_sequences_of_motions(mixing):
 @settings(max_examples=30, deadline=None)
 def test_what_all_motions_have_is_mixed_alike_and_covariances_stay_definite(seed, ahead):
     bank = random_bank(seed, 2, 1, 3)
-    one, other = (mixed(bank, SWITCHING, borrowed_states(PAIR, mixing)) for mixing in MIXINGS)
+    one, other = (imm_mix(bank, SWITCHING, borrowed_states(PAIR, mixing)) for mixing in MIXINGS)
     np.testing.assert_array_equal(one.w, other.w)
     np.testing.assert_allclose(other.m[..., :2], one.m[..., :2], rtol=1e-13)
     np.testing.assert_allclose(other.P[..., :2, :2], one.P[..., :2, :2], rtol=1e-13)
@@ -127,8 +127,8 @@ def test_of_three_motions_each_borrows_from_the_one_it_is_mixed_into():
     borrowed = borrowed_states(motions, "unbiased")
     wanted = [[[s in lacks[p] - lacks[q] for s in range(3)] for p in range(3)] for q in range(3)]
     assert borrowed.tolist() == wanted
-    bank, switching = random_bank(4, 3, 2, 3), staying(0.6, 3)
-    got = mixed(bank, switching, borrowed)
+    bank, switching = random_bank(4, 3, 2, 3), sticky_switching(0.6, 3)
+    got = imm_mix(bank, switching, borrowed)
     for j in range(2):
         for q in range(3):
             means, covariances = bank.m[:, j].copy(), bank.P[:, j].copy()
@@ -192,7 +192,7 @@ def test_where_there_is_one_hypothesis_all_of_them_mix_alike(mixing):
     scans = [z for z in about_the_truth(scenario, 3, 25) if len(z)]
     imm = list(flown(make_tracker("imm", told, mixing=mixing), scans))
     banks = general(told)
-    object.__setattr__(banks, "before", partial(mixed, borrowed=borrowed_states(told.motions, mixing)))
+    object.__setattr__(banks, "before", partial(imm_mix, borrowed=borrowed_states(told.motions, mixing)))
     others = banks, *(make_tracker(name, told, mixing=mixing) for name in ("imm-mht", "imm-of-mhts"))
     for other in others:
         for a, b in zip(imm, flown(other, scans), strict=True):

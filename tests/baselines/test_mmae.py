@@ -5,10 +5,10 @@ import pytest
 import reference
 from scipy.stats import multivariate_normal
 
-from baselines.banks import Banks, imm_mht, mmae_mht, mmae_pda
 from baselines.imm_pda import ImmPda
 from baselines.mht import Mht
-from gmr_gym.filters.filter_bank import banked, fused, leave_alone, tended
+from baselines.mht_of_banks import MhtOfBanks, imm_mht, mmae_mht, mmae_pda
+from gmr_gym.filters.filter_bank import as_bank, imm_output, no_interaction, restart_and_floor
 from gmr_gym.mixture import Mixture, moments
 from gmr_gym.reduction.registry import reducer
 from gmr_gym.scenarios.maybeck import agile_flight
@@ -17,7 +17,7 @@ from gmr_gym.simulation.single_target import draw
 
 def random_bank(seed, modes=3, n=4, d=2):
     rng = np.random.default_rng(seed)
-    return banked(Mixture(*reference.random_mixture(rng, modes * n, d)), modes)
+    return as_bank(Mixture(*reference.random_mixture(rng, modes * n, d)), modes)
 
 
 def flight(tracker, scans):
@@ -34,7 +34,7 @@ def detections(told, count, seed):
 
 def test_tending_leaves_a_bank_alone_where_nothing_diverges_and_nothing_is_low():
     bank = random_bank(0)
-    got = tended(bank, np.full((3, 4), -2.0), floor=0.0, restart=np.exp(-9.0))
+    got = restart_and_floor(bank, np.full((3, 4), -2.0), floor=0.0, restart=np.exp(-9.0))
     np.testing.assert_array_equal(got.m, bank.m)
     np.testing.assert_array_equal(got.P, bank.P)
     np.testing.assert_allclose(got.w, bank.w, rtol=1e-12)
@@ -46,7 +46,7 @@ def test_a_filter_that_diverges_begins_anew_from_the_others_of_its_hypothesis():
         -9.1,
         -50.0,
     )  # one filter of the second hypothesis, all of the third
-    got = tended(bank, log_density, floor=0.0, restart=np.exp(-9.0))
+    got = restart_and_floor(bank, log_density, floor=0.0, restart=np.exp(-9.0))
     others = [bank.w[1:, 1], bank.m[1:, 1], bank.P[1:, 1]]
     _, mean, covariance = reference.moment_match(*others)
     np.testing.assert_allclose(got.m[0, 1], mean, rtol=1e-12)
@@ -60,7 +60,7 @@ def test_a_filter_that_diverges_begins_anew_from_the_others_of_its_hypothesis():
 def test_no_model_of_a_hypothesis_falls_below_the_floor_and_hypotheses_keep_their_weight():
     bank = random_bank(2)
     bank = bank._replace(w=bank.w * np.array([1e-9, 1.0, 1.0])[:, None])
-    got = tended(bank, np.zeros((3, 4)), floor=1e-3, restart=1e-5)
+    got = restart_and_floor(bank, np.zeros((3, 4)), floor=1e-3, restart=1e-5)
     np.testing.assert_allclose(got.w.sum(axis=0), bank.w.sum(axis=0), rtol=1e-12)
     assert (got.w / got.w.sum(axis=0)).min() == pytest.approx(1e-3, rel=1e-12)
 
@@ -139,9 +139,9 @@ def test_an_unreduced_bank_keeps_every_association():
     def keep(p):
         return p, np.arange(len(p.w))
 
-    ((_, first), (belief, second)) = flight(Banks(told, keep, leave_alone, leave_alone, 0.0), z)
+    ((_, first), (belief, second)) = flight(MhtOfBanks(told, keep, no_interaction, no_interaction, 0.0), z)
     assert len(first.mixture.w) == 3 and len(second.mixture.w) == 6
-    np.testing.assert_allclose(moments(fused(belief))[0], second.x[0], rtol=1e-12)
+    np.testing.assert_allclose(moments(imm_output(belief))[0], second.x[0], rtol=1e-12)
 
 
 @pytest.mark.parametrize("build", [mmae_pda, mmae_mht])

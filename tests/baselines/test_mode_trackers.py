@@ -11,16 +11,16 @@ import reference
 from filterpy.kalman import IMMEstimator, KalmanFilter
 from scipy.stats import chi2
 
-from baselines.banks import Banks, imm_mht
 from baselines.clairvoyant import Clairvoyant
 from baselines.imm_pda import ImmPda
 from baselines.mht import Mht
+from baselines.mht_of_banks import MhtOfBanks, imm_mht
 from baselines.mmg import Mmg, b_best, gpb1, gpb2, mmg
 from baselines.pda import Pda
 from gmr_gym.evaluation.loop import play
 from gmr_gym.filters import mode_mixture
-from gmr_gym.filters.filter_bank import Bank, banked, leave_alone, mixed, mmae_weights
-from gmr_gym.filters.joint_gating import false_expected
+from gmr_gym.filters.filter_bank import FilterBank, as_bank, imm_mix, mmae_weights, no_interaction
+from gmr_gym.filters.joint_gating import expected_false_alarms
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.mixture import gaussian, moments
 from gmr_gym.models.kalman import Motion
@@ -30,7 +30,7 @@ from gmr_gym.reduction.runnalls import runnalls
 from gmr_gym.scenarios.zhang import jump_markov
 from gmr_gym.simulation.single_target import draw
 
-imm_engine = partial(Banks, before=mixed, after=leave_alone)
+imm_engine = partial(MhtOfBanks, before=imm_mix, after=no_interaction)
 WITH_MODES = {
     "imm-pda": ImmPda,
     "imm-mht": imm_mht,
@@ -47,7 +47,7 @@ def everything_kept(p, mode=None):
 
 
 def unreduced(told):
-    return Mmg(told, everything_kept, prune_weight=0.0, most=100_000)
+    return Mmg(told, everything_kept, prune_weight=0.0, max_hypotheses=100_000)
 
 
 def flight(tracker, scans):
@@ -60,7 +60,7 @@ def flight(tracker, scans):
 
 def mode_weights(belief):
     """Probability of each mode (r,) in a belief of either kind."""
-    if isinstance(belief, Bank):
+    if isinstance(belief, FilterBank):
         return belief.w.sum(axis=1)
     return belief.modes.T @ belief.mixture.w
 
@@ -152,7 +152,7 @@ def test_modes_and_switches_that_cannot_be_stay_at_zero_and_make_no_nan(build):
         assert got[2] == 0 and got.sum() == pytest.approx(1, rel=1e-12)
         assert np.isfinite(report.x).all()
         np.linalg.cholesky(report.P)
-        arrays = belief if isinstance(belief, Bank) else (*belief.mixture, belief.modes)
+        arrays = belief if isinstance(belief, FilterBank) else (*belief.mixture, belief.modes)
         assert all(np.isfinite(a).all() for a in arrays)
 
 
@@ -236,7 +236,7 @@ def test_imm_pda_has_a_pda_for_each_mode_over_one_list_of_detections(count, axes
 def gated_by_hand(gates, z):
     """Whether each gate holds each detection (n, k)."""
     return np.array([
-        [reference.mahalanobis_squared(row, centre, S) <= gates.size for row in z]
+        [reference.mahalanobis_squared(row, centre, S) <= gates.threshold for row in z]
         for centre, S in zip(gates.z, gates.S, strict=True)
     ]).reshape(len(gates.z), len(z))  # fmt: skip
 
@@ -279,7 +279,7 @@ def test_gpb1_and_gpb2_are_the_textbooks(count, clutter):
         w, m, P = reference.gpb2_step(w, m, P, told, update)
         w /= w.sum()
         assert (belief.modes == np.eye(count)).all()
-        bank = banked(belief.mixture, count)
+        bank = as_bank(belief.mixture, count)
         assert_bank(bank, report, w, m, P)
 
 
@@ -510,9 +510,9 @@ def test_wrong_parameter_of_a_tracker_with_modes_is_refused(name, number, parame
 @pytest.mark.parametrize(
     ("limit", "message"),
     [
-        ({"most": 0}, "most must be a whole number, at least 1, got 0"),
-        ({"hopeless": 0.0}, r"hopeless must be positive, got 0\.0"),
-        ({"hopeless": np.nan}, "hopeless must be positive, got nan"),
+        ({"max_hypotheses": 0}, "max_hypotheses must be a whole number, at least 1, got 0"),
+        ({"give_up_ratio": 0.0}, r"give_up_ratio must be positive, got 0\.0"),
+        ({"give_up_ratio": np.nan}, "give_up_ratio must be positive, got nan"),
         ({"prune_weight": np.inf}, "prune_weight must be non-negative and finite, got inf"),
     ],
 )
@@ -528,7 +528,7 @@ def test_a_hopeless_track_is_given_up_and_coasts_like_the_prediction(build):
     told = told._replace(prior=gaussian(told.prior.m[0], P))
     z = told.prior.m[0, :2] + 1e3 * np.random.default_rng(9).standard_normal((50, 2))
     # every tracker expects as many at its first scan: half of that is to be too many
-    ((belief, report),) = flight(replace(build(told), hopeless=0.5), [z])
+    ((belief, report),) = flight(replace(build(told), give_up_ratio=0.5), [z])
     assert not report.alive
     chances = told.switching @ told.mode_prior
     ahead = [reference.kalman_predict(told.prior.m[0], P, *move) for move in told.motions]
@@ -547,7 +547,7 @@ def test_a_track_is_given_up_once_it_is_twenty_times_as_unsure_as_at_first(build
     tracker = build(told)
     reports = [report for _, report in flight(tracker, [np.empty((0, 2))] * 60)]
     unsure = np.array([
-        false_expected(report.gates, np.ones(len(report.gates.z)), 0.01) for report in reports
+        expected_false_alarms(report.gates, np.ones(len(report.gates.z)), 0.01) for report in reports
     ])  # fmt: skip
     alive = np.array([report.alive for report in reports])
     assert alive[0] and not alive[-1] and (np.diff(alive.astype(int)) <= 0).all()
@@ -566,10 +566,10 @@ def test_ten_thousand_detections_send_no_more_than_the_most_into_the_reduction(e
 
     told = reference.jumping_model(1, 2, axes=2, detection_probability=0.9)
     z = told.prior.m[0, :2] + 20 * np.random.default_rng(1).standard_normal((10_000, 2))
-    list(flight(engine(told, spy, prune_weight=0.0, most=10**6, hopeless=np.inf), [z]))
+    list(flight(engine(told, spy, prune_weight=0.0, max_hypotheses=10**6, give_up_ratio=np.inf), [z]))
     everything = np.sort(entered[-1].w)
     assert len(everything) > 5_000 * count  # but for weights that are zero to the machine
-    limited = engine(told, spy, prune_weight=0.0, most=7, hopeless=np.inf)
+    limited = engine(told, spy, prune_weight=0.0, max_hypotheses=7, give_up_ratio=np.inf)
     ((belief, report),) = flight(limited, [z])
     np.testing.assert_allclose(np.sort(entered[-1].w), everything[-7:], rtol=1e-12)
     assert len(report.mixture.w) == 7

@@ -14,14 +14,14 @@ from baselines.nearest_neighbour import NearestNeighbour
 from baselines.pda import Pda
 from gmr_gym.evaluation.metrics import nees
 from gmr_gym.evaluation.montecarlo import run, run_once
-from gmr_gym.filters.filter_bank import leave_alone
+from gmr_gym.filters.filter_bank import no_interaction
 from gmr_gym.filters.registry import make_tracker, trackers
 from gmr_gym.filters.tracker import Report
 from gmr_gym.mixture import gaussian, mixture, moments
 from gmr_gym.models.kalman import Motion, position_sensor
 from gmr_gym.models.model import model
 from gmr_gym.models.motions import constant_velocity
-from gmr_gym.models.switching import staying
+from gmr_gym.models.switching import sticky_switching
 from gmr_gym.reduction.pruning import capping
 from gmr_gym.scenarios.dortenzio import turning_target
 
@@ -48,8 +48,8 @@ OF_A_RADAR = {"imm-dcm-pda", "imm-dcm-pda-printed", "imm-ekf-pda"}
 OF_ANY_SENSOR = set(trackers()) - OF_A_RADAR
 
 
-def told_origin(tracker):
-    return getattr(tracker, "told_origin", False)
+def knows_origin(tracker):
+    return getattr(tracker, "knows_origin", False)
 
 
 def everything_kept(p):
@@ -98,7 +98,7 @@ def test_mht_prunes_by_weight_then_reduces_then_prunes_by_density():
     belief, report = Mht(told, spy, prune_weight=bound, prune_density=0.0).step(told.prior, z)
     np.testing.assert_allclose(np.sort(seen[-1].w), w[2:] / w[2:].sum(), rtol=1e-9)
     assert report.mixture is belief and len(belief.w) == 2
-    Mht(told, spy, prune_weight=0.0, prune_density=0.0, most=3).step(told.prior, z)
+    Mht(told, spy, prune_weight=0.0, prune_density=0.0, max_hypotheses=3).step(told.prior, z)
     np.testing.assert_allclose(np.sort(seen[-1].w), w[1:] / w[1:].sum(), rtol=1e-9)
     belief, _ = Mht(told, spy, prune_weight=0.0, prune_density=1e9).step(told.prior, z)
     assert len(seen[-1].w) == 4 and belief.w.tolist() == [1.0]
@@ -219,7 +219,7 @@ def test_number_at_the_end_of_a_name_is_the_most_components_it_keeps():
         ("capping", {"prune_density": np.nan}, "prune_density must be non-negative"),
         ("clairvoyant", {"components": 0}, "components must be at least 1, got 0"),
         ("clairvoyant", {"components": 1j}, "components must be at least 1, got 1j"),
-        ("mmg", {"most": np.inf}, "most must be a whole number, at least 1, got inf"),
+        ("mmg", {"max_hypotheses": np.inf}, "max_hypotheses must be a whole number, at least 1, got inf"),
     ],
 )
 def test_make_tracker_says_what_is_wrong_and_what_there_is(name, parameters, message):
@@ -228,8 +228,8 @@ def test_make_tracker_says_what_is_wrong_and_what_there_is(name, parameters, mes
 
 
 def test_mht_needs_room_for_one_hypothesis():
-    with pytest.raises(ValueError, match="most must be a whole number, at least 1, got 0"):
-        Mht(TOLD, partial(capping, components=3), most=0)
+    with pytest.raises(ValueError, match="max_hypotheses must be a whole number, at least 1, got 0"):
+        Mht(TOLD, partial(capping, components=3), max_hypotheses=0)
 
 
 @pytest.mark.parametrize("name", sorted(KNOW_ONE_MOTION))
@@ -294,7 +294,7 @@ def test_bad_scan_is_refused(tracker, z, message):
 
 def test_step_remembers_nothing_and_changes_neither_belief_nor_scan(tracker):
     rng = np.random.default_rng(0)
-    z = 10 * rng.standard_normal((1 if told_origin(tracker) else 8, 2))
+    z = 10 * rng.standard_normal((1 if knows_origin(tracker) else 8, 2))
     belief, _ = tracker.step(tracker.init(), z)
     kept = [a.copy() for a in arrays(belief)], z.copy()
     once, again = tracker.step(belief, z), tracker.step(belief, z)
@@ -310,7 +310,7 @@ def test_ten_thousand_detections_in_a_scan_are_stood(tracker):
     rng = np.random.default_rng(1)
     belief = tracker.init()
     for _ in range(2):
-        z = 60 * rng.standard_normal((1 if told_origin(tracker) else 10_000, 2))
+        z = 60 * rng.standard_normal((1 if knows_origin(tracker) else 10_000, 2))
         belief, report = tracker.step(belief, z)
         checked(report)
 
@@ -356,7 +356,7 @@ def test_a_mixture_as_prior_is_no_hindrance(tracker):
     _, report = tracker.step(tracker.init(), np.empty((0, 2)))
     ahead = [reference.kalman_predict(*moments(prior), *move) for move in told.motions]
     # an MMAE takes the target not to switch
-    switches = getattr(tracker, "mixing", getattr(tracker, "before", None) is not leave_alone)
+    switches = getattr(tracker, "mixing", getattr(tracker, "before", None) is not no_interaction)
     chances = told.switching @ told.mode_prior if switches else told.mode_prior
     _, m, P = reference.moment_match(chances, *map(np.array, zip(*ahead, strict=True)))
     np.testing.assert_allclose(checked(report).x[0], m, atol=1e-9)
@@ -389,7 +389,7 @@ def test_model_that_does_not_fit_together_is_refused_by_name(change, message):
     ("change", "message"),
     [
         ({"switching": None}, "switching must be given for 3 motions"),
-        ({"switching": staying(0.9, 2)}, r"switching must have shape \(3, 3\), got \(2, 2\)"),
+        ({"switching": sticky_switching(0.9, 2)}, r"switching must have shape \(3, 3\), got \(2, 2\)"),
         ({"switching": SWITCHING.switching.T}, "its rows do, so pass the transpose"),
         ({"mode_prior": [0.5, 0.5]}, r"mode_prior must be 3 probabilities that sum to 1, got \[0\.5, 0\.5\]"),
         ({"mode_prior": [0.5, 0.4, 0.0]}, "mode_prior must be 3 probabilities that sum to 1"),

@@ -13,9 +13,9 @@ import gymnasium
 import pytest
 
 from gmr_gym.cli import app
-from gmr_gym.envs.registry import CROWDS, ENVIRONMENTS, TRACKING
+from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
 from gmr_gym.filters.tracker import Report
-from gmr_gym.models.multi_target import Population
+from gmr_gym.models.multi_target import MultiTargetModel
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -141,7 +141,10 @@ def first_column(rows):
 
 @pytest.mark.parametrize(
     ("page", "header", "record"),
-    [("without-gym.md", "| field ", Report), ("environments/unknown-clutter.md", "| field ", Population)],
+    [
+        ("without-gym.md", "| field ", Report),
+        ("environments/unknown-clutter.md", "| field ", MultiTargetModel),
+    ],
 )
 def test_a_table_of_fields_has_every_field_in_order(page, header, record):
     assert tuple(first_column(table(ROOT / "docs" / page, header))) == record._fields
@@ -155,7 +158,7 @@ def page_of(env_id):
 @pytest.mark.parametrize("env_id", ENVIRONMENTS)
 def test_an_environment_has_a_page_with_its_arguments_and_its_observations(env_id):
     page, env = page_of(env_id), gymnasium.make(env_id).unwrapped
-    scenario = (TRACKING | CROWDS).get(env_id)
+    scenario = (TRACKING | MULTI_TARGET).get(env_id)
     made_of = [type(env), *([pkgutil.resolve_name(scenario)] if scenario else [])]
     takes = [p for part in made_of for p in inspect.signature(part).parameters.values()]
     takes = {p.name for p in takes if p.kind != p.VAR_KEYWORD} - {"scenario"}

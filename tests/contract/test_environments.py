@@ -17,20 +17,20 @@ from baselines.learning_pmb import learning_pmb
 from baselines.mht import runnalls
 from baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.envs.episodic import EXTENT
-from gmr_gym.envs.policy import CrowdPolicy, Policy
-from gmr_gym.envs.registry import CROWDS, ENVIRONMENTS, TRACKING
+from gmr_gym.envs.policy import MultiTargetPolicy, Policy
+from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
 from gmr_gym.envs.render import Canvas
-from gmr_gym.envs.tracking import STRAYED, TrackingEnv
+from gmr_gym.envs.tracking import SCANS_OFF, TrackingEnv
 from gmr_gym.evaluation.loop import play as play_scans
 from gmr_gym.evaluation.montecarlo import run_once
-from gmr_gym.evaluation.multi_target_runs import crowd_once
+from gmr_gym.evaluation.multi_target_runs import run_multi_target_once
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.mixture import mixture, moments
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.simulation.single_target import Truth, draw
 
 EVERY = sorted(env_id for env_id in gym.registry if env_id.startswith("gmr_gym/"))
-IDS, SINGLE = sorted((*TRACKING, *CROWDS)), sorted(TRACKING)
+IDS, SINGLE = sorted((*TRACKING, *MULTI_TARGET)), sorted(TRACKING)
 TURNING, FLIGHT, JUMP, RADAR = (
     f"gmr_gym/{name}-v0" for name in ("TurningTarget", "RecordedFlight", "JumpMarkov", "AirborneRadar")
 )
@@ -301,7 +301,7 @@ def test_ten_scans_beyond_the_cutoff_end_the_episode_and_charge_what_is_left():
         return truth[t] + (FAR if t != 5 and t < 30 else 0)  # one good estimate begins the count anew
 
     _, infos, rewards, ended = play(env, act, seed=0)
-    assert ended == (True, False) and len(rewards) == 6 + STRAYED
+    assert ended == (True, False) and len(rewards) == 6 + SCANS_OFF
     assert rewards[5] == 0 and infos[6]["error"] == 0
     assert rewards[:5] == [-100] * 5 and rewards[-1] == -100 * (1 + 40 - len(rewards))
     assert sum(rewards) == -100 * 39  # as if it had gone on to the end
@@ -312,9 +312,9 @@ def test_ten_scans_beyond_the_cutoff_end_the_episode_and_charge_what_is_left():
 def test_a_new_episode_counts_from_nothing():
     env = make(horizon=40)
     env.reset(seed=0)
-    for _ in range(STRAYED - 1):
+    for _ in range(SCANS_OFF - 1):
         assert not env.step(FAR)[2]
-    assert len(play(env, lambda observation: FAR, seed=1)[2]) == STRAYED
+    assert len(play(env, lambda observation: FAR, seed=1)[2]) == SCANS_OFF
 
 
 def test_an_error_of_the_cutoff_itself_is_not_beyond_it():
@@ -506,7 +506,7 @@ def test_a_radars_gates_and_hypotheses_are_drawn_as_their_shadows_on_the_plane()
     _, seen, report, _ = next(iter(play_scans(scenario, tracker, episode)))
     canvas.draw(episode, seen, 0, [report.x[0]], report)
     gates, p = report.gates, report.mixture
-    drawn = (gates.z, gates.S * gates.size), (p.m, 5.99 * p.P)
+    drawn = (gates.z, gates.S * gates.threshold), (p.m, 5.99 * p.P)
     axes = next(axes for axes in canvas.figure.axes if axes.collections)
     for shapes, (centres, S) in zip(axes.collections, drawn, strict=True):
         np.testing.assert_array_equal(shapes.get_offsets(), centres[:, :2])
@@ -594,15 +594,15 @@ def test_two_copies_in_a_vector_environment_are_two_single_ones(env_id):
 
 def test_a_policy_of_many_targets_scores_in_the_environment_as_its_tracker_does_in_a_run():
     env = gym.make("gmr_gym/UnknownClutter-v0", metric="ospa", horizon=30).unwrapped
-    policy = CrowdPolicy(learning_pmb(env.scenario.population))
+    policy = MultiTargetPolicy(learning_pmb(env.scenario.model))
     _, infos, _, _ = play(env, policy, seed=3)
-    wanted = crowd_once(env.scenario, learning_pmb(env.scenario.population), 3)
+    wanted = run_multi_target_once(env.scenario, learning_pmb(env.scenario.model), 3)
     np.testing.assert_allclose([info["error"] for info in infos[1:]], wanted.ospa, rtol=1e-12)
 
 
 def test_a_policy_of_many_targets_names_the_surest_where_there_is_no_room_for_all():
     env = gym.make("gmr_gym/UnknownClutter-v0", clutter="dense").unwrapped
-    policy = CrowdPolicy(make_tracker("gm-phd", env.scenario.population), targets=2)
+    policy = MultiTargetPolicy(make_tracker("gm-phd", env.scenario.model), targets=2)
     observation, _ = env.reset(seed=0)
     for _ in range(30):
         rows = policy(observation)

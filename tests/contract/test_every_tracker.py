@@ -10,23 +10,23 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 import gmr_gym  # noqa: F401, the environments
-from gmr_gym.envs.registry import CROWDS, TRACKING
-from gmr_gym.filters.registry import CROWD_GROUP, GROUP, make_tracker, trackers
+from gmr_gym.envs.registry import MULTI_TARGET, TRACKING
+from gmr_gym.filters.registry import GROUP, MULTI_TARGET_GROUP, make_tracker, trackers
 from gmr_gym.models.kalman import Sensor
-from gmr_gym.models.multi_target import Population
+from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.points import FARTHEST
 from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.scenarios.lv import unknown_clutter
 
 MODELS = {env_id: gym.make(env_id).unwrapped.scenario.model for env_id in TRACKING}
-MODELS |= {env_id: gym.make(env_id).unwrapped.scenario.population for env_id in CROWDS}
-MODELS["known clutter"] = unknown_clutter(told="true", clutter="dense").population
+MODELS |= {env_id: gym.make(env_id).unwrapped.scenario.model for env_id in MULTI_TARGET}
+MODELS["known clutter"] = unknown_clutter(told="true", clutter="dense").model
 MODELS["a wide regime"] = airborne_radar("extreme", update="extended").model
 
 EVERY = [
     (world, name)
     for world, told in MODELS.items()
-    for name in trackers(CROWD_GROUP if isinstance(told, Population) else GROUP)
+    for name in trackers(MULTI_TARGET_GROUP if isinstance(told, MultiTargetModel) else GROUP)
 ]
 each = pytest.mark.parametrize("world, name", EVERY)
 
@@ -43,7 +43,7 @@ def made(world, name):
 def detections(world, tracker, seed, k=6, reach=1000.0):
     """k detections up to `reach` away along every axis, or in range; one for whom takes no more."""
     rng, sensor = np.random.default_rng(seed), MODELS[world].sensor
-    k = min(k, 1) if getattr(tracker, "told_origin", False) else k
+    k = min(k, 1) if getattr(tracker, "knows_origin", False) else k
     if isinstance(sensor, Sensor):
         return reach * rng.uniform(-1, 1, (k, len(sensor.H)))
     return np.column_stack([reach * rng.uniform(0.1, 1, k), rng.uniform(-3, 3, k), rng.uniform(-1.5, 1.5, k)])
@@ -113,7 +113,7 @@ def test_far_detections_leave_numbers(world, name, certain):
     told = MODELS[world]
     if certain:  # and gates, where there are any, hold everything
         told = told._replace(detection_probability=1.0)
-        told = told if isinstance(told, Population) else told._replace(gate_probability=1.0)
+        told = told if isinstance(told, MultiTargetModel) else told._replace(gate_probability=1.0)
     tracker = make_tracker(name, told)
     for reach in (1e8, 1e9, FARTHEST):
         scans = [detections(world, tracker, seed, k, reach) for seed, k in enumerate((3, 1, 0, 6))]

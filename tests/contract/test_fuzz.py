@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmr_gym.envs.registry import CROWDS, ENVIRONMENTS
+from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET
 from gmr_gym.evaluation import metrics
-from gmr_gym.filters.registry import CROWD_GROUP, trackers
+from gmr_gym.filters.registry import MULTI_TARGET_GROUP, trackers
 from gmr_gym.models import radar
 from gmr_gym.reduction import distances
 from gmr_gym.reduction import runnalls as reduction
@@ -27,7 +27,7 @@ SLICE = (
 
 
 OF_NO_MIXTURE = {  # checks, parts of reductions, and what is not one
-    "greedy", "at_least_one", "at_least_zero", "check_reduced", "total_merge_cost", "whitened", "weighing",
+    "greedy", "check_count", "at_least_zero", "check_reduced", "total_merge_cost", "whitened", "weighing",
     "at_unit", "entering", "through", "grouped",
 }  # fmt: skip
 
@@ -100,11 +100,13 @@ def test_a_case_is_the_same_whenever_it_is_drawn(targets):
 
 def test_every_door_there_is_has_a_target(targets):
     assert {f"reduction/{name}" for name in REDUCERS} <= set(targets)
-    for group in ("gmr_gym.trackers", CROWD_GROUP):
+    for group in ("gmr_gym.trackers", MULTI_TARGET_GROUP):
         assert {f"tracker/{name}" for name in trackers(group)} <= set(targets)
     ids = {name.removeprefix("gmr_gym/") for name in ENVIRONMENTS}
     assert {f"environment/{name}" for name in ids} <= set(targets)
-    assert {f"vector/{name}" for name in ids - {n.removeprefix("gmr_gym/") for n in CROWDS}} <= set(targets)
+    assert {f"vector/{name}" for name in ids - {n.removeprefix("gmr_gym/") for n in MULTI_TARGET}} <= set(
+        targets
+    )
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ import gmr_gym  # noqa: F401  registers the environments
 from agents.draw_instances import SEED, SEEN, UNSEEN, drawn, followed
 from baselines.mht import adaptive
 from gmr_gym.envs.registry import TUNING
-from gmr_gym.envs.tracking import STRAYED
+from gmr_gym.envs.tracking import SCANS_OFF
 from gmr_gym.envs.tuning import ReductionTuningEnv, ThresholdSchedule
 from gmr_gym.evaluation.loop import play
 from gmr_gym.experiments.specs import scenario_of
@@ -23,7 +23,7 @@ from gmr_gym.simulation.single_target import draw
 from gmr_gym.tuning.features import BOUND
 from gmr_gym.tuning.instances import SCANS, TABLES, Instance, instances, trajectory, trajectory_names, world
 from gmr_gym.tuning.policies import Constant, Schedule
-from gmr_gym.tuning.thresholds import Thresholds, decoded, encoded
+from gmr_gym.tuning.thresholds import Thresholds, from_action, to_action
 
 SURE = Instance("sure", "turning-target", 0, 0.5, 20.0, 0.95, 5.0, 5.0, 3.0)
 LOST = SURE._replace(instance_id="lost", clutter_rate=500.0, detection_probability=0.1)
@@ -77,7 +77,7 @@ def test_the_picture_is_of_the_tracker_under_its_thresholds(tmp_path):
     env = ReductionTuningEnv(instances=table(tmp_path, SURE), components=40, render_mode="rgb_array")
     with pytest.raises(RuntimeError, match=r"call reset\(\) before render"):
         env.render()
-    reports, _ = played(SURE, adaptive(world(SURE).model, 40, *decoded(ACTION, env.parameters)[:2]), 3)
+    reports, _ = played(SURE, adaptive(world(SURE).model, 40, *from_action(ACTION, env.parameters)[:2]), 3)
     env.reset(seed=3)
     pictures = [env.render()]
     (line,) = env._canvas._canvas.figure.axes[1].lines
@@ -138,7 +138,7 @@ def test_an_unknown_keyword_is_named_with_the_nearest_and_all_there_are():
 @pytest.mark.parametrize("name", ["train-00", "train-02", "train-05"])
 def test_constant_actions_are_the_adaptive_tracker_scan_for_scan(thresholds, name):
     env = ReductionTuningEnv(components=40)
-    action = encoded(thresholds, env.parameters)
+    action = to_action(thresholds, env.parameters)
     _, rewards, infos, terminated = episode(env, lambda _: action, seed=3, options={"instance_id": name})
     used = infos[1]["thresholds"]  # an action, decoded, is off by rounding
     assert used == pytest.approx(thresholds._replace(components=40)._asdict(), rel=1e-12)
@@ -196,7 +196,7 @@ def test_a_lost_target_ends_the_episode_and_is_charged_for_what_is_left(tmp_path
     env = ReductionTuningEnv(instances=table(tmp_path, LOST), price=0.0)
     observations, rewards, infos, terminated = episode(env, lambda _: ACTION, seed=0)
     assert terminated and 20 < len(rewards) < SCANS
-    assert all(info["error"] > 100 for info in infos[-STRAYED:])
+    assert all(info["error"] > 100 for info in infos[-SCANS_OFF:])
     assert rewards[-1] == -1 - (SCANS - len(rewards)) and rewards[-2] == -1
     assert not observations[-1].any()
     with pytest.raises(RuntimeError, match=r"call reset\(\) before step\(\): no episode is running"):

@@ -6,10 +6,10 @@ from functools import partial
 import numpy as np
 import pytest
 
+from baselines.bank_of_mhts import single_model_mht
 from baselines.mht import Mht, adaptive, capping, runnalls
-from baselines.mhts import of_one_motion
 from gmr_gym.evaluation import batch, montecarlo
-from gmr_gym.evaluation.montecarlo import BLOCK, MANY, Runs, run, run_once
+from gmr_gym.evaluation.montecarlo import BATCH_FROM, BLOCK, Runs, run, run_once
 from gmr_gym.evaluation.summary import summary
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.reduction.runnalls import Greedy
@@ -30,8 +30,8 @@ ON_THE_GROUND = replace(
 WORLDS = {
     "fixed": FIXED,
     "following": FOLLOWING,
-    "own detection": replace(FIXED, off_target=detection_outside_gates),
-    "own detection in sight": replace(FOLLOWING, off_target=detection_outside_gates),
+    "own detection": replace(FIXED, loss_rule=detection_outside_gates),
+    "own detection in sight": replace(FOLLOWING, loss_rule=detection_outside_gates),
     "on the ground": ON_THE_GROUND,
     "no clutter": turning_target(horizon=30, clutter_rate=0),
     "lost": turning_target(horizon=30, told_acceleration_deviation=0.05),
@@ -42,7 +42,7 @@ TRACKERS = {
     "adaptive without limit": partial(adaptive, components=None, loss_bound=0.3),
     "capping": partial(capping, components=8),
     "pruned in whole numbers": partial(runnalls, components=8, prune_weight=0, prune_density=0),
-    "few enter": lambda model: Mht(model, Greedy(10), most=25),
+    "few enter": lambda model: Mht(model, Greedy(10), max_hypotheses=25),
 }
 
 
@@ -51,8 +51,8 @@ TRACKERS = {
 def test_together_they_are_what_each_is_alone_to_the_last_bit(world, tracker):
     world = WORLDS[world]
     tracker = TRACKERS[tracker](world.model)
-    assert batch.offered(world, tracker)
-    together = batch.played(world, tracker, [draw(world, seed) for seed in range(3)])
+    assert batch.can_batch(world, tracker)
+    together = batch.run_batch(world, tracker, [draw(world, seed) for seed in range(3)])
     alone = [run_once(world, tracker, seed) for seed in range(3)]
     for field, got in zip(FIELDS, together, strict=True):
         wanted = np.array([getattr(runs, field) for runs in alone])
@@ -61,7 +61,7 @@ def test_together_they_are_what_each_is_alone_to_the_last_bit(world, tracker):
 
 def test_worlds_are_such_that_every_branch_is_taken():
     off = {
-        name: batch.played(world, runnalls(world.model, 5), [draw(world, seed) for seed in range(3)])[-1]
+        name: batch.run_batch(world, runnalls(world.model, 5), [draw(world, seed) for seed in range(3)])[-1]
         for name, world in WORLDS.items()
     }
     assert 0 < off["lost"].mean() < 1 and 0 < off["own detection"].mean() < 1
@@ -71,9 +71,9 @@ def test_worlds_are_such_that_every_branch_is_taken():
 def test_runs_of_a_block_are_the_same_on_two_workers_together_as_on_one_alone(monkeypatch):
     world = turning_target(horizon=3, clutter_rate=20)
     trackers = {"mht": runnalls(world.model, 5), "pda": make_tracker("pda", world.model)}
-    two = run(world, trackers, MANY, seed=3, jobs=2)
-    monkeypatch.setattr(montecarlo, "MANY", MANY + 1)
-    one = run(world, trackers, MANY, seed=3)
+    two = run(world, trackers, BATCH_FROM, seed=3, jobs=2)
+    monkeypatch.setattr(montecarlo, "MANY", BATCH_FROM + 1)
+    one = run(world, trackers, BATCH_FROM, seed=3)
     for name in trackers:
         for field in Runs._fields[:-1]:
             np.testing.assert_array_equal(getattr(one[name], field), getattr(two[name], field), err_msg=field)
@@ -82,9 +82,9 @@ def test_runs_of_a_block_are_the_same_on_two_workers_together_as_on_one_alone(mo
 
 def test_the_first_run_of_a_block_is_timed_and_no_other_and_no_figure_is_lost_by_it():
     world = turning_target(horizon=3, clutter_rate=20)
-    runs = run(world, {"mht": runnalls(world.model, 5)}, MANY)
+    runs = run(world, {"mht": runnalls(world.model, 5)}, BATCH_FROM)
     timed = np.isfinite(runs["mht"].seconds)
-    assert (timed == (np.arange(MANY) % BLOCK == 0)[:, None]).all()
+    assert (timed == (np.arange(BATCH_FROM) % BLOCK == 0)[:, None]).all()
     assert summary(world, runs)["mht"]["time_per_scan"].value > 0
 
 
@@ -100,10 +100,10 @@ class Listening(Mht):
         (FIXED, Mht(FIXED.model, partial(salmond, components=5))),
         (FIXED, make_tracker("pda", FIXED.model)),
         (FIXED, make_tracker("clairvoyant", FIXED.model)),
-        (replace(FIXED, off_target=lambda gates, x, z: False), runnalls(FIXED.model)),
-        (airborne_radar(), runnalls(of_one_motion(airborne_radar().model).model)),
+        (replace(FIXED, loss_rule=lambda gates, x, z: False), runnalls(FIXED.model)),
+        (airborne_radar(), runnalls(single_model_mht(airborne_radar().model).model)),
     ],
     ids=["own step", "own reduction", "no mixture", "told the origin", "own loss rule", "radar"],
 )
 def test_what_the_call_does_not_know_is_played_scan_by_scan(world, tracker):
-    assert not batch.offered(world, tracker)
+    assert not batch.can_batch(world, tracker)

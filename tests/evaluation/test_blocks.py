@@ -16,7 +16,7 @@ from baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.evaluation import archive
 from gmr_gym.evaluation.blocks import load, merge, save
 from gmr_gym.evaluation.montecarlo import BLOCK, Runs, run, run_shard
-from gmr_gym.evaluation.multi_target_runs import CrowdRuns
+from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.experiments.sweeps import shard_of
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.lv import unknown_clutter
@@ -25,7 +25,7 @@ WORLD = turning_target(horizon=4, clutter_rate=5)
 NEAREST = {"nearest": NearestNeighbour(WORLD.model)}
 BUILT = NEAREST | {"mht": runnalls(WORLD.model, 3)}
 RUNS = 4 * BLOCK + 1  # five blocks
-KINDS = Runs, CrowdRuns
+KINDS = Runs, MultiTargetRuns
 
 
 def names(folder):
@@ -136,7 +136,7 @@ def test_a_block_twice_is_kept_once_and_one_that_disagrees_is_told(shards, tmp_p
 
 def test_blocks_of_many_targets_are_merged_too(tmp_path):
     world = unknown_clutter(horizon=6)
-    built = {"phd": gm_phd(world.population)}
+    built = {"phd": gm_phd(world.model)}
     kept = run(world, built, 2, folder=tmp_path / "a")["phd"]
     assert len(merge([tmp_path / "a"], tmp_path / "b", *KINDS).copied) == 1
     np.testing.assert_array_equal(run(world, built, 2, folder=tmp_path / "b")["phd"].seconds, kept.seconds)

@@ -12,7 +12,7 @@ from scipy.stats import t as student
 from gmr_gym.evaluation import curves as module
 from gmr_gym.evaluation.curves import CURVES, Errors, averages, curves, errors_of, resampled
 from gmr_gym.evaluation.metrics import credibility, nees
-from gmr_gym.evaluation.summary import proportion
+from gmr_gym.evaluation.summary import wilson
 from gmr_gym.scenarios.dortenzio import turning_target
 
 SCANS = 5
@@ -124,7 +124,7 @@ def test_averages_tell_all_runs_from_those_that_no_tracker_lost(monkeypatch):
     for lost, (name, runs) in zip((3, 6, 0), results.items(), strict=True):
         row = rows[name]
         assert set(row) == wanted
-        assert row["track_loss"] == proportion(lost, n)
+        assert row["track_loss"] == wilson(lost, n)
         error, claimed = runs.x - runs.truth, nees(runs.x - runs.truth, runs.P)
         for which, chosen in (("all", np.full(n, True)), ("common", common)):
             squares = (error[chosen] ** 2).mean(axis=0)

@@ -6,7 +6,7 @@ import reference
 
 from gmr_gym.evaluation.metrics import cardinality_error, credibility, lost_at, nees
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.summary import differences, errors, kept, mean, proportion, summary
+from gmr_gym.evaluation.summary import bootstrap_mean, differences, errors, not_lost, summary, wilson
 from gmr_gym.models.gating import Gates
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.simulation.loss import truth_outside_gates
@@ -119,7 +119,7 @@ def test_runs_of_weight_zero_play_no_part_in_credibility():
 
 @pytest.mark.parametrize(("count", "total"), [(0, 10), (3, 10), (10, 10), (17, 1000)])
 def test_wilson_interval_solves_its_own_equation(count, total):
-    share, low, high = proportion(count, total)
+    share, low, high = wilson(count, total)
     assert share == count / total and low <= share <= high
     for bound in {low, high} - {0.0, 1.0}:  # |share - p| is 1.96 standard errors of p itself
         standard_error = np.sqrt(bound * (1 - bound) / total)
@@ -129,14 +129,14 @@ def test_wilson_interval_solves_its_own_equation(count, total):
 
 def test_bootstrap_interval_of_a_mean_is_near_the_normal_one():
     values = np.random.default_rng(3).exponential(size=400)
-    value, low, high = mean(values)
+    value, low, high = bootstrap_mean(values)
     half = 1.96 * values.std() / 20
     assert value == pytest.approx(values.mean(), rel=1e-12)
     assert low == pytest.approx(value - half, abs=0.15 * half)  # 2000 resamples: a tenth of half
     assert high == pytest.approx(value + half, abs=0.15 * half)
-    assert mean(values) == (value, low, high)
-    assert np.isnan(mean(np.array([]))).all() and mean(np.array([2.0, 2.0])) == (2, 2, 2)
-    assert mean(np.array([2.0]))[0] == 2 and np.isnan(mean(np.array([2.0]))[1:]).all()
+    assert bootstrap_mean(values) == (value, low, high)
+    assert np.isnan(bootstrap_mean(np.array([]))).all() and bootstrap_mean(np.array([2.0, 2.0])) == (2, 2, 2)
+    assert bootstrap_mean(np.array([2.0]))[0] == 2 and np.isnan(bootstrap_mean(np.array([2.0]))[1:]).all()
 
 
 def made_up_runs(seed, lost, offset=0.0):
@@ -162,7 +162,7 @@ def test_summary_tells_runs_kept_by_the_tracker_from_runs_kept_by_all():
     assert rows["one"]["track_loss"].value == 0.2 and rows["two"]["track_loss"].value == 0.4
     common = ~lost[0] & ~lost[1]
     for (name, runs), own in zip(results.items(), ~lost, strict=True):
-        np.testing.assert_array_equal(kept(scenario, runs), own)
+        np.testing.assert_array_equal(not_lost(scenario, runs), own)
         error = runs.x - runs.truth
         position, velocity = errors(scenario, runs)
         np.testing.assert_allclose(position, np.hypot(error[..., 0], error[..., 1]), rtol=1e-12)
@@ -187,7 +187,7 @@ def test_summary_tells_runs_kept_by_the_tracker_from_runs_kept_by_all():
 
 def test_summary_of_a_tracker_that_lost_every_run_has_no_errors_to_show():
     scenario = turning_target(horizon=5)
-    row = summary(scenario, {"hopeless": made_up_runs(0, np.ones(6, bool))})["hopeless"]
+    row = summary(scenario, {"give_up_ratio": made_up_runs(0, np.ones(6, bool))})["give_up_ratio"]
     assert row["track_loss"].value == 1 and row["components"].value == 3
     assert all(np.isnan(row[key].value) for key in ("rmse_own", "error_common", "anees_own", "nci_own"))
 
@@ -197,10 +197,10 @@ def test_of_the_others_it_leaves_the_common_runs_as_they_are():
     some, all_but = np.arange(20) < 4, np.arange(20) > 14
     two = {"one": made_up_runs(0, some), "two": made_up_runs(1, all_but)}
     alone = summary(scenario, two)
-    rows = summary(scenario, {"hopeless": made_up_runs(2, np.ones(20, bool)), **two})
+    rows = summary(scenario, {"give_up_ratio": made_up_runs(2, np.ones(20, bool)), **two})
     for name in two:
         assert rows[name] == alone[name] and np.isfinite(rows[name]["error_common"].value)
-    assert np.isnan(rows["hopeless"]["error_common"].value)
+    assert np.isnan(rows["give_up_ratio"]["error_common"].value)
 
 
 @pytest.mark.parametrize(

@@ -78,9 +78,11 @@ def test_a_run_is_the_loop_over_its_scans():
         assert runs.components[t] == 1
         assert runs.gate_volume[t] == volumes(report.gates)[0]
         d2 = [(a - report.gates.z[0]) @ np.linalg.solve(report.gates.S[0], a - report.gates.z[0]) for a in z]
-        assert runs.gated[t] == sum(np.array(d2) <= report.gates.size)
+        assert runs.gated[t] == sum(np.array(d2) <= report.gates.threshold)
         missed = episode.x[t, :2] - report.gates.z[0]
-        assert runs.off_target[t] == (missed @ np.linalg.solve(report.gates.S[0], missed) > report.gates.size)
+        assert runs.off_target[t] == (
+            missed @ np.linalg.solve(report.gates.S[0], missed) > report.gates.threshold
+        )
         centre = world.centre(report.x[0])
     assert (runs.seconds > 0).all()
 
@@ -107,7 +109,7 @@ def test_loss_rule_is_told_the_targets_own_detection():
         told.append((x, z))
         return False
 
-    world = replace(WORLD, off_target=listening)
+    world = replace(WORLD, loss_rule=listening)
     run_once(world, NearestNeighbour(world.model), 3)
     episode = draw(world, 3)
     for t, (x, z) in enumerate(told):
@@ -124,7 +126,7 @@ def test_a_track_given_up_is_off_target_whatever_the_loss_rule_says(missed):
             belief, report = super().step(belief, z)
             return belief, report._replace(alive=next(times) not in (2, 3, 7))
 
-    world = replace(WORLD, off_target=lambda gates, x, z: missed)
+    world = replace(WORLD, loss_rule=lambda gates, x, z: missed)
     runs = run_once(world, GivingUp(WORLD.model), 3)
     assert np.flatnonzero(runs.off_target).tolist() == (list(range(8)) if missed else [2, 3, 7])
     assert runs.off_target.dtype == bool

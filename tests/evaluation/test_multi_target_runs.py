@@ -9,12 +9,12 @@ from baselines.gm_phd import gm_phd
 from baselines.learning_phd import learning_phd
 from baselines.learning_pmb import learning_pmb
 from gmr_gym.evaluation.montecarlo import run
-from gmr_gym.evaluation.multi_target_runs import CrowdRuns, crowd_once, density_error
-from gmr_gym.evaluation.multi_target_summary import crowd_differences, crowd_summary
-from gmr_gym.filters.registry import CROWD_GROUP, make_tracker, trackers
-from gmr_gym.filters.tracker import Account
-from gmr_gym.models.clutter import nothing, uniform_clutter
-from gmr_gym.models.multi_target import Population
+from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns, density_error, run_multi_target_once
+from gmr_gym.evaluation.multi_target_summary import multi_target_differences, multi_target_summary
+from gmr_gym.filters.registry import MULTI_TARGET_GROUP, make_tracker, trackers
+from gmr_gym.filters.tracker import MultiTargetReport
+from gmr_gym.models.clutter import no_components, uniform_clutter
+from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.scenarios.lv import unknown_clutter
 from gmr_gym.simulation.multi_target import draw
 
@@ -25,7 +25,7 @@ WORLD = unknown_clutter(horizon=25)
 class Scripted:
     """Names what it is given, scan by scan."""
 
-    population: Population
+    model: MultiTargetModel
     said: tuple  # of (j, d) states
 
     def init(self):
@@ -34,7 +34,9 @@ class Scripted:
     def step(self, belief, z):
         x = self.said[belief]
         one = np.ones(len(x))
-        account = Account(x, one, np.arange(len(x)), float(len(x)), nothing(6), self.population.clutter)
+        account = MultiTargetReport(
+            x, one, np.arange(len(x)), float(len(x)), no_components(6), self.model.clutter
+        )
         return belief + 1, account
 
 
@@ -44,25 +46,25 @@ def there(seed):
 
 
 def test_who_names_what_is_there_has_no_error_and_who_is_off_by_ten_metres_has_ten():
-    right = crowd_once(WORLD, Scripted(WORLD.population, tuple(there(0))), 0)
+    right = run_multi_target_once(WORLD, Scripted(WORLD.model, tuple(there(0))), 0)
     for field in ("ospa", "gospa", "localisation", "missed", "false", "wasserstein"):
         np.testing.assert_allclose(getattr(right, field), 0.0, atol=1e-9)
     np.testing.assert_array_equal(right.named, right.targets)
     assert right.targets[0] == 1 and right.targets[-1] == 2  # the second is there from scan 20 on
     off = [x + np.array([6.0, 8.0, 0, 0, 0, 0]) for x in there(0)]
-    wrong = crowd_once(WORLD, Scripted(WORLD.population, tuple(off)), 0)
+    wrong = run_multi_target_once(WORLD, Scripted(WORLD.model, tuple(off)), 0)
     np.testing.assert_allclose(wrong.ospa, 10.0)
     np.testing.assert_allclose(wrong.wasserstein, 10.0)
     np.testing.assert_allclose(wrong.localisation, 100.0 * wrong.targets)
 
 
 def test_what_is_not_named_is_missed_and_what_is_not_there_is_false():
-    none = crowd_once(WORLD, Scripted(WORLD.population, (np.empty((0, 6)),) * 25), 0)
+    none = run_multi_target_once(WORLD, Scripted(WORLD.model, (np.empty((0, 6)),) * 25), 0)
     np.testing.assert_allclose(none.ospa, 100.0)
     np.testing.assert_allclose(none.missed, 5000.0 * none.targets)
     assert not none.false.any() and np.isnan(none.wasserstein).all()  # a gap, which does not read as perfect
     ghosts = [np.vstack([x, np.full(6, 900.0)]) for x in there(0)]
-    more = crowd_once(WORLD, Scripted(WORLD.population, tuple(ghosts)), 0)
+    more = run_multi_target_once(WORLD, Scripted(WORLD.model, tuple(ghosts)), 0)
     np.testing.assert_allclose(more.false, 5000.0)
     np.testing.assert_allclose(more.ospa, 100.0 / np.sqrt(more.targets + 1))
 
@@ -73,7 +75,7 @@ def test_the_clutter_is_wrong_by_a_share_of_what_is_expected():
     true = uniform_clutter(low, high, 50.0)
     assert density_error(true, true, places) == 0.0
     assert density_error(uniform_clutter(low, high, 75.0), true, places) == pytest.approx(0.5)
-    runs = crowd_once(WORLD, Scripted(WORLD.population, tuple(there(0))), 0)
+    runs = run_multi_target_once(WORLD, Scripted(WORLD.model, tuple(there(0))), 0)
     judged = np.isfinite(runs.density_error)
     assert judged[::5].all() and judged.sum() == 5
     # uniform where half of Table 1's weight lies on a seventh of the square
@@ -81,13 +83,13 @@ def test_the_clutter_is_wrong_by_a_share_of_what_is_expected():
 
 
 def test_runs_are_the_same_on_one_worker_on_two_and_from_disk(tmp_path):
-    built = {"phd": gm_phd(WORLD.population), "learning": learning_phd(WORLD.population)}
+    built = {"phd": gm_phd(WORLD.model), "learning": learning_phd(WORLD.model)}
     one = run(WORLD, built, 3, seed=5, folder=tmp_path)
     two = run(WORLD, built, 3, seed=5, jobs=2)
     kept = run(WORLD, built, 3, seed=5, folder=tmp_path)
     for name, runs in one.items():
-        assert isinstance(runs, CrowdRuns) and runs.ospa.shape == (3, 25)
-        for field, a, b, c in zip(CrowdRuns._fields, runs, two[name], kept[name], strict=True):
+        assert isinstance(runs, MultiTargetRuns) and runs.ospa.shape == (3, 25)
+        for field, a, b, c in zip(MultiTargetRuns._fields, runs, two[name], kept[name], strict=True):
             np.testing.assert_array_equal(a, c)
             if field != "seconds":
                 np.testing.assert_array_equal(a, b)
@@ -96,9 +98,10 @@ def test_runs_are_the_same_on_one_worker_on_two_and_from_disk(tmp_path):
 def test_a_row_is_of_means_over_scans_and_runs_and_differences_are_paired():
     rng = np.random.default_rng(0)
     results = {
-        name: CrowdRuns(*(rng.exponential(10.0, (8, 25)).round() for _ in CrowdRuns._fields)) for name in "ab"
+        name: MultiTargetRuns(*(rng.exponential(10.0, (8, 25)).round() for _ in MultiTargetRuns._fields))
+        for name in "ab"
     }
-    rows = crowd_summary(WORLD, results)
+    rows = multi_target_summary(WORLD, results)
     for name, runs in results.items():
         row = rows[name]
         for field in ("ospa", "gospa", "localisation", "missed", "false", "wasserstein"):
@@ -108,7 +111,7 @@ def test_a_row_is_of_means_over_scans_and_runs_and_differences_are_paired():
         assert row["cardinality_error"].value == pytest.approx(np.abs(runs.named - runs.targets).mean())
         assert row["time_per_scan"].value == np.median(runs.seconds)
         assert row["wasserstein_undefined"] == (0, 0, 0)
-    (difference,) = crowd_differences(WORLD, results).values()
+    (difference,) = multi_target_differences(WORLD, results).values()
     a, b = results.values()
     assert difference["ospa"].value == pytest.approx((b.ospa - a.ospa).mean())
 
@@ -117,23 +120,27 @@ def test_scans_without_a_wasserstein_distance_are_left_out_and_counted():
     distance = np.full((3, 4), 20.0)
     distance[0, :3] = np.nan
     distance[2] = np.nan
-    blank = CrowdRuns(*(np.zeros((3, 4)) for _ in CrowdRuns._fields))._replace(wasserstein=distance)
-    (row,) = crowd_summary(WORLD, {"one": blank}).values()
+    blank = MultiTargetRuns(*(np.zeros((3, 4)) for _ in MultiTargetRuns._fields))._replace(
+        wasserstein=distance
+    )
+    (row,) = multi_target_summary(WORLD, {"one": blank}).values()
     assert row["wasserstein"].value == 20.0
     assert row["wasserstein_undefined"].value == pytest.approx(7 / 12)
-    (row,) = crowd_summary(WORLD, {"one": blank._replace(wasserstein=np.full((3, 4), np.nan))}).values()
+    (row,) = multi_target_summary(
+        WORLD, {"one": blank._replace(wasserstein=np.full((3, 4), np.nan))}
+    ).values()
     assert np.isnan(row["wasserstein"].value) and row["wasserstein_undefined"].value == 1.0
 
 
 def test_learning_the_clutter_comes_near_to_being_told_it():
     """Eight paired episodes: told uniform it names two too many, told the truth or learning it none."""
     world = unknown_clutter()
-    told = unknown_clutter(told="true").population
+    told = unknown_clutter(told="true").model
     built = {
-        "uniform": gm_phd(world.population), "true": gm_phd(told), "learning": learning_phd(world.population),
+        "uniform": gm_phd(world.model), "true": gm_phd(told), "learning": learning_phd(world.model),
     }  # fmt: skip
-    built |= {"tracks": learning_pmb(world.population)}
-    rows = crowd_summary(world, run(world, built, 8, seed=1))
+    built |= {"tracks": learning_pmb(world.model)}
+    rows = multi_target_summary(world, run(world, built, 8, seed=1))
     assert rows["uniform"]["ospa"].value > rows["true"]["ospa"].value + 15
     # 1.2 m in measurement, with an interval of a metre over eight episodes
     assert rows["learning"]["ospa"].value < rows["true"]["ospa"].value + 3
@@ -143,13 +150,13 @@ def test_learning_the_clutter_comes_near_to_being_told_it():
     assert rows["learning"]["density_error"].value < 0.4 < rows["uniform"]["density_error"].value
 
 
-@pytest.mark.parametrize("name", trackers(CROWD_GROUP))
+@pytest.mark.parametrize("name", trackers(MULTI_TARGET_GROUP))
 def test_trackers_of_many_targets_are_found_by_name_and_others_are_not(name):
-    tracker = make_tracker(name, WORLD.population)
-    assert tracker.population is WORLD.population
+    tracker = make_tracker(name, WORLD.model)
+    assert tracker.model is WORLD.model
     _, account = tracker.step(tracker.init(), np.zeros((0, 2)))
     assert len(account.x) == 0 and account.clutter.expected > 0
     with pytest.raises(ValueError, match="tracker 'pda' is for one target, and here there are many"):
-        make_tracker("pda", WORLD.population)
+        make_tracker("pda", WORLD.model)
     with pytest.raises(ValueError, match="takes no 'update'"):
-        make_tracker(name, WORLD.population, update="raw")
+        make_tracker(name, WORLD.model, update="raw")

@@ -22,7 +22,7 @@ from baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.cli import app
 from gmr_gym.evaluation import clusters, montecarlo, source, workers
 from gmr_gym.evaluation.montecarlo import BLOCK, Runs, run
-from gmr_gym.evaluation.multi_target_runs import CrowdRuns
+from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.evaluation.workers import ATTEMPTS, ClusterLost, WorkersLost, check_workers
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.lv import unknown_clutter
@@ -96,10 +96,10 @@ def test_one_process_two_and_a_dask_cluster_give_the_same_to_the_last_bit(cluste
 
 def test_so_they_do_with_many_targets(cluster):
     world = unknown_clutter(horizon=6)
-    built = {"phd": gm_phd(world.population)}
+    built = {"phd": gm_phd(world.model)}
     one = run(world, built, BLOCK + 1, seed=3)
-    assert_same(one, run(world, built, BLOCK + 1, seed=3, jobs=2), CrowdRuns)
-    assert_same(one, on_dask(cluster, world, built, BLOCK + 1, seed=3), CrowdRuns)
+    assert_same(one, run(world, built, BLOCK + 1, seed=3, jobs=2), MultiTargetRuns)
+    assert_same(one, on_dask(cluster, world, built, BLOCK + 1, seed=3), MultiTargetRuns)
 
 
 def test_a_dask_worker_killed_on_the_way_loses_and_doubles_nothing(cluster, tmp_path):

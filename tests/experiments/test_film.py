@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from gmr_gym.envs.render import Canvas
-from gmr_gym.envs.render_multi_target import CrowdCanvas
+from gmr_gym.envs.render_multi_target import MultiTargetCanvas
 from gmr_gym.evaluation.loop import play
 from gmr_gym.experiments.film import _gif
 from gmr_gym.filters.registry import make_tracker
@@ -27,7 +27,7 @@ def pictures():
     for t, seen, report, _ in play(scenario, make_tracker("runnalls-5", scenario.model), episode):
         estimates.append(report.x[0])
         one.append(canvas.draw(episode, seen, t, estimates, report))
-    crowd, canvas = draw_crowd(world, 1), CrowdCanvas(world)
+    crowd, canvas = draw_crowd(world, 1), MultiTargetCanvas(world)
     found = [np.array([[100.0, 200.0]])]
     many = [canvas.draw(crowd, crowd_scan(crowd, t), t, (t + 1) * found) for t in range(2)]
     return {"one": one, "many": many}

@@ -5,13 +5,13 @@ import io
 import pytest
 from rich.console import Console
 
-from gmr_gym.evaluation.summary import Figure
-from gmr_gym.experiments.sheets import METRICS, claims_grid, comparison, grid, notes, plain, shown
+from gmr_gym.evaluation.summary import Estimate
+from gmr_gym.experiments.sheets import METRICS, claims_table, comparison, figures_table, notes, plain, shown
 
 NAMES = ["runnalls-30", "mmg-15:reduction=average-isd", "clairvoyant"]
 METRIC_NAMES = ["track_loss", "rmse_own", "velocity_rmse_own", "gate_area", "localisation", "time_per_scan"]
 ROWS = {
-    name: {metric: Figure(12345.6 * (i + 1), 11111.1, 23456.7) for metric in METRIC_NAMES}
+    name: {metric: Estimate(12345.6 * (i + 1), 11111.1, 23456.7) for metric in METRIC_NAMES}
     for i, name in enumerate(NAMES)
 }
 CLAIMS = [
@@ -34,7 +34,7 @@ def printed(what, width, terminal=True):
 @pytest.mark.parametrize("terminal", [True, False])
 @pytest.mark.parametrize("width", [40, 80, 120, 240])
 def test_no_figure_and_no_interval_is_cut_at_any_width(width, terminal):
-    lines = printed(grid("a title", ROWS), width, terminal)
+    lines = printed(figures_table("a title", ROWS), width, terminal)
     assert max(map(len, lines)) <= width and "…" not in "".join(lines)
     text = "\n".join(lines)
     for name, row in ROWS.items():
@@ -46,7 +46,7 @@ def test_no_figure_and_no_interval_is_cut_at_any_width(width, terminal):
 
 
 def test_a_screen_that_is_wide_enough_has_one_table_and_one_of_80_has_several_that_name_the_rows_again():
-    wide, narrow = ("\n".join(printed(grid("a title", ROWS), width)) for width in (240, 80))
+    wide, narrow = ("\n".join(printed(figures_table("a title", ROWS), width)) for width in (240, 80))
     assert wide.count("clairvoyant") == 1 and narrow.count("clairvoyant") == 4
     assert wide.count("a title") == narrow.count("a title") == 1
 
@@ -60,7 +60,7 @@ def test_a_printed_figure_and_its_verdict_stay_with_ours():
 
 @pytest.mark.parametrize("width", [80, 240])
 def test_a_sentence_its_number_and_its_verdict_are_read_at_any_width(width):
-    text = " ".join(" ".join(printed(claims_grid(CLAIMS), width)).split())
+    text = " ".join(" ".join(printed(claims_table(CLAIMS), width)).split())
     for words in ("MMG has the lowest position RMSE for most of the time", "-0.0123 [-0.0456, 0.0789]"):
         assert words in text
     assert "too few runs" in text and "1-quiet" in text and "kept 812" in text
@@ -72,9 +72,9 @@ def test_plain_letters_are_those_of_every_console():
 
 
 def test_notes_are_of_lost_runs_and_of_few():
-    lost, kept = {"track_loss": Figure(1.0)}, {"track_loss": Figure(0.5)}
+    lost, kept = {"track_loss": Estimate(1.0)}, {"track_loss": Estimate(0.5)}
     assert notes({"a": kept, "b": kept}, 100) == []
     (said,) = notes({"a": lost, "b": kept, "c": lost}, 100)
     assert said.startswith("a, c lost every run")
     assert notes({"a": lost}, 100) == ["every run was lost by every tracker: there is no error of a run kept"]
-    assert notes({"a": {"ospa": Figure(1.0)}}, 1)[0].startswith("1 run: too few to judge")
+    assert notes({"a": {"ospa": Estimate(1.0)}}, 1)[0].startswith("1 run: too few to judge")

@@ -5,9 +5,9 @@ import pytest
 import reference
 
 from gmr_gym.filters.association import expand
-from gmr_gym.filters.joint_gating import false_expected, look_together
+from gmr_gym.filters.joint_gating import expected_false_alarms, gate_jointly
 from gmr_gym.mixture import Mixture, gaussian, mixture, normalised
-from gmr_gym.models.gating import Gates, gate_size, gated, gates, volumes
+from gmr_gym.models.gating import Gates, gate_threshold, gated_distances_kernel, gates, volumes
 from gmr_gym.models.kalman import motion, sensor
 from gmr_gym.models.model import model
 
@@ -20,7 +20,9 @@ def random_case(seed, n=4, k=7, d=4, p=2):
 
 
 def gated_distances(gates, z):
-    return gated(gates.z, gates.S, z[None], np.empty((0, *gates.S.shape[1:])), gates.size)
+    return gated_distances_kernel(
+        gates.z, gates.S, z[None], np.empty((0, *gates.S.shape[1:])), gates.threshold
+    )
 
 
 @pytest.mark.parametrize("p", [1, 2, 3])
@@ -36,7 +38,7 @@ def test_gate_holds_the_targets_detection_with_its_probability(p, probability):
 
 
 def test_gate_of_probability_one_is_the_whole_space():
-    assert gate_size(1.0, 2) == np.inf
+    assert gate_threshold(1.0, 2) == np.inf
     looked = gates(gaussian([0.0, 0.0], np.eye(2)), sensor(np.eye(2), np.eye(2)), 1.0)
     assert gated_distances(looked, np.array([[1e9, -1e9]])) == pytest.approx(1e18)
     assert volumes(looked)[0] == np.inf
@@ -50,7 +52,7 @@ def test_gated_distance_is_the_squared_mahalanobis_distance_and_infinite_outside
     for i in range(len(got)):
         for j in range(len(z)):
             wanted = reference.mahalanobis_squared(z[j], looked.z[i], looked.S[i])
-            inside = wanted <= looked.size
+            inside = wanted <= looked.threshold
             assert got[i, j] == (pytest.approx(wanted, rel=1e-9) if inside else np.inf)
     assert 0 < np.isfinite(got).mean() < 1  # else the loop has checked one side only
 
@@ -78,15 +80,18 @@ def test_a_detection_is_listed_when_at_least_one_gate_holds_it(p):
     predicted = normalised(predicted)
     told = model(motion(np.eye(4), np.eye(4)), see, 0.9, 0.6, 1e-3, predicted)
     looked = gates(predicted, see, 0.6)
-    _, listed, used, alive = look_together(predicted, told, z, np.inf)
+    _, listed, used, alive = gate_jointly(predicted, told, z, np.inf)
     held = [
-        any(reference.mahalanobis_squared(row, c, S) <= looked.size for c, S in zip(*looked[:2], strict=True))
+        any(
+            reference.mahalanobis_squared(row, c, S) <= looked.threshold
+            for c, S in zip(*looked[:2], strict=True)
+        )
         for row in z
     ]
     np.testing.assert_array_equal(listed, z[held])
-    assert alive and used.size == looked.size and 0 < np.mean(held) < 1
-    assert look_together(predicted, told, np.empty((0, p)), np.inf)[1].shape == (0, p)
-    assert not look_together(predicted, told, z, 0.0)[3]
+    assert alive and used.threshold == looked.threshold and 0 < np.mean(held) < 1
+    assert gate_jointly(predicted, told, np.empty((0, p)), np.inf)[1].shape == (0, p)
+    assert not gate_jointly(predicted, told, z, 0.0)[3]
 
 
 @pytest.mark.parametrize(("p", "ball"), [(1, 2), (2, np.pi), (3, 4 / 3 * np.pi)])
@@ -94,8 +99,10 @@ def test_false_detections_are_expected_within_one_deviation_of_the_predictions_b
     S = np.array([9 * np.eye(p), 4 * np.eye(p), 25 * np.eye(p)])
     looked, w = Gates(np.zeros((3, p)), S, 30.0), np.array([3.0, 1.0, 0.0])
     expected = 0.01 * ball * (3 * 3.0**p + 2.0**p) / 4
-    assert false_expected(looked, w, 0.01) == pytest.approx(expected, rel=1e-12)
-    assert false_expected(looked._replace(size=np.inf), w, 0.01) == false_expected(looked, w, 0.01)
+    assert expected_false_alarms(looked, w, 0.01) == pytest.approx(expected, rel=1e-12)
+    assert expected_false_alarms(looked._replace(threshold=np.inf), w, 0.01) == expected_false_alarms(
+        looked, w, 0.01
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -109,7 +116,7 @@ def test_expanded_weights_are_the_formulas_hypothesis_by_hypothesis(seed, detect
         wanted[i, -1] = w * (1 - detection * gate), m, P
         S = see.H @ P @ see.H.T + see.R
         for j, row in enumerate(z):
-            if reference.mahalanobis_squared(row, see.H @ m, S) <= looked.size:
+            if reference.mahalanobis_squared(row, see.H @ m, S) <= looked.threshold:
                 weight = w * detection * reference.gaussian_density(row, see.H @ m, S) / clutter
                 wanted[i, j] = weight, *reference.kalman_update(m, P, *see, row)
     total = sum(weight for weight, _, _ in wanted.values())

@@ -5,11 +5,18 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from gmr_gym.evaluation.multi_target_runs import density_error, places
-from gmr_gym.filters.clutter_estimation import added, first_lesson, fitted, learn, learner, responsibilities
+from gmr_gym.filters.clutter_estimation import (
+    fit_gaussians,
+    initial_estimate,
+    new_gaussian,
+    options,
+    responsibilities,
+    update_estimate,
+)
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import uniform_clutter
 from gmr_gym.scenarios.lv import unknown_clutter
-from gmr_gym.simulation.multi_target import sampled
+from gmr_gym.simulation.multi_target import draw_clutter
 
 LOW, HIGH = np.array([-1000.0, -1000.0]), np.array([1000.0, 1000.0])
 FLAT = 1 / 4e6
@@ -32,10 +39,10 @@ def points(rng, clutter):
 
 
 def taught(clutter_of, scans, seed=0, how=None, told=TOLD):
-    rng, lessons = np.random.default_rng(seed), first_lesson(told)
+    rng, lessons = np.random.default_rng(seed), initial_estimate(told)
     for t in range(scans):
         z = points(rng, clutter_of(t))
-        lessons = learn(told, lessons, z, np.ones(len(z)), how or learner())
+        lessons = update_estimate(told, lessons, z, np.ones(len(z)), how or options())
     return lessons.clutter
 
 
@@ -66,7 +73,7 @@ def test_a_step_of_the_fit_is_weighted_expectation_maximisation_less_the_cost_of
     ours = responsibilities(z, a, m, P, FLAT)
     np.testing.assert_allclose(ours, share, rtol=1e-9, atol=1e-12)
     number = weight @ share
-    a_out, m_out, P_out = fitted(z, weight, ours, 15.0)
+    a_out, m_out, P_out = fit_gaussians(z, weight, ours, 15.0)
     kept = [i for i in range(3) if number[i + 1] > 2.5]  # two of the mean, three of the covariance, halved
     assert len(kept) == len(m_out) and a_out.sum() == pytest.approx(weight.sum())
     for at, i in enumerate(kept):
@@ -89,7 +96,7 @@ def test_without_its_cost_the_likelihood_would_never_fall():
     )
     weight, before = np.ones(len(z)), -np.inf
     for _ in range(15):
-        a, m, P = fitted(z, weight, responsibilities(z, a, m, P, FLAT), 1e-3)
+        a, m, P = fit_gaussians(z, weight, responsibilities(z, a, m, P, FLAT), 1e-3)
         density = a[0] * FLAT
         for w, mean, covariance in zip(a[1:], m, P, strict=True):
             density = density + w * multivariate_normal(mean, covariance).pdf(z)
@@ -122,11 +129,11 @@ def test_a_rate_that_was_told_wrong_is_learned():
 
 
 def test_what_is_no_clutter_teaches_nothing():
-    lessons, rng = first_lesson(TOLD), np.random.default_rng(4)
+    lessons, rng = initial_estimate(TOLD), np.random.default_rng(4)
     for _ in range(30):
         z = np.concatenate([points(rng, TOLD), rng.normal(500.0, 10.0, (5, 2))])
         false = np.append(np.ones(len(z) - 5), np.zeros(5))
-        lessons = learn(TOLD, lessons, z, false, learner())
+        lessons = update_estimate(TOLD, lessons, z, false, options())
     here = lessons.clutter.density(np.array([[500.0, 500.0]]))[0]
     assert here < 3 * TOLD.density(np.zeros((1, 2)))[0]
     assert abs(lessons.clutter.expected - 50.0) < 4 * np.sqrt(50 / 15)
@@ -137,13 +144,13 @@ def test_a_slow_drift_is_followed():
         m = GROUPS.gaussians.m + np.array([0.0, -4.0 * t])
         return GROUPS._replace(gaussians=GROUPS.gaussians._replace(m=m))
 
-    learned = taught(drifting, 80, how=learner(memory=8))
+    learned = taught(drifting, 80, how=options(memory=8))
     # behind by the memory, half a deviation of the narrower group
     assert off(learned, drifting(79)) < 0.4 < off(learned, drifting(0))
 
 
 def test_what_is_gone_is_forgotten():
-    learned = taught(lambda t: GROUPS if t < 40 else TOLD, 100, how=learner(memory=8))
+    learned = taught(lambda t: GROUPS if t < 40 else TOLD, 100, how=options(memory=8))
     assert off(learned, TOLD) < 0.25
 
 
@@ -159,9 +166,9 @@ def test_what_is_gone_is_forgotten():
     ids=["none", "one", "the same", "outside", "ten thousand"],
 )
 def test_odd_scans_leave_an_intensity_that_is_one(scans):
-    lessons = first_lesson(TOLD)
+    lessons = initial_estimate(TOLD)
     for z in scans:
-        lessons = learn(TOLD, lessons, z, np.ones(len(z)), learner())
+        lessons = update_estimate(TOLD, lessons, z, np.ones(len(z)), options())
     kappa = lessons.clutter.density(GRID)
     assert np.isfinite(kappa).all() and (kappa > 0).all()
     for P in lessons.clutter.gaussians.P:
@@ -170,20 +177,20 @@ def test_odd_scans_leave_an_intensity_that_is_one(scans):
 
 @pytest.mark.parametrize("seed", [0, 6, 8, 14])  # of all but 6 two places for a Gaussian tie
 def test_the_order_of_detections_is_irrelevant(seed):
-    rng, one, other = np.random.default_rng(seed), first_lesson(TOLD), first_lesson(TOLD)
+    rng, one, other = np.random.default_rng(seed), initial_estimate(TOLD), initial_estimate(TOLD)
     for _ in range(10):
         z = points(rng, GROUPS)
-        one = learn(TOLD, one, z, np.ones(len(z)), learner())
-        other = learn(TOLD, other, z[::-1], np.ones(len(z)), learner())
+        one = update_estimate(TOLD, one, z, np.ones(len(z)), options())
+        other = update_estimate(TOLD, other, z[::-1], np.ones(len(z)), options())
     np.testing.assert_allclose(one.clutter.density(GRID), other.clutter.density(GRID), rtol=1e-6)
 
 
 def test_a_gaussian_is_added_where_the_points_are_and_not_by_chance():
     rng = np.random.default_rng(7)
     even = rng.uniform(LOW, HIGH, (500, 2))
-    assert len(added(even, even, np.ones(500), FLAT, 15.0).w) == 0
+    assert len(new_gaussian(even, even, np.ones(500), FLAT, 15.0).w) == 0
     heap = np.concatenate([even, rng.normal([300.0, -400.0], 40.0, (60, 2))])
-    (w,), (m,), (P,) = added(heap, heap, np.ones(560), FLAT, 15.0)
+    (w,), (m,), (P,) = new_gaussian(heap, heap, np.ones(560), FLAT, 15.0)
     assert np.linalg.norm(m - [300.0, -400.0]) < 60.0 and w == pytest.approx(60.0, rel=0.2)
     np.testing.assert_allclose(P, (2000.0**2 / 12**3 + 225.0) * np.eye(2))  # a square of that side, widened
 
@@ -191,14 +198,18 @@ def test_a_gaussian_is_added_where_the_points_are_and_not_by_chance():
 def test_a_new_gaussian_is_where_most_is_left_within_a_square():
     z, left, *_ = case(8)
     near = (np.abs(z - z[:, None]) <= 2000.0 / 12 / 2).all(axis=2) @ left
-    (w,), (m,), _ = added(z, z, left, FLAT, 15.0)
+    (w,), (m,), _ = new_gaussian(z, z, left, FLAT, 15.0)
     np.testing.assert_array_equal(m, z[near.argmax()])
     assert w == pytest.approx(near.max() - left.sum() / 144)
 
 
 def test_of_no_detection_no_gaussian_is_made():
     z, left, *_ = case(9)
-    assert len(added(z[:0], z, left, FLAT, 15.0).w) == len(added(z[:0], z[:0], left[:0], FLAT, 15.0).w) == 0
+    assert (
+        len(new_gaussian(z[:0], z, left, FLAT, 15.0).w)
+        == len(new_gaussian(z[:0], z[:0], left[:0], FLAT, 15.0).w)
+        == 0
+    )
 
 
 @pytest.mark.parametrize(
@@ -206,26 +217,26 @@ def test_of_no_detection_no_gaussian_is_made():
     [
         ({"memory": 0}, "memory must be a whole number, at least 1, got 0"),
         ({"deviation": -1.0}, "deviation must be positive, got -1.0"),
-        ({"most": 2.5}, "most must be a whole number"),
+        ({"max_hypotheses": 2.5}, "max_hypotheses must be a whole number"),
         ({"iterations": True}, "iterations must be a whole number"),
         ({"iterations": np.nan}, "iterations must be a whole number"),
         ({"memory": np.inf}, "memory must be a whole number"),
-        ({"most": "x"}, "most must be a whole number, at least 1, got 'x'"),
+        ({"max_hypotheses": "x"}, "max_hypotheses must be a whole number, at least 1, got 'x'"),
     ],
 )
 def test_a_wrong_parameter_is_refused_by_name(wrong, message):
     with pytest.raises(ValueError, match=message):
-        learner(**wrong)
+        options(**wrong)
 
 
 def test_who_is_told_the_truth_learns_no_worse_than_who_is_told_that_it_is_uniform():
     true, errors = unknown_clutter().clutter(0), {}
     for told in ("true", "uniform"):
-        rng, given = np.random.default_rng(0), unknown_clutter(told=told).population.clutter
-        lessons = first_lesson(given)
+        rng, given = np.random.default_rng(0), unknown_clutter(told=told).model.clutter
+        lessons = initial_estimate(given)
         for _ in range(30):
-            z = sampled(true, rng)
-            lessons = learn(given, lessons, z, np.ones(len(z)), learner())
+            z = draw_clutter(true, rng)
+            lessons = update_estimate(given, lessons, z, np.ones(len(z)), options())
         # 20 scans' worth of 50 points: a deviation of 1.6
         assert abs(lessons.clutter.expected - 50) < 6
         errors[told] = density_error(lessons.clutter, true, places(true))

@@ -7,30 +7,36 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmr_gym.filters.filter_bank import (
-    Bank,
-    banked,
-    flat,
+    FilterBank,
+    as_bank,
+    as_mixture,
     floored,
-    fused,
-    merged,
-    mixed,
+    imm_mix,
+    imm_output,
+    initial_bank,
+    merge_hypotheses,
     mmae_weights,
-    moved,
-    started,
+    predict_bank,
 )
-from gmr_gym.filters.mode_mixture import Modal, carried, gpb1, gpb2, spread
+from gmr_gym.filters.mode_mixture import (
+    MixtureWithModes,
+    gpb1,
+    gpb2,
+    merge_mode_probabilities,
+    predict_every_mode,
+)
 from gmr_gym.mixture import Mixture, matched, mixture
-from gmr_gym.models.switching import check_switching, staying
+from gmr_gym.models.switching import check_switching, sticky_switching
 
 
 def random_bank(seed, modes=3, n=4, d=2):
     rng = np.random.default_rng(seed)
-    return banked(Mixture(*reference.random_mixture(rng, modes * n, d)), modes)
+    return as_bank(Mixture(*reference.random_mixture(rng, modes * n, d)), modes)
 
 
 def random_modal(seed, modes=3, n=4, d=2):
     rng = np.random.default_rng(seed)
-    return Modal(Mixture(*reference.random_mixture(rng, n, d)), rng.dirichlet(np.ones(modes), n))
+    return MixtureWithModes(Mixture(*reference.random_mixture(rng, n, d)), rng.dirichlet(np.ones(modes), n))
 
 
 def random_switching(seed, modes=3):
@@ -53,7 +59,7 @@ def hypothesis_of(bank, j):
 
 @pytest.mark.parametrize("modes", [1, 2, 5])
 def test_staying_keeps_a_mode_and_shares_the_rest_alike(modes):
-    switching = staying(0.7, modes)
+    switching = sticky_switching(0.7, modes)
     for q in range(modes):
         for p in range(modes):
             wanted = 1.0 if modes == 1 else 0.7 if p == q else 0.3 / (modes - 1)
@@ -62,8 +68,8 @@ def test_staying_keeps_a_mode_and_shares_the_rest_alike(modes):
 
 
 def test_staying_takes_its_extremes():
-    assert staying(1.0, 3).tolist() == np.eye(3).tolist()
-    assert staying(0.0, 2).tolist() == [[0, 1], [1, 0]]
+    assert sticky_switching(1.0, 3).tolist() == np.eye(3).tolist()
+    assert sticky_switching(0.0, 2).tolist() == [[0, 1], [1, 0]]
 
 
 @pytest.mark.parametrize(
@@ -77,7 +83,7 @@ def test_staying_takes_its_extremes():
 )
 def test_staying_refuses_what_is_no_probability_and_no_mode(probability, modes, message):
     with pytest.raises(ValueError, match=message):
-        staying(probability, modes)
+        sticky_switching(probability, modes)
 
 
 def test_switching_is_checked_by_columns_and_copied():
@@ -113,7 +119,7 @@ def test_switching_that_is_not_column_stochastic_is_refused(switching, message):
 def test_spread_moves_every_component_by_every_motion_as_eq_8_weighs_it(modes, n):
     told = reference.jumping_model(n, modes)
     belief = random_modal(5, modes, n)
-    predicted, mode = spread(belief, told.motions, told.switching)
+    predicted, mode = predict_every_mode(belief, told.motions, told.switching)
     assert len(predicted.w) == modes * n
     at = 0
     for p in range(modes):
@@ -130,10 +136,10 @@ def test_column_of_the_switching_matrix_says_where_a_mode_goes():
     switching = np.array([[0.7, 0.2], [0.3, 0.8]])
     told = reference.jumping_model(0, 2)
     first = np.array([[1.0, 0.0]])  # a transposed matrix would send it on with 0.7 and 0.2
-    predicted, _ = spread(Modal(told.prior, first), told.motions, switching)
+    predicted, _ = predict_every_mode(MixtureWithModes(told.prior, first), told.motions, switching)
     assert predicted.w.tolist() == [0.7, 0.3]
     bank = random_bank(0, 2, 1)._replace(w=first.T)
-    assert mixed(bank, switching).w[:, 0].tolist() == [0.7, 0.3]
+    assert imm_mix(bank, switching).w[:, 0].tolist() == [0.7, 0.3]
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -144,7 +150,7 @@ def test_carried_modes_are_the_shares_of_eq_6(seed):
     origin = rng.integers(-1, 4, size=30)  # -1 for what the reduction has dropped
     origin[:4] = range(4)
     reduced = matched(posterior, origin, 4), origin
-    got = carried(posterior, mode, reduced, 3)
+    got = merge_mode_probabilities(posterior, mode, reduced, 3)
     assert got.mixture is reduced[0]
     for j in range(4):
         for p in range(3):
@@ -167,7 +173,7 @@ def test_gpb1_merges_everything_and_gpb2_what_ends_in_the_same_mode():
             members = origin == g
             wanted = reference.moment_match(p.w[members], p.m[members], p.P[members])
             close([part[g] for part in reduced], wanted)
-    assert carried(p, mode, (two, into_two), 3).modes.tolist() == [[1, 0, 0], [0, 0, 1]]
+    assert merge_mode_probabilities(p, mode, (two, into_two), 3).modes.tolist() == [[1, 0, 0], [0, 0, 1]]
 
 
 # ---- a bank of filters ----
@@ -176,8 +182,8 @@ def test_gpb1_merges_everything_and_gpb2_what_ends_in_the_same_mode():
 def test_a_bank_starts_as_the_prior_in_every_mode_and_fuses_to_it():
     prior = Mixture(*reference.random_mixture(np.random.default_rng(7), 4, 2))
     chances = np.array([0.5, 0.2, 0.3])
-    bank = started(chances, prior)
-    close(fused(bank), prior)
+    bank = initial_bank(chances, prior)
+    close(imm_output(bank), prior)
     for q in range(3):
         np.testing.assert_array_equal(bank.w[q], chances[q] * prior.w)
         assert (bank.m[q] == prior.m).all() and (bank.P[q] == prior.P).all()
@@ -185,18 +191,18 @@ def test_a_bank_starts_as_the_prior_in_every_mode_and_fuses_to_it():
 
 def test_flat_lays_a_bank_out_mode_by_mode_and_banked_undoes_it():
     bank = random_bank(0)
-    p = flat(bank)
+    p = as_mixture(bank)
     for q in range(3):
         for j in range(4):
             assert p.w[4 * q + j] == bank.w[q, j]
             assert (p.m[4 * q + j] == bank.m[q, j]).all() and (p.P[4 * q + j] == bank.P[q, j]).all()
-    for a, b in zip(banked(p, 3), bank, strict=True):
+    for a, b in zip(as_bank(p, 3), bank, strict=True):
         np.testing.assert_array_equal(a, b)
 
 
 def test_every_filter_moves_by_the_motion_of_its_mode():
     told, bank = reference.jumping_model(1, 3), random_bank(1)
-    predicted = banked(moved(bank, told.motions), 3)
+    predicted = as_bank(predict_bank(bank, told.motions), 3)
     assert (predicted.w == bank.w).all()
     for q in range(3):
         for j in range(4):
@@ -207,7 +213,7 @@ def test_every_filter_moves_by_the_motion_of_its_mode():
 @pytest.mark.parametrize("modes", [1, 2, 4])
 def test_mixing_matches_for_each_mode_all_it_may_have_come_from(modes):
     bank, switching = random_bank(modes, modes), random_switching(modes, modes)
-    got = mixed(bank, switching)
+    got = imm_mix(bank, switching)
     for j in range(4):
         for q in range(modes):
             from_each = np.array([switching[q, p] * bank.w[p, j] for p in range(modes)])
@@ -218,7 +224,7 @@ def test_mixing_matches_for_each_mode_all_it_may_have_come_from(modes):
 @pytest.mark.parametrize("seed", range(5))
 def test_mixing_keeps_weight_mean_and_covariance_of_every_hypothesis(seed):
     bank = random_bank(seed)
-    got = mixed(bank, random_switching(seed))
+    got = imm_mix(bank, random_switching(seed))
     assert got.w.sum() == pytest.approx(bank.w.sum(), rel=1e-14)
     for j in range(4):
         before, after = (reference.moment_match(*hypothesis_of(b, j)) for b in (bank, got))
@@ -227,13 +233,13 @@ def test_mixing_keeps_weight_mean_and_covariance_of_every_hypothesis(seed):
 
 def test_mixing_changes_nothing_where_no_mode_is_ever_left():
     bank = random_bank(2)
-    close(mixed(bank, np.eye(3)), bank)
+    close(imm_mix(bank, np.eye(3)), bank)
 
 
 def test_mixing_stands_modes_that_cannot_be_and_modes_that_cannot_be_reached():
     bank = random_bank(3)
     bank = bank._replace(w=bank.w * [[0.0], [1.0], [1.0]])
-    got = mixed(bank, np.array([[1.0, 0.0, 0.0], [0.0, 0.6, 0.1], [0.0, 0.4, 0.9]]))
+    got = imm_mix(bank, np.array([[1.0, 0.0, 0.0], [0.0, 0.6, 0.1], [0.0, 0.4, 0.9]]))
     assert (got.w[0] == 0).all() and got.w.sum() == pytest.approx(bank.w.sum(), rel=1e-14)
     assert np.isfinite(got.m).all()
     np.linalg.cholesky(got.P)
@@ -241,7 +247,7 @@ def test_mixing_stands_modes_that_cannot_be_and_modes_that_cannot_be_reached():
 
 def test_fused_is_one_matched_gaussian_for_each_hypothesis():
     bank = random_bank(4)
-    for j, got in enumerate(zip(*fused(bank), strict=True)):
+    for j, got in enumerate(zip(*imm_output(bank), strict=True)):
         close(got, reference.moment_match(*hypothesis_of(bank, j)))
 
 
@@ -250,20 +256,20 @@ def test_fused_is_one_matched_gaussian_for_each_hypothesis():
 def test_merging_of_any_grouping_keeps_weight_mean_and_covariance_of_every_mode(seed, modes, groups):
     _, origin = np.unique(groups, return_inverse=True)
     bank = random_bank(seed, modes, len(origin))
-    got = merged(bank, origin, origin.max() + 1)
+    got = merge_hypotheses(bank, origin, origin.max() + 1)
     assert got.w.shape == (modes, origin.max() + 1)
     for q in range(modes):
         before, after = (reference.moment_match(b.w[q], b.m[q], b.P[q]) for b in (bank, got))
         close(after, before)
     # hence of the whole, and the modes of a merged hypothesis are those of its parts
-    close(reference.moment_match(*flat(got)), reference.moment_match(*flat(bank)))
+    close(reference.moment_match(*as_mixture(got)), reference.moment_match(*as_mixture(bank)))
     for g in range(origin.max() + 1):
         close(got.w[:, g], bank.w[:, origin == g].sum(axis=1))
 
 
 def test_merging_is_by_mode_and_drops_what_the_reducer_dropped():
     bank, origin = random_bank(6), np.array([1, -1, 0, 1])
-    got = merged(bank, origin, 2)
+    got = merge_hypotheses(bank, origin, 2)
     for q in range(3):
         close((got.w[q, 0], got.m[q, 0], got.P[q, 0]), (bank.w[q, 2], bank.m[q, 2], bank.P[q, 2]))
         pair = [part[q, [0, 3]] for part in bank]
@@ -353,6 +359,6 @@ def test_a_scan_that_no_mode_explains_is_refused(prior, log_likelihood):
 
 def test_a_bank_of_one_mode_is_the_mixture_itself():
     p = mixture([0.2, 0.8], [[0.0], [1.0]], [[[1.0]], [[2.0]]])
-    bank = Bank(p.w[None], p.m[None], p.P[None])
-    close(fused(bank), p)
-    close(flat(mixed(bank, staying(0.5, 1))), p)
+    bank = FilterBank(p.w[None], p.m[None], p.P[None])
+    close(imm_output(bank), p)
+    close(as_mixture(imm_mix(bank, sticky_switching(0.5, 1))), p)

@@ -11,27 +11,27 @@ from gmr_gym.checks import check_whole
 from gmr_gym.evaluation.montecarlo import run
 from gmr_gym.filters.clutter_estimation import responsibilities
 from gmr_gym.filters.finite_mixture import (
-    Parts,
+    ScanMixture,
+    em_options,
     fit_em,
     initial,
     log_likelihood,
-    managed,
-    management,
     maximised,
+    merge_and_prune,
     variance,
 )
 from gmr_gym.filters.gibbs import fit_gibbs
 from gmr_gym.mixture import Mixture, gaussian, log_density
-from gmr_gym.models.clutter import nothing, uniform_clutter
+from gmr_gym.models.clutter import no_components, uniform_clutter
 from gmr_gym.models.kalman import position_sensor
 from gmr_gym.models.model import model
 from gmr_gym.models.motions import constant_velocity
-from gmr_gym.models.multi_target import population
+from gmr_gym.models.multi_target import multi_target_model
 from gmr_gym.scenarios.lv import unknown_clutter
 
 FLAT = 1 / 4e6
 R = 12.5**2 * np.eye(2)
-HOW = management()
+HOW = em_options()
 
 
 def scan_and_parts(seed, n=60, c=4, t=3):
@@ -39,7 +39,7 @@ def scan_and_parts(seed, n=60, c=4, t=3):
     group = rng.multivariate_normal([400, 200], np.diag([120.0, 80.0]) ** 2, n // 2)
     z = rng.permutation(np.concatenate([rng.uniform(-1000, 1000, (n - n // 2, 2)), group]))
     targets = Mixture(np.ones(t), z[c : c + t] + rng.normal(0, 10, (t, 2)), np.tile(R, (t, 1, 1)))
-    return z, initial(nothing(2), z[:c], z, targets, 15.0)
+    return z, initial(no_components(2), z[:c], z, targets, 15.0)
 
 
 def plain_log_likelihood(z, parts):
@@ -48,9 +48,9 @@ def plain_log_likelihood(z, parts):
 
 
 def told(births=None, clutter=5.0, spawn=0.0):
-    return population(
+    return multi_target_model(
         constant_velocity(1.0, 0.5), position_sensor(10.0), 0.98, 0.99,
-        nothing(4) if births is None else births,
+        no_components(4) if births is None else births,
         uniform_clutter([-1000.0, -1000.0], [1000.0, 1000.0], clutter), spawn,
         np.diag([100.0, 100.0, 25.0, 25.0]),
     )  # fmt: skip
@@ -96,7 +96,7 @@ def test_the_likelihood_never_falls_between_managements_even_at_the_floor(seed, 
         share = responsibilities(z, w, m, P, FLAT)
         value = log_likelihood(share, w[0] * FLAT)
         assert value >= before - 1e-9 * abs(value)  # rounding
-        assert value == pytest.approx(plain_log_likelihood(z, Parts(w, m, P, parts.origin)), rel=1e-9)
+        assert value == pytest.approx(plain_log_likelihood(z, ScanMixture(w, m, P, parts.origin)), rel=1e-9)
         before = value
         w, m, P = maximised(z, share, m, P, 4, deviation)
         assert w.sum() == pytest.approx(1)
@@ -107,7 +107,7 @@ def test_parts_merge_among_their_kind_alone_and_the_first_target_keeps_its_numbe
     m = np.array([[0.0, 0], [30, 0], [500, 0], [0, 0], [5, 0], [300, 0]])
     P = np.array([400.0 * np.eye(2)] * 3 + [R, 2 * R, R])
     w = np.array([0.2, 0.2, 0.1, 0.02, 0.1, 0.37, 0.01])
-    w_out, m_out, P_out, origin = managed(w, m, P, np.array([0, 1, 2]), 50, 4.0, 4.0, 3.0, 0.6)
+    w_out, m_out, P_out, origin = merge_and_prune(w, m, P, np.array([0, 1, 2]), 50, 4.0, 4.0, 3.0, 0.6)
     assert origin.tolist() == [0]  # the third, and the clutter about (500, 0), are pruned
     np.testing.assert_allclose(m_out[0], [10, 0])
     np.testing.assert_allclose(P_out[0], [[400 + 200, 0], [0, 400]])  # weights 2 : 1, 30 m apart
@@ -131,7 +131,7 @@ def test_a_fit_finds_a_target_beside_a_group_of_clutter():
     target = Mixture(np.ones(1), np.array([[-600.0, 610.0]]), R[None])
     z = np.append(z, [[-605.0, 600.0]], axis=0)
     z = z[(np.linalg.norm(z - z[-1], axis=1) > 150) | (np.arange(len(z)) == len(z) - 1)]
-    fitted, _ = fit_em(z, initial(nothing(2), z[:6], z, target, 15.0), FLAT, HOW)
+    fitted, _ = fit_em(z, initial(no_components(2), z[:6], z, target, 15.0), FLAT, HOW)
     assert fitted.origin.tolist() == [0]
     np.testing.assert_allclose(fitted.m[-1], [-605, 600], atol=1e-3)
     assert len(z) * fitted.w[-1] == pytest.approx(1, abs=0.05)
@@ -153,7 +153,9 @@ def test_gibbs_recovers_a_mixture_from_many_points():
     ])  # fmt: skip
     start = Mixture(np.ones(1), target[None] + 8, R[None])
     places = np.array([[300.0, 100.0], [-200.0, 350.0]])
-    fitted = fit_gibbs(z, initial(nothing(2), places, z, start, 15.0), FLAT, HOW, np.random.default_rng(0))
+    fitted = fit_gibbs(
+        z, initial(no_components(2), places, z, start, 15.0), FLAT, HOW, np.random.default_rng(0)
+    )
     assert fitted.gaussians == 2 and fitted.origin.tolist() == [0]
     number = fitted.w * len(z)
     # six standard errors and more: sqrt(n) of a number, deviation / sqrt(n) of a mean, with overlap besides
@@ -166,7 +168,7 @@ def test_gibbs_recovers_a_mixture_from_many_points():
 
 def test_gibbs_and_expectation_maximisation_agree_on_one_gaussian():
     z = np.random.default_rng(2).multivariate_normal([100, -50], [[900, 300], [300, 1600]], 2000)
-    parts = initial(nothing(2), np.array([[90.0, -40.0]]), z, nothing(2), 15.0)
+    parts = initial(no_components(2), np.array([[90.0, -40.0]]), z, no_components(2), 15.0)
     by_em = fit_em(z, parts, FLAT, HOW)[0]
     drawn = fit_gibbs(z, parts, FLAT, HOW, np.random.default_rng(1), sweeps=200)
     # a draw is off by deviation / sqrt(n), the average of 200 by a fourteenth of that
@@ -198,7 +200,7 @@ def test_a_single_target_in_sparse_uniform_clutter_is_followed_as_by_pda():
 @pytest.mark.parametrize("make", [fmm_em, fmm_gibbs])
 def test_repaired_it_tracks_better(make):
     world = unknown_clutter()
-    found = run(world, {r: make(world.population, repaired=r) for r in (False, True)}, 8)
+    found = run(world, {r: make(world.model, repaired=r) for r in (False, True)}, 8)
     saved = (found[False].ospa - found[True].ospa).mean(axis=1)
     # m, in the same episodes; over a hundred runs it is near 28, with a deviation of 20 in a run
     assert saved.mean() > 28 - 2 * 20 / np.sqrt(8)
@@ -225,7 +227,7 @@ def test_odd_scans_are_survived(make, repaired):
     ]  # fmt: skip
     for z in scans:
         belief, account = tracker.step(belief, np.array(z))
-        assert account.expected == pytest.approx(account.intensity.w.sum())
+        assert account.expected_targets == pytest.approx(account.intensity.w.sum())
         assert len(account.x) == len(account.existence) == len(account.label)
         assert ((account.existence >= 0) & (account.existence <= 1)).all()
         assert len(set(account.label.tolist())) == len(account.label)
@@ -239,7 +241,7 @@ def test_as_printed_a_target_that_is_missed_once_is_gone_and_repaired_it_coasts(
     began = Tracks(start, np.array([4]), np.array([9]), np.array([0]), 5, people.clutter, 0)
     nothing_near = np.array([[900.0, 900.0], [-900.0, -800.0]])
     _, printed = fmm_em(people, gaussians=0).step(began, nothing_near)
-    assert len(printed.x) == 0 and printed.expected == 0
+    assert len(printed.x) == 0 and printed.expected_targets == 0
     tracker, belief = fmm_em(people, repaired=True, gaussians=0, patience=2), began
     for named in (1, 1, 0):
         belief, account = tracker.step(belief, nothing_near)
@@ -263,7 +265,7 @@ def test_a_birth_is_named_as_printed_at_once_and_repaired_when_established():
 @pytest.mark.parametrize("make", [fmm_em, fmm_gibbs])
 def test_the_same_belief_and_scan_give_the_same_account_and_the_seed_matters(make):
     z, _ = scan_and_parts(0)
-    people = unknown_clutter().population
+    people = unknown_clutter().model
     tracker = make(people)
     belief, _ = tracker.step(tracker.init(), z)
     alike(tracker.step(belief, z), tracker.step(belief, z))
@@ -306,9 +308,9 @@ def test_the_spawned_merge_into_their_parent_as_printed_and_aside_become_targets
 
 def test_clutter_and_targets_account_for_all_detections():
     z, _ = scan_and_parts(5)
-    tracker = fmm_em(unknown_clutter().population)
+    tracker = fmm_em(unknown_clutter().model)
     _, account = tracker.step(tracker.init(), z)
-    explained = account.clutter.expected + account.expected
+    explained = account.clutter.expected + account.expected_targets
     assert len(z) - 1 <= explained <= len(z) + 1e-9  # a target counts no more than once
 
 

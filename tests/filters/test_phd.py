@@ -8,17 +8,17 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from baselines.fitted_phd import fitted_phd
-from baselines.gm_cphd import Census, GmCphd, gm_cphd
+from baselines.gm_cphd import CphdBelief, GmCphd, gm_cphd
 from baselines.gm_phd import GmPhd, gm_phd
 from baselines.learning_phd import learning_phd
 from gmr_gym.filters import cphd as cardinality
 from gmr_gym.filters import phd
-from gmr_gym.filters.phd import Labelled
+from gmr_gym.filters.phd import LabelledIntensity
 from gmr_gym.mixture import Mixture, gaussian, mixture, moments, normalised, take
-from gmr_gym.models.clutter import Clutter, nothing, uniform_clutter
+from gmr_gym.models.clutter import Clutter, no_components, uniform_clutter
 from gmr_gym.models.kalman import position_sensor
 from gmr_gym.models.motions import constant_acceleration, constant_velocity
-from gmr_gym.models.multi_target import population
+from gmr_gym.models.multi_target import multi_target_model
 from gmr_gym.models.radar import radar
 from gmr_gym.reduction.registry import REDUCERS, reduction_named
 from gmr_gym.reduction.vo_ma import vo_ma
@@ -37,7 +37,7 @@ def told(births=None, expected=10.0, detection=0.9, survival=0.98, **kwargs):
     """Targets of the plane that are born about two places."""
     if births is None:
         births = mixture([0.1, 0.05], [[100.0, 0, 0, 5], [-100, 50, 5, 0]], [np.diag([100.0, 100, 9, 9])] * 2)
-    return population(
+    return multi_target_model(
         constant_velocity(1.0, 1.0), position_sensor(3.0), detection, survival, births,
         uniform_clutter(CORNER, -CORNER, expected), **kwargs,
     )  # fmt: skip
@@ -52,7 +52,7 @@ def intensity(seed, n=5, total=2.0, spread=20.0):
 
 
 def labelled(p):
-    return Labelled(p, np.arange(len(p.w)), len(p.w))
+    return LabelledIntensity(p, np.arange(len(p.w)), len(p.w))
 
 
 def scan_about(p, seed, near=3, far=3):
@@ -94,7 +94,7 @@ def followed(tracker, scans, belief=None):
 @pytest.mark.parametrize("seed", range(5))
 def test_two_scans_are_those_of_the_plain_filter(seed):
     people = spawning()
-    tracker = GmPhd(people, as_it_is, prune_weight=0.0, most=10**9)
+    tracker = GmPhd(people, as_it_is, prune_weight=0.0, max_hypotheses=10**9)
     p = intensity(seed)
     kappa = 10.0 / 600.0**2
     slow, belief = tuple(p), labelled(p)
@@ -106,8 +106,8 @@ def test_two_scans_are_those_of_the_plain_filter(seed):
         fast = take(said.intensity, said.intensity.w > 1e-12)
         for ours, theirs in zip(fast, slow, strict=True):
             np.testing.assert_allclose(ours, theirs[kept], rtol=1e-8, atol=1e-10)
-        assert said.expected == pytest.approx(slow[0].sum(), rel=1e-12)
-        assert said.expected == pytest.approx(said.intensity.w.sum(), rel=1e-14)
+        assert said.expected_targets == pytest.approx(slow[0].sum(), rel=1e-12)
+        assert said.expected_targets == pytest.approx(said.intensity.w.sum(), rel=1e-14)
 
 
 def test_a_scan_with_uneven_clutter_is_that_of_the_plain_filter():
@@ -124,7 +124,7 @@ def test_a_scan_with_uneven_clutter_is_that_of_the_plain_filter():
     ])  # fmt: skip
     slow = reference.phd_updated(*reference.phd_predicted(*p, people), people, kappa, z)
     _, said = GmPhd(people, as_it_is, 0.0).step(labelled(p), z)
-    assert said.expected == pytest.approx(slow[0].sum(), rel=1e-12)
+    assert said.expected_targets == pytest.approx(slow[0].sum(), rel=1e-12)
     ours, theirs = (np.sort(w[w > 1e-15]) for w in (said.intensity.w, slow[0]))
     np.testing.assert_allclose(ours, theirs, rtol=1e-9)
 
@@ -141,18 +141,20 @@ def test_a_detection_is_false_by_the_share_of_clutter_where_it_lies(seed):
     _, false = phd.update(labelled(p), people.sensor, z, 0.9, kappa, 1e-5)
     np.testing.assert_allclose(false, kappa / (kappa + targets), rtol=1e-9)
     assert phd.update(labelled(p), people.sensor, z[:0], 0.9, kappa[:0], 1e-5)[1].shape == (0,)
-    np.testing.assert_array_equal(phd.update(phd.nobody(people), people.sensor, z, 0.9, kappa, 1e-5)[1], 1.0)
+    np.testing.assert_array_equal(
+        phd.update(phd.no_targets(people), people.sensor, z, 0.9, kappa, 1e-5)[1], 1.0
+    )
 
 
 def test_a_sure_lone_target_is_followed_as_by_a_kalman_filter():
-    people = told(births=nothing(4), expected=1e-9, detection=1.0, survival=1.0)
+    people = told(births=no_components(4), expected=1e-9, detection=1.0, survival=1.0)
     rng = np.random.default_rng(1)
     m, P = np.array([0.0, 0, 3, 1]), np.diag([50.0, 50, 4, 4])
     for factory in FILTERS:
         tracker = factory(people)
         belief = labelled(gaussian(m, P))
         if factory is gm_cphd:
-            belief = Census(belief, np.eye(51)[1])
+            belief = CphdBelief(belief, np.eye(51)[1])
         x, A = m, P
         for t in range(20):
             z = np.array([3.0 * t, t]) + 3 * rng.standard_normal(2)
@@ -175,15 +177,15 @@ def test_an_empty_scan_leaves_what_is_missed():
 
 def test_two_identical_detections_count_as_two():
     p = gaussian(np.zeros(4), np.diag([9.0, 9, 1, 1]))
-    people = told(births=nothing(4))
+    people = told(births=no_components(4))
     z = np.zeros((2, 2))
     slow = reference.phd_updated(*reference.phd_predicted(*p, people), people, 10.0 / 600.0**2, z)
     _, said = gm_phd(people).step(labelled(p), z)
-    assert said.expected == pytest.approx(slow[0].sum(), rel=1e-9) and said.expected > 1.5
+    assert said.expected_targets == pytest.approx(slow[0].sum(), rel=1e-9) and said.expected_targets > 1.5
     # one component, two targets: of the second nothing is known from scan to scan
     assert len(said.intensity.w) == 1 and said.label.tolist() == [0, -1]
     np.testing.assert_array_equal(said.x[0], said.x[1])
-    np.testing.assert_allclose(said.existence, [1.0, min(said.expected - 1, 1.0)], rtol=1e-12)
+    np.testing.assert_allclose(said.existence, [1.0, min(said.expected_targets - 1, 1.0)], rtol=1e-12)
 
 
 @settings(max_examples=40, deadline=None)
@@ -196,7 +198,7 @@ def test_the_order_of_components_and_of_detections_counts_for_nothing(seed, n, k
     def after(p, z):
         targets = labelled(p)
         number = np.eye(51)[:4].mean(axis=0)
-        said = tracker.step(Census(targets, number) if factory is gm_cphd else targets, z)[1]
+        said = tracker.step(CphdBelief(targets, number) if factory is gm_cphd else targets, z)[1]
         order = np.argsort(said.intensity.w)
         return take(said.intensity, order), np.sort(said.existence)
 
@@ -265,7 +267,7 @@ def test_every_reduction_runs_and_accounts_for_what_it_kept(factory, name):
     tracker = factory(people, components=8, reduction=name)
     for said in followed(tracker, scans)[1]:
         assert len(said.intensity.w) <= 8
-        assert said.expected == pytest.approx(said.intensity.w.sum(), rel=1e-12)
+        assert said.expected_targets == pytest.approx(said.intensity.w.sum(), rel=1e-12)
         assert np.isfinite(said.x).all() and (said.existence <= 1).all() and (said.existence > 0).all()
         assert len(said.x) == len(said.existence) == len(said.label)
         for covariance in said.intensity.P:
@@ -302,10 +304,10 @@ def test_crossing_targets_are_told_apart_and_labels_last():
 
 
 def test_no_label_is_given_twice_and_survivors_keep_theirs():
-    first = phd.ahead(phd.nobody(spawning()), spawning())
-    second = phd.ahead(first, spawning())
+    first = phd.predict(phd.no_targets(spawning()), spawning())
+    second = phd.predict(first, spawning())
     assert first.label.tolist() == [0, 1] and second.label.tolist() == [0, 1, 2, 3, 4, 5]
-    assert phd.ahead(second, spawning()).fresh == 6 + 6 + 2
+    assert phd.predict(second, spawning()).next_label == 6 + 6 + 2
 
 
 def test_labels_named_in_a_scan_differ():
@@ -318,27 +320,27 @@ def test_labels_named_in_a_scan_differ():
 
 def test_of_two_children_of_one_target_the_heavier_keeps_its_label_and_the_other_a_new_one():
     w = np.array([0.6, 0.9, 0.2])
-    belief = Labelled(intensity(1, 3)._replace(w=w), np.array([4, 4, 4]), 9)
-    belief, said = phd.account(belief, told().clutter)
+    belief = LabelledIntensity(intensity(1, 3)._replace(w=w), np.array([4, 4, 4]), 9)
+    belief, said = phd.report(belief, told().clutter)
     assert said.label.tolist() == [4, 9] and said.existence.tolist() == [0.9, 0.6]
-    assert belief.label.tolist() == [9, 4, 4] and belief.fresh == 10
+    assert belief.label.tolist() == [9, 4, 4] and belief.next_label == 10
 
 
 def test_what_is_merged_has_the_label_of_its_heaviest_part():
     p = Mixture(np.array([0.3, 0.8, 0.1, 0.8]), np.zeros((4, 2)), np.stack([np.eye(2)] * 4))
-    belief = phd.reduced(Labelled(p, np.array([5, 6, 7, 8]), 9), lambda q: vo_ma(q, 3), 10)
+    belief = phd.reduce_intensity(LabelledIntensity(p, np.array([5, 6, 7, 8]), 9), lambda q: vo_ma(q, 3), 10)
     assert belief.label.tolist() == [6]
-    only = phd.reduced(Labelled(p, np.array([5, 6, 7, 8]), 9), as_it_is, 2)
+    only = phd.reduce_intensity(LabelledIntensity(p, np.array([5, 6, 7, 8]), 9), as_it_is, 2)
     assert only.label.tolist() == [6, 8] and only.intensity.w.tolist() == [0.8, 0.8]
 
 
 def test_a_component_of_weight_w_names_as_many_as_w_rounds_to():
     p = intensity(1, 4)._replace(w=np.array([2.6, 0.5, 0.51, 1.4]))
-    said = phd.account(labelled(p), told().clutter)[1]
+    said = phd.report(labelled(p), told().clutter)[1]
     np.testing.assert_allclose(said.existence, [1, 1, 1, 0.6, 0.51])
     assert said.label.tolist() == [0, -1, 3, -1, 2]
-    assert phd.account(labelled(p), told().clutter, 2)[1].label.tolist() == [0, -1]
-    assert len(phd.account(labelled(p), told().clutter, 0)[1].x) == 0
+    assert phd.report(labelled(p), told().clutter, 2)[1].label.tolist() == [0, -1]
+    assert len(phd.report(labelled(p), told().clutter, 0)[1].x) == 0
 
 
 # ---- edges ----
@@ -346,9 +348,9 @@ def test_a_component_of_weight_w_names_as_many_as_w_rounds_to():
 
 @pytest.mark.parametrize("factory", FILTERS)
 def test_nothing_born_and_nothing_there_is_nothing_said(factory):
-    tracker = factory(told(births=nothing(4)))
+    tracker = factory(told(births=no_components(4)))
     _, accounts = followed(tracker, [np.zeros((3, 2)), []])
-    assert [said.expected for said in accounts] == [0.0, 0.0] and accounts[-1].x.shape == (0, 4)
+    assert [said.expected_targets for said in accounts] == [0.0, 0.0] and accounts[-1].x.shape == (0, 4)
 
 
 @pytest.mark.parametrize("factory", [*FILTERS, learning_phd, fitted_phd])
@@ -358,10 +360,10 @@ def test_births_of_no_weight_are_none(factory, name):
     weightless = factory(told(births=births._replace(w=0.0 * births.w)), reduction=name, prune_weight=0.0)
     _, accounts = followed(weightless, [np.zeros((3, 2)), []])
     _, wanted = followed(
-        factory(told(births=nothing(4)), reduction=name, prune_weight=0.0), [np.zeros((3, 2)), []]
+        factory(told(births=no_components(4)), reduction=name, prune_weight=0.0), [np.zeros((3, 2)), []]
     )
     for said, none in zip(accounts, wanted, strict=True):
-        assert said.expected == none.expected == 0.0 and said.x.shape == (0, 4)
+        assert said.expected_targets == none.expected_targets == 0.0 and said.x.shape == (0, 4)
 
 
 @pytest.mark.parametrize("factory", FILTERS)
@@ -373,17 +375,17 @@ def test_a_hundred_scans_of_nothing_stay_finite(factory, prune_weight):
     _, accounts = followed(tracker, scans + [[]] * 100)
     last = accounts[-1]
     assert all(np.isfinite(a).all() for a in last.intensity)
-    assert 0 < last.expected < 0.2 and len(last.x) == 0
+    assert 0 < last.expected_targets < 0.2 and len(last.x) == 0
 
 
 @pytest.mark.parametrize("factory", FILTERS)
 def test_a_sure_target_that_is_not_there_is_forgotten_or_kept_but_stays_finite(factory):
-    people = told(births=nothing(4), detection=1.0, survival=1.0)
+    people = told(births=no_components(4), detection=1.0, survival=1.0)
     belief = labelled(gaussian(np.zeros(4), np.eye(4)))
     if factory is gm_cphd:
-        belief = Census(belief, np.eye(51)[1])
+        belief = CphdBelief(belief, np.eye(51)[1])
     said = followed(factory(people), [[]] * 3, belief)[1][-1]
-    assert said.expected == (1.0 if factory is gm_cphd else 0.0)
+    assert said.expected_targets == (1.0 if factory is gm_cphd else 0.0)
 
 
 def test_births_far_away_change_nothing_here():
@@ -397,7 +399,7 @@ def test_births_far_away_change_nothing_here():
     near = followed(gm_phd(here), scans)[1][-1]
     both = followed(gm_phd(here._replace(births=far)), scans)[1][-1]
     inside = np.abs(both.intensity.m[:, 0]) < 1e6
-    assert both.intensity.w[inside].sum() == pytest.approx(near.expected, rel=1e-9)
+    assert both.intensity.w[inside].sum() == pytest.approx(near.expected_targets, rel=1e-9)
 
 
 @pytest.mark.parametrize("factory", FILTERS)
@@ -406,7 +408,7 @@ def test_ten_thousand_detections(factory):
     people = told(expected=1e4)
     z = rng.uniform(-300, 300, (10_000, 2))
     _, accounts = followed(factory(people), [z, z[::-1]])
-    assert np.isfinite(accounts[-1].expected) and accounts[-1].expected < 2
+    assert np.isfinite(accounts[-1].expected_targets) and accounts[-1].expected_targets < 2
 
 
 @pytest.mark.parametrize("factory", FILTERS)
@@ -444,11 +446,11 @@ def test_a_wrong_number_of_targets_is_refused(wrong):
 def test_the_gate_leaves_out_nothing_that_counts():
     """A detection at eleven deviations is the target's where clutter is all but impossible."""
     p = gaussian(np.zeros(4), np.diag([16.0, 16, 1e-3, 1e-3]))
-    people = told(births=nothing(4), expected=1e-40)
+    people = told(births=no_components(4), expected=1e-40)
     z = np.array([[55.0, 0.0]])
     slow = reference.phd_updated(*reference.phd_predicted(*p, people), people, 1e-40 / 600.0**2, z)
     _, said = gm_phd(people).step(labelled(p), z)
-    assert said.expected == pytest.approx(slow[0].sum(), rel=1e-9) and said.expected > 1
+    assert said.expected_targets == pytest.approx(slow[0].sum(), rel=1e-9) and said.expected_targets > 1
 
 
 def test_a_detection_that_clutter_cannot_explain_is_a_target_without_overflow():
@@ -460,7 +462,7 @@ def test_a_detection_that_clutter_cannot_explain_is_a_target_without_overflow():
 @pytest.mark.parametrize("kappa", [1e-300, 1e-200, 1e-3, 1e6])
 @pytest.mark.parametrize("there", [1.0, 0.4])
 def test_a_lone_target_is_bayes_in_clutter_of_any_density(kappa, there):
-    people, z = told(births=nothing(4)), np.array([[0.3, 0.0], [21.0, 0.0]])
+    people, z = told(births=no_components(4)), np.array([[0.3, 0.0], [21.0, 0.0]])
     p = gaussian(np.zeros(4), np.diag([25.0, 25, 1, 1]))
     p, number = p._replace(w=np.array([there])), np.array([1 - there, there])
     S = p.P[0, :2, :2] + 9.0 * np.eye(2)
@@ -487,7 +489,7 @@ def test_a_lone_target_is_bayes_in_clutter_of_any_density(kappa, there):
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("detection", [0.7, 1.0])
 def test_a_cphd_scan_is_that_of_the_printed_sums(seed, detection):
-    people = told(births=nothing(4), detection=detection)
+    people = told(births=no_components(4), detection=detection)
     rng = np.random.default_rng(seed)
     p, number = intensity(seed, 4), rng.dirichlet(np.ones(7))
     z = scan_about(p, seed, near=3, far=2)
@@ -502,10 +504,10 @@ def test_a_cphd_scan_is_that_of_the_printed_sums(seed, detection):
 
 
 def test_with_a_poisson_number_the_cphd_scan_is_the_phd_scan():
-    people, p = told(births=nothing(4)), intensity(3, total=1.5)
+    people, p = told(births=no_components(4)), intensity(3, total=1.5)
     z = scan_about(p, 3, near=4, far=10)
     given = people.sensor, z, 0.9, np.full(14, 10.0 / 600.0**2), 1e-12
-    number = cardinality.transitions(1.0, 0.0, 1.5, 60)[:, 0]
+    number = cardinality.cardinality_transition(1.0, 0.0, 1.5, 60)[:, 0]
     counted = cardinality.update(labelled(p), number, *given)[0].intensity
     plain = phd.update(labelled(p), *given)[0].intensity
     for ours, theirs in zip(counted, plain, strict=True):
@@ -513,17 +515,17 @@ def test_with_a_poisson_number_the_cphd_scan_is_the_phd_scan():
 
 
 def test_a_number_that_is_known_stays_known():
-    people = told(births=nothing(4), survival=1.0)
+    people = told(births=no_components(4), survival=1.0)
     p = intensity(6, 3, 3.0)
-    belief = Census(labelled(p), np.eye(51)[3])
+    belief = CphdBelief(labelled(p), np.eye(51)[3])
     for t in range(10):
         belief, said = gm_cphd(people, prune_weight=0.0).step(belief, scan_about(p, t))
         np.testing.assert_allclose(belief.cardinality, np.eye(51)[3], atol=1e-12)
-        assert said.expected == pytest.approx(3.0, rel=1e-9) and len(said.x) == 3
+        assert said.expected_targets == pytest.approx(3.0, rel=1e-9) and len(said.x) == 3
 
 
 def test_the_number_ahead_is_of_those_who_survive_spawn_and_are_born():
-    moves = cardinality.transitions(0.9, 0.1, 0.3, 80)
+    moves = cardinality.cardinality_transition(0.9, 0.1, 0.3, 80)
     np.testing.assert_allclose(moves.sum(axis=0)[:20], 1, rtol=1e-12)
     np.testing.assert_allclose(np.arange(81) @ moves[:, :20], 0.3 + 1.0 * np.arange(20), rtol=1e-12)
 
@@ -535,13 +537,13 @@ def test_the_expected_number_is_unbiased_where_the_world_is_as_told():
     for seed in range(200):
         scans, count = world(people, 20, np.random.default_rng(seed))
         said = followed(tracker, scans)[1]
-        gap.append(np.mean([a.expected for a in said] - count))
+        gap.append(np.mean([a.expected_targets for a in said] - count))
     assert abs(np.mean(gap)) < 4 * np.std(gap, ddof=1) / np.sqrt(len(gap))
 
 
 def test_what_a_scan_says_of_the_number_is_on_average_what_was_so_before():
     """Four standard errors over 1000 draws of independent targets, two or five, none of which moves."""
-    people, rng = told(births=nothing(4), detection=0.7), np.random.default_rng(0)
+    people, rng = told(births=no_components(4), detection=0.7), np.random.default_rng(0)
     p, number = intensity(4, 3, 3.5, spread=40.0), np.array([0, 0, 0.5, 0, 0, 0.5])
     H, R = people.sensor
     after, sums, kappa = [], [], 10.0 / 600.0**2
@@ -569,14 +571,12 @@ def test_the_parameters_are_fields():
         and gm_cphd(told(), targets=9).init().cardinality.size == 10
     )
     _, said = tracker.step(tracker.init(), np.array([[0.0, 0.0]]))
-    assert said.clutter is tracker.population.clutter and normalised(said.intensity).w.sum() == pytest.approx(
-        1
-    )
+    assert said.clutter is tracker.model.clutter and normalised(said.intensity).w.sum() == pytest.approx(1)
 
 
 def test_six_states_of_constant_acceleration():
     births = mixture([0.2], [np.zeros(6)], [np.diag([25.0, 25, 9, 9, 1, 1])])
-    people = population(
+    people = multi_target_model(
         constant_acceleration(1.0, 0.3), position_sensor(3.0, rates=2), 0.95, 0.99, births,
         uniform_clutter(CORNER, -CORNER, 5.0),
     )  # fmt: skip
@@ -618,12 +618,12 @@ ONE = mixture([1.0], [np.zeros(2)], [np.eye(2)])
 def test_an_intensity_that_is_none_is_refused_by_name(wrong, message):
     right = {"births": BIRTH, "clutter": EVEN}
     with pytest.raises(ValueError, match=message):
-        population(constant_velocity(1.0, 1.0), position_sensor(3.0), 0.9, 0.99, **(right | wrong))
+        multi_target_model(constant_velocity(1.0, 1.0), position_sensor(3.0), 0.9, 0.99, **(right | wrong))
 
 
 def test_a_sensor_that_is_not_linear_is_refused():
     with pytest.raises(ValueError, match="sensor must be linear, a Sensor of positions, got a Radar"):
-        population(
-            constant_velocity(1.0, 1.0, axes=3), radar([10.0, 0.01, 0.01]), 0.9, 0.99, nothing(6),
+        multi_target_model(
+            constant_velocity(1.0, 1.0, axes=3), radar([10.0, 0.01, 0.01]), 0.9, 0.99, no_components(6),
             uniform_clutter([0.0] * 3, [1.0] * 3, 5.0),
         )  # fmt: skip

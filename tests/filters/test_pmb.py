@@ -10,10 +10,10 @@ from baselines.learning_pmb import learning_pmb, pmb
 from gmr_gym.filters import pmb as multi_bernoulli
 from gmr_gym.filters.pmb import MultiBernoulli, marginals
 from gmr_gym.mixture import Mixture, mixture
-from gmr_gym.models.clutter import nothing, uniform_clutter
+from gmr_gym.models.clutter import no_components, uniform_clutter
 from gmr_gym.models.kalman import position_sensor, predict
 from gmr_gym.models.motions import constant_velocity
-from gmr_gym.models.multi_target import population
+from gmr_gym.models.multi_target import multi_target_model
 
 CORNER = np.array([-300.0, -300.0])
 DETECTION, SURVIVAL = 0.9, 0.98
@@ -25,7 +25,7 @@ BIRTHS = ([0.1, 0.05], [[100.0, 0, 0, 5], [-100, 50, 5, 0]], [np.diag([100.0, 10
 def told(births=None, expected=10.0, detection=DETECTION, survival=SURVIVAL, **kwargs):
     """Targets of the plane that are born about two places."""
     births = mixture(*BIRTHS) if births is None else births
-    return population(
+    return multi_target_model(
         constant_velocity(1.0, 1.0), position_sensor(3.0), detection, survival, births,
         uniform_clutter(CORNER, -CORNER, expected), **kwargs,
     )  # fmt: skip
@@ -41,7 +41,10 @@ def of_tracks(w, places, undetected=None):
     m = np.hstack([np.reshape(places, (n, 2)), np.zeros((n, 2))])
     P = np.tile(np.diag([25.0, 16.0, 4.0, 4.0]), (n, 1, 1))
     return MultiBernoulli(
-        Mixture(np.array(w, float), m, P), np.arange(n), nothing(4) if undetected is None else undetected, n
+        Mixture(np.array(w, float), m, P),
+        np.arange(n),
+        no_components(4) if undetected is None else undetected,
+        n,
     )
 
 
@@ -287,7 +290,7 @@ def test_the_order_of_detections_does_not_matter():
 def test_tracks_spawn_the_undetected():
     people = spawning()
     belief = of_tracks([0.8], [(10, 0)])
-    predicted = multi_bernoulli.ahead(belief, people)
+    predicted = multi_bernoulli.predict(belief, people)
     moved = predict(belief.tracks, people.motion)
     np.testing.assert_allclose(predicted.tracks.w, [0.8 * SURVIVAL])
     np.testing.assert_allclose(predicted.undetected.w, [*people.births.w, 0.8 * 0.05])
@@ -297,7 +300,7 @@ def test_tracks_spawn_the_undetected():
 def test_a_target_certain_to_be_seen_that_is_not_has_gone():
     posterior, _ = updated(of_tracks([1.0], [(0, 0)]), np.empty((0, 2)), told(detection=1.0))
     assert posterior.tracks.w[0] == 0
-    assert len(multi_bernoulli.pruned(posterior, 0.0, 0.0, 10).label) == 0
+    assert len(multi_bernoulli.prune(posterior, 0.0, 0.0, 10).label) == 0
 
 
 def test_a_certain_target_in_no_clutter_to_speak_of_stays_a_number():
@@ -307,12 +310,12 @@ def test_a_certain_target_in_no_clutter_to_speak_of_stays_a_number():
 
 def test_no_more_than_the_heaviest_undetected_are_kept():
     undetected = mixture([0.1, 0.3, 0.2, 1e-6], np.zeros((4, 4)), [np.eye(4)] * 4)
-    belief = multi_bernoulli.pruned(of_tracks([], [], undetected), 1e-3, 1e-5, 2)
+    belief = multi_bernoulli.prune(of_tracks([], [], undetected), 1e-3, 1e-5, 2)
     np.testing.assert_allclose(np.sort(belief.undetected.w), [0.2, 0.3])
 
 
 def test_no_more_than_the_surest_are_kept():
-    belief = multi_bernoulli.pruned(of_tracks([0.2, 0.9, 1e-4, 0.5], np.zeros((4, 2))), 1e-3, 1e-5, 2)
+    belief = multi_bernoulli.prune(of_tracks([0.2, 0.9, 1e-4, 0.5], np.zeros((4, 2))), 1e-3, 1e-5, 2)
     np.testing.assert_allclose(belief.tracks.w, [0.9, 0.5])
     assert belief.label.tolist() == [1, 3]
 
@@ -346,7 +349,7 @@ def test_hardly_any_clutter_leaves_numbers_finite():
     people = told(births, expected=1e-290, detection=1.0, survival=1.0)
     scans = [np.array([[3.0 * t, 0.0], [3.0 * t, 4.0]]) for t in range(5)]
     for said in followed(pmb(people), scans)[1]:
-        assert said.expected == pytest.approx(2, abs=1e-3) and len(said.x) == 2
+        assert said.expected_targets == pytest.approx(2, abs=1e-3) and len(said.x) == 2
 
 
 @pytest.mark.parametrize("make", TRACKERS)
@@ -364,7 +367,7 @@ def test_two_targets_are_found_and_keep_their_labels(make, seed):
 @pytest.mark.parametrize("make", TRACKERS)
 def test_an_account_adds_up(make):
     for said in followed(make(spawning()), two_walks(10, 1))[1]:
-        assert said.expected == pytest.approx(said.intensity.w.sum())
+        assert said.expected_targets == pytest.approx(said.intensity.w.sum())
         assert ((said.existence > 0.5) & (said.existence <= 1)).all() and (np.diff(said.existence) <= 0).all()
         assert len(set(said.label)) == len(said.x) == len(said.existence)
 
@@ -378,16 +381,16 @@ def test_a_hundred_empty_scans_leave_only_the_undetected(make):
     births = people.births.w.sum()
     # those born and never seen
     steady = births * (1 - DETECTION) / (1 - SURVIVAL * (1 - DETECTION))
-    assert accounts[-1].expected == pytest.approx(steady, rel=1e-3)
+    assert accounts[-1].expected_targets == pytest.approx(steady, rel=1e-3)
 
 
 @pytest.mark.parametrize("make", TRACKERS)
 def test_ten_thousand_detections_are_followed_within_bounds(make):
     z = np.random.default_rng(0).uniform(-300, 300, (10_000, 2))
     belief, accounts = followed(make(told(expected=10_000.0)), [z, z])
-    assert np.isfinite(accounts[-1].intensity.m).all() and np.isfinite(accounts[-1].expected)
+    assert np.isfinite(accounts[-1].intensity.m).all() and np.isfinite(accounts[-1].expected_targets)
     targets = belief if make is pmb else belief.targets
-    assert len(targets.tracks.w) <= 200 and accounts[-1].expected < 5
+    assert len(targets.tracks.w) <= 200 and accounts[-1].expected_targets < 5
 
 
 def test_what_is_learned_is_where_the_clutter_is():
@@ -421,8 +424,8 @@ def test_a_bad_scan_is_refused(make, z, message):
         ({"prune_existence": -0.1}, "prune_existence must be"),
         ({"prune_existence": 0.5}, "prune_existence must be"),
         ({"prune_weight": -1.0}, "prune_weight must be"),
-        ({"naming": 0.0}, "naming must lie"),
-        ({"naming": 1.5}, "naming must lie"),
+        ({"report_threshold": 0.0}, "naming must lie"),
+        ({"report_threshold": 1.5}, "naming must lie"),
         ({"tracks": 0}, "tracks must be"),
         ({"tracks": 2.5}, "tracks must be"),
     ],
@@ -443,7 +446,7 @@ def test_a_track_after_a_scan_is_the_mixture_of_its_pairs_by_its_moments(seed):
     absent, found = rng.random(n), rng.random((n, k)) * (rng.random((n, k)) < 0.7)
     found[-1] = 0.0  # one that had none
     S, C = H @ P @ H.T + R, H @ P
-    got = multi_bernoulli.absorbed(absent, found, m, P, m @ H.T, S, C, H, R, z)
+    got = multi_bernoulli.moment_matched(absent, found, m, P, m @ H.T, S, C, H, R, z)
     for i in range(n):
         K = C[i].T @ np.linalg.inv(S[i])
         means = [m[i], *(m[i] + K @ (row - H @ m[i]) for row in z)]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.linalg import expm
 
-from gmr_gym.filters.imm import mixed_ahead
+from gmr_gym.filters.imm import mix_and_predict
 from gmr_gym.filters.mixing import borrowed_states
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.kalman import motion, predict
@@ -227,8 +227,8 @@ def test_constant_velocity_mixed_with_singer_does_as_if_there_were_no_accelerati
     switching = np.array([[0.9, 0.2], [0.1, 0.8]])
     others = m.copy()
     others[:, 6:] += 1000.0 * np.random.default_rng(1).standard_normal((2, 3))
-    got = mixed_ahead(w, m, P, switching, as_given, F, Q, offset)
-    again = mixed_ahead(w, others, P, switching, as_given, F, Q, offset)
+    got = mix_and_predict(w, m, P, switching, as_given, F, Q, offset)
+    again = mix_and_predict(w, others, P, switching, as_given, F, Q, offset)
     mixing = switching[0] * w
     total, mean, covariance = reference.moment_match(mixing, m[:, :6], P[:, :6, :6])
     mean, covariance = reference.kalman_predict(mean, covariance, *plain)

@@ -171,13 +171,13 @@ def test_the_linearised_update_is_the_textbooks_with_the_azimuth_the_shorter_way
     P = np.diag([300.0**2, 300.0**2, 200.0**2, 50.0, 50.0, 50.0])
     z = np.array([[9_050.0, -np.pi + 0.02, 0.1]])  # on the other side of the seam
     p = Mixture(np.ones(1), m[None], P[None])
-    look = told.look(p, *told.gates(p), z)
+    look = told.predict_detections(p, *told.gates(p), z)
     J = np.linalg.inv(kernels.jacobian_of(radar.spherical(m[None, :3])))[0]
     H = np.hstack([J, np.zeros((3, 3))])
     np.testing.assert_allclose(look.S[0], H @ P @ H.T + np.diag(deviations**2), rtol=1e-9, atol=1e-14)
     np.testing.assert_allclose(look.C[0], H @ P, rtol=1e-9, atol=1e-12)
-    away = look.z[0, 0] - look.expected[0]
-    assert abs(away[1]) < 0.1 and away[1] == pytest.approx(z[0, 1] + 2 * np.pi - look.expected[0, 1])
+    away = look.z[0, 0] - look.z_hat[0]
+    assert abs(away[1]) < 0.1 and away[1] == pytest.approx(z[0, 1] + 2 * np.pi - look.z_hat[0, 1])
 
 
 def test_points_find_the_moments_that_sampling_finds():
@@ -189,9 +189,9 @@ def test_points_find_the_moments_that_sampling_finds():
     z = radar.spherical(x[:, :3])
     for update in ("unscented", "cubature"):
         told = radar.radar([20.0, 0.01, 0.01], 6, update)
-        look = told.look(p, *told.gates(p), z[:1])
+        look = told.predict_detections(p, *told.gates(p), z[:1])
         spread = np.sqrt(np.diag(np.cov(z.T)))
-        assert (np.abs(look.expected[0] - z.mean(axis=0)) < 0.02 * spread).all()
+        assert (np.abs(look.z_hat[0] - z.mean(axis=0)) < 0.02 * spread).all()
         np.testing.assert_allclose(
             (look.S[0] - told.R) / np.outer(spread, spread), np.cov(z.T) / np.outer(spread, spread), atol=0.03
         )
@@ -208,8 +208,8 @@ def test_unscented_covariances_are_sums_over_seven_points_weighed_a_quarter_and_
     mean = weights @ points
     told = radar.radar([20.0, 0.01, 0.01], 3, "unscented")
     p = Mixture(np.ones(1), m[None], P[None])
-    look = told.look(p, *told.gates(p), mean[None])
-    np.testing.assert_allclose(look.expected[0], mean, rtol=1e-12)
+    look = told.predict_detections(p, *told.gates(p), mean[None])
+    np.testing.assert_allclose(look.z_hat[0], mean, rtol=1e-12)
     scatter = (weights[:, None] * (points - mean)).T @ (points - mean)
     np.testing.assert_allclose(look.S[0] - told.R, scatter, rtol=1e-9, atol=1e-12)
 
@@ -235,7 +235,7 @@ def test_what_is_predicted_spreads_in_range_and_angles_as_its_covariance_says(up
     told, p = radar.radar(noise, 3, update), Mixture(np.ones(1), m[None], P[None])
     truth = np.random.default_rng(11).multivariate_normal(m, P, DRAWS)
     found = drawn(radar.spherical(truth), noise, 12)
-    look = told.look(p, *told.gates(p), radar.spherical(m[None]))
+    look = told.predict_detections(p, *told.gates(p), radar.spherical(m[None]))
     D = np.array([np.exp(-(noise[1] ** 2 + noise[2] ** 2) / 2)] * 2 + [np.exp(-(noise[2] ** 2) / 2)])
     shrunk = radar.cartesian(found) - D * truth
     R = np.cov(shrunk.T, bias=True) / (np.outer(D, D) if update == "decorrelated" else 1.0)
@@ -264,7 +264,7 @@ def test_near_by_all_updates_weigh_and_measure_the_detections_alike():
 def test_a_prediction_at_the_radar_itself_is_refused(update):
     told, p = radar.radar([20.0, 0.01, 0.01], 3, update), gaussian(np.zeros(3), 1e8 * np.eye(3))
     with pytest.raises(ValueError, match="predicted position is that of the radar itself"):
-        told.look(p, *told.gates(p), np.array([[1000.0, 0.0, 0.0]]))
+        told.predict_detections(p, *told.gates(p), np.array([[1000.0, 0.0, 0.0]]))
 
 
 def test_clutter_fills_what_a_conversion_stretches():
@@ -273,12 +273,12 @@ def test_clutter_fills_what_a_conversion_stretches():
     for update in radar.CONVERSIONS[:5]:
         told = radar.radar(noise, 3, update)
         moved = [
-            told.look(p, *told.gates(p), z + step * np.eye(3)[i]).z[0, 0]
+            told.predict_detections(p, *told.gates(p), z + step * np.eye(3)[i]).z[0, 0]
             for i, step in enumerate((1e-2, 1e-6, 1e-6)) for step in (step, -step)
         ]  # fmt: skip
         J = (np.array(moved[::2]) - moved[1::2]) / np.array([2e-2, 2e-6, 2e-6])[:, None]
-        look = told.look(p, *told.gates(p), z)
-        assert look.log_stretch[0] == pytest.approx(np.log(abs(np.linalg.det(J))), abs=1e-4)
+        look = told.predict_detections(p, *told.gates(p), z)
+        assert look.log_jacobian[0] == pytest.approx(np.log(abs(np.linalg.det(J))), abs=1e-4)
 
 
 def test_clutter_uniform_in_what_the_radar_says_thins_with_the_volume_in_space():

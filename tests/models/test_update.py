@@ -14,7 +14,7 @@ from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import Motion, position_sensor, sensor
 from gmr_gym.models.model import model
 from gmr_gym.models.motions import constant_velocity
-from gmr_gym.models.multi_target import population
+from gmr_gym.models.multi_target import multi_target_model
 from gmr_gym.models.spherical import jacobian_of
 from gmr_gym.points import FARTHEST
 
@@ -194,7 +194,7 @@ def test_targets_born_anywhere_are_as_sure_of_their_place_as_their_first_detecti
     births = mixture([0.1], np.zeros((1, 4)), WIDE[None])
     clutter = uniform_clutter([-1e7, -1e7], [1e7, 1e7], 1e-20)
     # none is missed: Vo and Ma's merging would make one of a target and of those not yet seen, anywhere
-    tracker = make_tracker(name, population(MOVE, SEE, 1.0, 0.99, births, clutter))
+    tracker = make_tracker(name, multi_target_model(MOVE, SEE, 1.0, 0.99, births, clutter))
     _, account = tracker.step(tracker.init(), passing()[:1])
     sure = np.abs(account.intensity.m[:, :2] - passing()[0]).max(axis=1) < 1e-6
     assert account.intensity.w[sure].sum() == pytest.approx(1.0, rel=1e-3)

@@ -12,14 +12,14 @@ from baselines.imm_dcm_pda_printed import imm_dcm_pda_printed
 from baselines.imm_pda import ImmPda
 from gmr_gym import cli
 from gmr_gym.evaluation.loop import play
-from gmr_gym.evaluation.summary import Figure
+from gmr_gym.evaluation.summary import Estimate
 from gmr_gym.experiments.papers import li
 from gmr_gym.experiments.papers.li import DCM, EKF, MAPS, SAVED, TABLES, Tracked, claims, map_figures
 from gmr_gym.filters.mixing import MIXINGS
 from gmr_gym.mixture import Mixture
-from gmr_gym.models.gating import gate_size
+from gmr_gym.models.gating import gate_threshold
 from gmr_gym.models.kalman import predict
-from gmr_gym.models.model import told_by
+from gmr_gym.models.model import with_radar_update
 from gmr_gym.models.radar import spherical
 from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.simulation.single_target import draw
@@ -129,7 +129,7 @@ def test_a_cell_sets_every_update_against_the_best_and_debiasing_against_lineari
     sizes = dict(zip(entry.trackers, (5.0, 2.0, 3.0, 3.0, 3.0, 3.0, 4.0, 3.0, 3.0), strict=True))
     row = entry.summarise(WORLD, {name: with_errors(scattered(0, size)) for name, size in sizes.items()})
     assert set(row) == set(entry.columns)
-    assert row["debiased"] == Figure(1.0, 1.0, 1.0)
+    assert row["debiased"] == Estimate(1.0, 1.0, 1.0)
     assert row["raw"].value == pytest.approx(2.5) and row["extended"].value == pytest.approx(2.0)
     assert row[SAVED].value == pytest.approx(50.0)
 
@@ -166,7 +166,7 @@ def test_map_and_tables_are_run_drawn_and_written_by_the_command(tmp_path, monke
 
 def test_a_map_of_one_row_of_cells_can_be_drawn_where_nothing_is_known(tmp_path):
     (entry,) = MAPS
-    row = dict.fromkeys(entry.columns, Figure(np.nan))
+    row = dict.fromkeys(entry.columns, Estimate(np.nan))
     map_figures(entry, dict.fromkeys(entry.cells(), row), tmp_path)
     assert (tmp_path / "map.png").stat().st_size > 10_000
 
@@ -184,7 +184,7 @@ def flown(tracker, scans):
 
 @pytest.mark.parametrize("mixing", MIXINGS)
 def test_with_neither_formula_as_printed_it_is_the_imm_pda_of_what_is_predicted(mixing):
-    told = told_by(WORLD.model, "debiased-at-prediction")
+    told = with_radar_update(WORLD.model, "debiased-at-prediction")
     scans = [played.scan.z for played in play(WORLD, ImmPda(told), draw(WORLD, 1))]
     assert min(map(len, scans)) > 1
     printed = imm_dcm_pda_printed(WORLD.model, False, False, mixing)
@@ -198,7 +198,7 @@ def test_with_neither_formula_as_printed_it_is_the_imm_pda_of_what_is_predicted(
 def one_scan(**printed):
     """A model of one motion, its prediction, a scan of one detection in the gate, and what becomes of it."""
     world = gym.make("gmr_gym/AirborneRadar-v0", trajectory="drawn").unwrapped.scenario
-    told = told_by(world.model, "debiased-at-prediction")
+    told = with_radar_update(world.model, "debiased-at-prediction")
     predicted = predict(told.prior, told.motions[0])
     z = spherical(predicted.m[:, :3]) + np.array([30.0, 0.01, -0.01])
     (report,) = flown(imm_dcm_pda_printed(world.model, **printed), [z])
@@ -207,7 +207,7 @@ def one_scan(**printed):
 
 def test_as_printed_the_covariance_is_that_of_a_certain_association():
     told, predicted, z, report = one_scan(covariance_as_printed=True)
-    look = told.sensor.look(predicted, *told.sensor.gates(predicted), z)
+    look = told.sensor.predict_detections(predicted, *told.sensor.gates(predicted), z)
     K = predicted.P[0, :, :3] @ np.linalg.inv(look.S[0])
     np.testing.assert_allclose(report.P[0], predicted.P[0] - K @ look.S[0] @ K.T, rtol=1e-9, atol=1e-6)
     meant = one_scan(covariance_as_printed=False)[-1]
@@ -218,7 +218,7 @@ def test_as_printed_the_covariance_is_that_of_a_certain_association():
 
 @pytest.mark.parametrize("count", [0, 1, 2, 200])
 def test_as_printed_the_likelihood_has_powers_of_the_gates_volume(count):
-    told = WORLD.model._replace(sensor=told_by(WORLD.model, "debiased-at-prediction").sensor)
+    told = WORLD.model._replace(sensor=with_radar_update(WORLD.model, "debiased-at-prediction").sensor)
     at = predict(told.prior, told.motions[0])
     z = np.repeat(spherical(at.m[:, :3]), count, axis=0) + 1e-5 * np.arange(count)[:, None]
     (report,) = flown(imm_dcm_pda_printed(WORLD.model, False, True), [z])
@@ -226,10 +226,10 @@ def test_as_printed_the_likelihood_has_powers_of_the_gates_volume(count):
     log_likelihood = []
     for motion in told.motions:
         p = predict(Mixture(*told.prior), motion)
-        (expected,), (S,), _, seen, *_ = told.sensor.look(p, *told.sensor.gates(p), z)
+        (expected,), (S,), _, seen, *_ = told.sensor.predict_detections(p, *told.sensor.gates(p), z)
         away = seen.reshape(-1, 3) - expected
         e = np.exp(-0.5 * np.einsum("ki,ij,kj->k", away, np.linalg.inv(S), away))
-        V = 4 / 3 * np.pi * gate_size(told.gate_probability, 3) ** 1.5 * np.sqrt(np.linalg.det(S))
+        V = 4 / 3 * np.pi * gate_threshold(told.gate_probability, 3) ** 1.5 * np.sqrt(np.linalg.det(S))
         miss = 1 - told.detection_probability * told.gate_probability
         density = told.sensor.density(told.clutter_density, p.m[:, :3])[0]
         b = density * (2 * np.pi) ** 1.5 * np.sqrt(np.linalg.det(S)) * miss / told.detection_probability

@@ -10,7 +10,7 @@ from baselines.fitted_phd import fitted_phd
 from baselines.fmm import fmm_em
 from baselines.gm_phd import gm_phd
 from gmr_gym import cli
-from gmr_gym.evaluation.multi_target_runs import CrowdRuns
+from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.experiments.papers import lv
 from gmr_gym.experiments.papers.lv import REDUCED, TABLES
 from gmr_gym.experiments.papers.lv_claims import (
@@ -25,7 +25,7 @@ from gmr_gym.experiments.papers.lv_claims import (
 )
 from gmr_gym.experiments.sheets import HEADINGS
 from gmr_gym.experiments.specs import scenario_of, tracker_of
-from gmr_gym.filters.tracker import Account
+from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.scenarios.lv import unknown_clutter
 from gmr_gym.simulation.multi_target import draw, scan
 
@@ -36,9 +36,9 @@ RUNS = 40
 def runs_with(seed=0, **fields):
     """Runs of a hundred scans with one target in each, named, but for the fields that are given."""
     shape = RUNS, 100
-    one = {name: np.ones(shape) for name in CrowdRuns._fields}
+    one = {name: np.ones(shape) for name in MultiTargetRuns._fields}
     one |= {"missed": np.zeros(shape), "false": np.zeros(shape)}
-    return CrowdRuns(**one | fields)
+    return MultiTargetRuns(**one | fields)
 
 
 def test_evidence_is_of_runs_with_known_scores():
@@ -152,7 +152,7 @@ def test_curves_have_a_gap_where_nothing_is_named_and_no_0():
     *_, shown, undefined = (panel.lines[0].get_ydata() for panel in drawing.axes)
     assert np.isnan(shown[40:60]).all() and np.all(np.delete(shown, np.s_[40:60]) == 7.0)
     np.testing.assert_allclose(undefined[[0, 30, 50]], [100 * (1 - 1 / RUNS), 0.0, 100.0])
-    said = [Account(np.empty((0, 6)), *[np.zeros(0)] * 2, 0.0, None, None)] * 100
+    said = [MultiTargetReport(np.empty((0, 6)), *[np.zeros(0)] * 2, 0.0, None, None)] * 100
     panel = lv._episode("one", WORLD, draw(WORLD, 0), said, runs).axes[-1]
     own, several, none = (line.get_ydata() for line in panel.lines)
     assert np.isnan(own).all() and len(none) == 100 and np.isnan(several[40:60]).all()
@@ -196,7 +196,7 @@ def test_as_many_runs_as_the_paper_unless_told_otherwise(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("repaired", [False, True])
 def test_the_fitted_phd_is_a_phd_told_scan_by_scan_what_the_finite_mixture_fits(repaired):
-    told, crowd = WORLD.population, draw(WORLD, 3)
+    told, crowd = WORLD.model, draw(WORLD, 3)
     fed, fit = fitted_phd(told, repaired=repaired), fmm_em(told, repaired)
     belief, mixture, targets = fed.init(), fit.init(), gm_phd(told).init()
     for t in range(30):
@@ -212,9 +212,9 @@ def test_the_fitted_phd_is_a_phd_told_scan_by_scan_what_the_finite_mixture_fits(
 @pytest.mark.parametrize("by", ["gm-phd", "fitted-phd"])
 def test_the_fitted_phd_is_fed_by_a_finite_mixture_alone(by):
     with pytest.raises(ValueError, match="by must be fmm-em or fmm-gibbs"):
-        fitted_phd(WORLD.population, by=by)
+        fitted_phd(WORLD.model, by=by)
 
 
 def test_the_fitted_phd_refuses_a_limit_that_is_none():
     with pytest.raises(ValueError, match="prune_weight must be non-negative"):
-        fitted_phd(WORLD.population, prune_weight=-1.0)
+        fitted_phd(WORLD.model, prune_weight=-1.0)

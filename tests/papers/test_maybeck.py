@@ -15,9 +15,9 @@ from scipy.stats import norm
 from test_tables_of_papers import catch_drawings
 
 import gmr_gym  # noqa: F401  registers the environments
-from baselines.mhts import Mhts
+from baselines.bank_of_mhts import BankOfMhts
 from gmr_gym.evaluation import curves as module
-from gmr_gym.evaluation.summary import Figure, proportion
+from gmr_gym.evaluation.summary import Estimate, wilson
 from gmr_gym.experiments.papers import maybeck, maybeck_zhang
 from gmr_gym.experiments.papers.maybeck_claims import (
     ARCHITECTURES,
@@ -30,7 +30,7 @@ from gmr_gym.experiments.papers.maybeck_claims import (
 )
 from gmr_gym.experiments.papers.maybeck_numbers import Tracked, evidence, offset, rms, tracked
 from gmr_gym.experiments.specs import parsed
-from gmr_gym.experiments.tables import widened
+from gmr_gym.experiments.tables import no_event_width
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.maybeck import agile_flight
 
@@ -604,12 +604,12 @@ def test_the_matrix_is_the_best_where_the_stickier_imm_errs_more_in_whatever_ord
 @pytest.mark.parametrize("runs", [4, 50])
 def test_just_the_intervals_without_width_are_widened_to_those_of_no_event(runs):
     figures = [
-        Figure(3.0, 3.0, 3.0), Figure(0.5, 0.5 - 1e-6, 0.5), Figure(0.5, 0.4, 0.7), Figure(np.nan),
-        Figure(0.0, 0.0, 0.0),
+        Estimate(3.0, 3.0, 3.0), Estimate(0.5, 0.5 - 1e-6, 0.5), Estimate(0.5, 0.4, 0.7), Estimate(np.nan),
+        Estimate(0.0, 0.0, 0.0),
     ]  # fmt: skip
     square = norm.ppf(0.975) ** 2
     most = square / (runs + square)  # Wilson's upper end for none
-    none, *others, nothing = widened(iter(figures), runs)
+    none, *others, nothing = no_event_width(iter(figures), runs)
     assert none == pytest.approx((3, 3 - most, 3 + most), rel=1e-9)
     assert nothing == pytest.approx((0, -most, most), rel=1e-9)
     assert all(got is given for got, given in zip(others, figures[1:4], strict=True))
@@ -620,7 +620,7 @@ def test_a_filter_that_loses_every_run_does_so_for_certain_only_in_many(runs, ve
     every, some = (made(lost=[120] * (runs - kept) + [-1] * kept) for kept in (0, 5))
     record, _ = claims({"benign": {"benign": every}})
     assert record["value"] == 1 and record["verdict"] == verdict
-    assert record["high"] - 1 == pytest.approx(proportion(0, runs).high, rel=1e-9)
+    assert record["high"] - 1 == pytest.approx(wilson(0, runs).high, rel=1e-9)
     record, _ = claims({"benign": {"benign": some}})
     assert record["value"] == 1 - 5 / runs
     # else as wide as eight resamples make it
@@ -705,7 +705,7 @@ def test_the_roles_of_a_table_are_its_trackers_in_their_order(table):
             noise = [np.trace(motion.Q) for motion in scenario.model.motions]
             assert noise[1] > noise[0]
             assert np.trace(tracker.model.motions[0].Q) == noise[role == "aggressive"]
-            assert isinstance(tracker, Mhts)  # gates as the MHTs of the two motions do
+            assert isinstance(tracker, BankOfMhts)  # gates as the MHTs of the two motions do
         if clear:
             assert set(parameters) <= {"mode"} and not table.trackers[spec]
             continue
@@ -774,7 +774,7 @@ def test_a_row_has_errors_over_the_runs_kept_by_the_tracker_and_by_all():
             *times,
             *(f"{e}_{which}" for e in ERRORS for which in ("own", "common")),
         }
-        assert row["track_loss"] == proportion(len(lost[name]), 8)
+        assert row["track_loss"] == wilson(len(lost[name]), 8)
         for which, chosen in (("own", set(range(8)) - set(lost[name])), ("common", (3, 5, 6, 7))):
             for error, (states, epochs) in SETS.items():
                 figure = row[f"{error}_{which}"]
@@ -980,7 +980,7 @@ def test_the_capped_error_is_capped_scan_by_scan_and_counts_the_lost_runs():
         wanted, row = capped(runs), rows[name]
         assert row["error_capped"].value == pytest.approx(sum(wanted) / 7, rel=1e-9)
         assert row["error_capped"].low < row["error_capped"].value < row["error_capped"].high
-        assert row["track_loss"] == proportion(len(lost), 7)
+        assert row["track_loss"] == wilson(len(lost), 7)
         assert max(wanted) < CUTOFF
         # it is another over the runs kept
         own = [far for run, far in enumerate(wanted) if run not in lost]
@@ -1113,7 +1113,7 @@ def test_either_papers_trackers_have_the_same_reduction_and_numbers_that_can_be_
     # as many as a bank has hypotheses; and as many as it has Gaussians in them
     assert mmgs == ([15] if reduction == "ise" else [15, 15 * len(scenario.model.motions)])
     alone = make_tracker("one-motion-15", scenario.model, **table.trackers["one-motion-15"])
-    assert isinstance(alone, Mhts)
+    assert isinstance(alone, BankOfMhts)
     followed = [motion is alone.model.motions[0] for motion in scenario.model.motions]
     assert followed.index(True) == flight  # the aggressive one; the one that coasts
 
@@ -1133,8 +1133,8 @@ def test_a_target_that_does_as_the_trackers_are_told_is_drawn_anew():
 def test_the_capped_error_is_drawn_against_time(drawn, tmp_path):
     rows = {
         f"mmg-{i}": {
-            "error_capped": Figure(5.0 + i, 4.0, 8.0 + i), "rmse_own": Figure(1.0, 0.5, 2.0),
-            "time_per_scan": Figure(1e-3 * (i + 1)), "track_loss": Figure(0.25),
+            "error_capped": Estimate(5.0 + i, 4.0, 8.0 + i), "rmse_own": Estimate(1.0, 0.5, 2.0),
+            "time_per_scan": Estimate(1e-3 * (i + 1)), "track_loss": Estimate(0.25),
         }
         for i in range(3)
     }  # fmt: skip

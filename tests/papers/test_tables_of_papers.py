@@ -13,10 +13,10 @@ from scipy.stats import t as student
 
 import gmr_gym  # noqa: F401  registers the environments
 from gmr_gym.cli import PAPERS
-from gmr_gym.envs.registry import CROWDS
+from gmr_gym.envs.registry import MULTI_TARGET
 from gmr_gym.evaluation import curves as module
 from gmr_gym.evaluation.curves import CURVES, Curves, curves, errors_of
-from gmr_gym.evaluation.summary import FEWEST, Figure
+from gmr_gym.evaluation.summary import FEWEST, Estimate
 from gmr_gym.experiments.papers import dortenzio, li, lv, maybeck, maybeck_zhang, zhang
 from gmr_gym.experiments.papers.zhang_claims import BOTH, CASE_1, CASE_2, Evidence, Trio, claims, evidence
 from gmr_gym.experiments.sheets import HEADINGS
@@ -37,7 +37,7 @@ TABLES = [
     pytest.param(table, id=f"{name}-{table.name}")
     for name, paper in PAPER_MODULES.items()
     for table in paper.TABLES
-    if table.env_id not in CROWDS
+    if table.env_id not in MULTI_TARGET
 ]
 WORLD = jump_markov()
 
@@ -56,7 +56,7 @@ WORLD = jump_markov()
 )  # fmt: skip
 def test_a_claim_holds_when_chance_explains_less_than_one_in_a_hundred(value, low, high, wanted):
     claim = Claim("it is much", "share", 0.5, float)
-    record = judged(claim, Figure(value, low, high), 100, table="1", runs="all 5")
+    record = judged(claim, Estimate(value, low, high), 100, table="1", runs="all 5")
     assert record["verdict"] == wanted
     assert record["low"] == (None if np.isnan(low) else low)
     told = {key: record[key] for key in ("table", "runs", "claim", "measure", "value", "threshold")}
@@ -68,7 +68,7 @@ def test_a_claim_holds_when_chance_explains_less_than_one_in_a_hundred(value, lo
 
 
 def test_nothing_is_judged_by_too_few_runs():
-    claim, far = Claim("it is much", "share", 0.5, float), Figure(0.9, 0.89, 0.91)
+    claim, far = Claim("it is much", "share", 0.5, float), Estimate(0.9, 0.89, 0.91)
     for runs, said in ((FEWEST - 1, "too few runs"), (FEWEST, "holds")):
         assert judged(claim, far, runs)["verdict"] == said
     for runs, printed in ((4, 1000), (1000, 4)):
@@ -85,7 +85,7 @@ def test_from_the_fewest_runs_on_a_verdict_errs_at_most_twice_as_often_as_it_say
 
 
 def test_the_verdict_turns_where_chance_no_longer_explains_the_difference():
-    ours = Figure(10.0, 9.0, 11.0)
+    ours = Estimate(10.0, 9.0, 11.0)
     own = 1 / norm.ppf(0.975)  # its standard error; the printed figure has (printed / 10) of half of it
     for printed, beyond in ((11.5, False), (11.6, True), (8.6, False), (8.55, True)):
         allowed = norm.ppf(0.995) * own * np.hypot(1, 0.5 * printed / 10)
@@ -106,13 +106,13 @@ def test_the_verdict_on_a_share_knows_its_error_without_an_interval():
     ):
         deviation = np.sqrt(0.1 * 0.9 / 1000 + printed * (1 - printed) / 1000)
         assert (abs(0.1 - printed) <= norm.ppf(0.995) * deviation) == (wanted == "agrees")
-        assert verdict(Figure(0.1), 1000, printed, 1000, share=True) == wanted
+        assert verdict(Estimate(0.1), 1000, printed, 1000, share=True) == wanted
 
 
 def test_without_an_interval_or_a_figure_the_verdict_is_unknown():
-    assert verdict(Figure(10.0), 100, 10.0, 1000, share=False) == "unknown"
-    assert verdict(Figure(np.nan, np.nan, np.nan), 100, 10.0, 1000, share=False) == "unknown"
-    assert verdict(Figure(np.nan), 100, 0.1, 1000, share=True) == "unknown"
+    assert verdict(Estimate(10.0), 100, 10.0, 1000, share=False) == "unknown"
+    assert verdict(Estimate(np.nan, np.nan, np.nan), 100, 10.0, 1000, share=False) == "unknown"
+    assert verdict(Estimate(np.nan), 100, 0.1, 1000, share=True) == "unknown"
 
 
 @pytest.mark.parametrize("share", [True, False])
@@ -120,11 +120,11 @@ def test_the_same_thing_measured_twice_agrees_99_times_in_a_hundred(share):
     rng, trials, said = np.random.default_rng(0), 1000, []
     for _ in range(trials):
         if share:
-            ours, printed = Figure(rng.binomial(600, 0.2) / 600), rng.binomial(1000, 0.2) / 1000
+            ours, printed = Estimate(rng.binomial(600, 0.2) / 600), rng.binomial(1000, 0.2) / 1000
         else:
             values, printed = rng.normal(10, 2, 600), rng.normal(10, 2, 1000).mean()
             reach = norm.ppf(0.975) * values.std() / np.sqrt(600)
-            ours = Figure(values.mean(), values.mean() - reach, values.mean() + reach)
+            ours = Estimate(values.mean(), values.mean() - reach, values.mean() + reach)
         said.append(verdict(ours, 600, printed, 1000, share))
     assert {"agrees", "above", "below"} == set(said)
     # three binomial errors; the normal law of a share of hundreds is good to less
@@ -136,8 +136,8 @@ def test_a_record_sets_printed_figures_beside_ours_and_judges_all_but_the_clock(
         "track_loss": 0.13, "rmse_own": 12.0, "time_per_scan": 1.0, "anees_own": 1.0,
     }}, runs=1000)  # fmt: skip
     figures = {
-        "track_loss": Figure(0.1, 0.099, 0.101), "rmse_own": Figure(12.1, 12.0, 12.2),
-        "time_per_scan": Figure(1e-3), "gate_area": Figure(np.inf), "anees_own": Figure(np.nan),
+        "track_loss": Estimate(0.1, 0.099, 0.101), "rmse_own": Estimate(12.1, 12.0, 12.2),
+        "time_per_scan": Estimate(1e-3), "gate_area": Estimate(np.inf), "anees_own": Estimate(np.nan),
     }  # fmt: skip
     settings = {"case": "1"}
     record = table_record("7", settings, {"one": figures, "two": figures}, table, runs=900)
@@ -572,8 +572,8 @@ def test_zhangs_reductions_are_drawn_as_error_against_time(drawn, tmp_path):
     for i, name in enumerate(table.trackers):
         results[name] = runs_of(np.random.default_rng(i).standard_normal((6, SCANS, 4)))
         rows[name] = {
-            "rmse_common": Figure(5.0 + i, 4.0 + i, 7.0 + i), "time_per_scan": Figure(1e-3 * (i + 1)),
-            "track_loss": Figure(0.125),
+            "rmse_common": Estimate(5.0 + i, 4.0 + i, 7.0 + i), "time_per_scan": Estimate(1e-3 * (i + 1)),
+            "track_loss": Estimate(0.125),
         }  # fmt: skip
     zhang.figures(table, WORLD, results, rows, tmp_path)
     (axes,) = drawn["figure-reductions.png"].axes

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmr_gym.mixture import Mixture, take
-from gmr_gym.reduction.pruning import capping, heaviest, prune, prune_density
+from gmr_gym.reduction.pruning import capping, prune, prune_and_cap, prune_density
 from gmr_gym.reduction.runnalls import adaptive, runnalls, total_merge_cost
 from gmr_gym.reduction.salmond_west import salmond, west
 from gmr_gym.reduction.vo_ma import vo_ma
@@ -24,7 +24,7 @@ MERGING = {
 DROPPING = {
     "capping": lambda p: capping(p, 3),
     "prune": lambda p: prune(p, 0.1 * p.w.sum()),
-    "heaviest": lambda p: heaviest(p, 0.05 * p.w.sum(), 4),
+    "heaviest": lambda p: prune_and_cap(p, 0.05 * p.w.sum(), 4),
     "prune_density": lambda p: prune_density(p, 0.05 * p.w.sum()),
 }
 EVERY = MERGING | DROPPING
@@ -262,7 +262,7 @@ def test_heaviest_prunes_first_and_caps_what_is_left():
         (0.25, 1, [-1, 0, -1, -1, -1, -1]),
         (0.5, 3, [-1, 0, -1, -1, -1, -1]),  # never nothing
     ):
-        kept, origin = heaviest(p, weight, most)
+        kept, origin = prune_and_cap(p, weight, most)
         assert origin.tolist() == wanted
         for a, b in zip(kept, take(p, origin >= 0), strict=True):
             np.testing.assert_array_equal(a, b)
@@ -303,8 +303,8 @@ def test_a_budget_of_two_and_a_half_components_is_refused():
     [
         (lambda p, value: prune(p, value), "weight"),
         (lambda p, value: prune_density(p, value), "density"),
-        (lambda p, value: heaviest(p, value, 3), "weight"),
-        (lambda p, value: heaviest(p, 0.0, value), "most"),
+        (lambda p, value: prune_and_cap(p, value, 3), "weight"),
+        (lambda p, value: prune_and_cap(p, 0.0, value), "most"),
         (lambda p, value: salmond(p, 1, value), "distance"),
         (lambda p, value: vo_ma(p, 1, value), "distance"),
     ],

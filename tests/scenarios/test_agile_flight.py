@@ -11,7 +11,7 @@ import gmr_gym  # noqa: F401  registers the environments
 from gmr_gym.data.loader import f16_flight
 from gmr_gym.evaluation.montecarlo import run_once
 from gmr_gym.filters.registry import make_tracker
-from gmr_gym.models.gating import Gates, gate_size
+from gmr_gym.models.gating import Gates, gate_threshold
 from gmr_gym.scenarios.maybeck import agile_flight
 from gmr_gym.simulation.loss import detection_outside_gates
 from gmr_gym.simulation.single_target import draw, scan
@@ -74,7 +74,7 @@ def test_the_aggressive_filter_lags_by_what_loses_a_few_tracks_and_the_benign_by
     aggressive, benign = lag(4.0), lag(0.5)
     assert 2.0 < aggressive[198:258].max() < 3.5  # near 3, and in the jinking
     assert aggressive.max() == aggressive[198:258].max()
-    assert benign[44:105].max() > gate_size(0.99, 2) * 3  # well beyond the gate, in the turns
+    assert benign[44:105].max() > gate_threshold(0.99, 2) * 3  # well beyond the gate, in the turns
 
 
 def test_told_motions_are_equation_18():

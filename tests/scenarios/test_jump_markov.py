@@ -10,7 +10,7 @@ from scipy.stats import chi2, chisquare
 
 import gmr_gym
 from gmr_gym.mixture import Mixture, take
-from gmr_gym.models.gating import gate_size
+from gmr_gym.models.gating import gate_threshold
 from gmr_gym.reduction.runnalls import runnalls
 from gmr_gym.scenarios.zhang import jump_markov
 from gmr_gym.simulation.single_target import draw
@@ -76,7 +76,7 @@ def test_the_filter_is_told_the_papers_figures():
     assert told.detection_probability == scenario.detection_probability == 1
     assert (scenario.horizon, scenario.period, scenario.patience) == (45, T, 1)
     # the last bit of a probability near 1 moves this gate by 6e-11
-    assert gate_size(told.gate_probability, 2) == pytest.approx(25, rel=1e-10)
+    assert gate_threshold(told.gate_probability, 2) == pytest.approx(25, rel=1e-10)
 
 
 @pytest.mark.parametrize(("modes", "stay"), [(5, 14 / 15), (3, 0.5), (2, 0.0), (1, 0.3)])
@@ -183,7 +183,7 @@ def test_case_1_is_the_default_and_a_density_takes_its_place():
 
 def test_without_clutter_nothing_is_gated_and_the_target_is_all_that_is_seen():
     for scenario in (jump_markov("clear"), jump_markov(clutter_density=0)):
-        assert gate_size(scenario.model.gate_probability, 2) == np.inf
+        assert gate_threshold(scenario.model.gate_probability, 2) == np.inf
     env = gym.make("gmr_gym/JumpMarkov-v0", case="clear")
     observation, info = env.reset(seed=0)
     over = False

@@ -13,10 +13,10 @@ from scipy.stats import chisquare, poisson
 import gmr_gym  # noqa: F401  registers the environments
 from gmr_gym.evaluation.metrics import gospa, ospa
 from gmr_gym.mixture import Mixture, mixture
-from gmr_gym.models.clutter import Clutter, nothing, uniform_clutter
+from gmr_gym.models.clutter import Clutter, no_components, uniform_clutter
 from gmr_gym.models.motions import constant_acceleration
 from gmr_gym.scenarios.lv import GROUPS, three_targets, unknown_clutter
-from gmr_gym.simulation.multi_target import draw, inside, sampled, scan
+from gmr_gym.simulation.multi_target import draw, draw_clutter, inside, scan
 
 ID = "gmr_gym/UnknownClutter-v0"
 BOX = np.array([[-100.0, -60.0], [140.0, 100.0]])
@@ -49,9 +49,9 @@ def clutter_of(episode):
 @pytest.mark.parametrize(
     "parts",
     [
-        {"gaussians": nothing(2), "ellipses": nothing(2)},
-        {"uniform": 1e-9, "ellipses": nothing(2)},
-        {"uniform": 1e-9, "gaussians": nothing(2)},
+        {"gaussians": no_components(2), "ellipses": no_components(2)},
+        {"uniform": 1e-9, "ellipses": no_components(2)},
+        {"uniform": 1e-9, "gaussians": no_components(2)},
         {},
     ],
     ids=["uniform", "gaussians", "ellipses", "all"],
@@ -59,7 +59,7 @@ def clutter_of(episode):
 def test_sampled_clutter_has_the_density_that_is_stated(parts):
     clutter, rng = mixed(**parts), np.random.default_rng(0)
     scans = 4_000
-    z = np.concatenate([sampled(clutter, rng) for _ in range(scans)])
+    z = np.concatenate([draw_clutter(clutter, rng) for _ in range(scans)])
     density, area = on_grid(clutter, *BOX)
     cells = 16
     wanted = scans * area * density.reshape(cells, 50, cells, 50).sum(axis=(1, 3))
@@ -78,7 +78,7 @@ def test_number_of_false_detections_is_poisson():
     clutter, rng = mixed(), np.random.default_rng(1)
     within, area = on_grid(clutter, *BOX)
     expected = within.sum() * area
-    counts = np.array([len(sampled(clutter, rng)) for _ in range(20_000)])
+    counts = np.array([len(draw_clutter(clutter, rng)) for _ in range(20_000)])
     assert abs(counts.mean() - expected) < 5 * np.sqrt(expected / 20_000)
     assert abs(counts.var() - expected) < 5 * np.sqrt((expected + 2 * expected**2) / 20_000)
     assert expected < clutter.expected - 3  # what reaches out is not seen
@@ -268,7 +268,7 @@ def test_truth_of_another_size_than_the_scenarios_is_refused():
 
 def test_trackers_are_told_of_uniform_clutter_unless_they_are_told_the_truth():
     scenario = unknown_clutter()
-    told = scenario.population
+    told = scenario.model
     assert len(told.clutter.gaussians.w) == len(told.clutter.ellipses.w) == 0
     assert told.clutter.expected == told.clutter.uniform == 50
     assert (told.detection_probability, told.survival_probability) == (0.98, 0.99)
@@ -280,10 +280,10 @@ def test_trackers_are_told_of_uniform_clutter_unless_they_are_told_the_truth():
     np.testing.assert_array_equal(told.sensor.R, 12.5**2 * np.eye(2))
     z = np.random.default_rng(0).uniform(-1000, 1000, (50, 2))
     knowing = unknown_clutter(told="true", clutter="dense")
-    np.testing.assert_array_equal(knowing.population.clutter.density(z), knowing.clutter(7).density(z))
+    np.testing.assert_array_equal(knowing.model.clutter.density(z), knowing.clutter(7).density(z))
     # as much of it, spread evenly
-    assert unknown_clutter(clutter="dense").population.clutter.uniform == pytest.approx(155)
-    assert unknown_clutter(clutter_rate=0).population.clutter.uniform > 0
+    assert unknown_clutter(clutter="dense").model.clutter.uniform == pytest.approx(155)
+    assert unknown_clutter(clutter_rate=0).model.clutter.uniform > 0
 
 
 def test_a_target_whose_state_is_masked_is_absent():
@@ -306,8 +306,8 @@ def test_a_given_trajectory_is_flown_and_told_of_where_it_starts(columns):
     np.testing.assert_array_equal(x[:, :, :columns], path[:11])
     assert (np.isnan(x[:, :, 4:]) == np.isnan(x[:, :, :2])).all()
     starts = [path[0, 0, :2], path[3, 1, :2], path[0, 2, :2], path[0, 3, :2]]
-    np.testing.assert_array_equal(scenario.population.births.m[:, :2], starts)
-    told = unknown_clutter(trajectory=path, births=[(0.5, (1, 2))]).population.births
+    np.testing.assert_array_equal(scenario.model.births.m[:, :2], starts)
+    told = unknown_clutter(trajectory=path, births=[(0.5, (1, 2))]).model.births
     assert told.w == [0.5] and told.m[0].tolist() == [1, 2, 0, 0, 0, 0]
 
 
@@ -558,5 +558,5 @@ def test_picture_shows_detections_truth_estimates_and_groups(world):
 
 
 def test_the_corner_of_the_box_is_inside():
-    clutter = Clutter(*BOX, 1.0, nothing(2), Mixture(*nothing(2)))
+    clutter = Clutter(*BOX, 1.0, no_components(2), Mixture(*no_components(2)))
     assert inside(clutter, np.array([BOX[0], BOX[1], BOX[1] + 1e-9])).tolist() == [True, True, False]

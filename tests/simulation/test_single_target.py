@@ -13,7 +13,7 @@ from gmr_gym.scenarios.planar import fixed_box, path
 from gmr_gym.scenarios.recorded import recorded_flight
 from gmr_gym.scenarios.zhang import jump_markov
 from gmr_gym.simulation.scans import CELL, ground_into, scan_into
-from gmr_gym.simulation.single_target import capacity, draw, scan, viewed
+from gmr_gym.simulation.single_target import capacity, draw, scan, view_of
 
 NOWHERE = np.zeros(2)
 LOW, HIGH = np.array([[-3100.0, 950.0], [6900.0, 19_950.0]])  # corners of a region of 10 km by 19 km
@@ -70,7 +70,7 @@ def test_truth_detection_and_clutter_have_streams_of_their_own():
 def test_a_scan_is_the_same_whichever_were_made_before_it():
     for scenario in (turning_target(), jump_markov(), airborne_radar()):
         episode = draw(scenario, 8)
-        centre = scenario.sensor.observed(episode.x[20])
+        centre = scenario.sensor.measure(episode.x[20])
         in_turn = [scan(scenario, episode, t, centre) for t in range(40)]
         for t in (39, 3, 20):
             for a, b in zip(scan(scenario, draw(scenario, 8), t, centre), in_turn[t], strict=True):
@@ -79,7 +79,7 @@ def test_a_scan_is_the_same_whichever_were_made_before_it():
 
 def test_a_scan_is_made_in_place_and_leaves_the_rows_behind_it_as_they_are():
     scenario = turning_target(clutter_rate=3.0)
-    episode, view = draw(scenario, 2), viewed(scenario)
+    episode, view = draw(scenario, 2), view_of(scenario)
     for t in range(100):
         z = np.full((capacity(3.0), 2), np.nan)
         k, place = scan_into(
@@ -97,7 +97,7 @@ def test_a_scan_holds_no_more_than_it_has_room_for():
     for scenario in scenarios:
         episode, z = draw(scenario, 0), np.full((6, 2), np.nan)
         args = episode.key, 0, NOWHERE, episode.z[0], True, 0.0
-        assert scan_into(z[:5], viewed(scenario), *args) == (5, 0)
+        assert scan_into(z[:5], view_of(scenario), *args) == (5, 0)
         assert np.isnan(z[5]).all() and not np.isnan(z[:5]).any()
 
 
@@ -327,10 +327,10 @@ def test_only_the_squares_under_the_window_are_drawn(monkeypatch):
         scenario, episode = grounded(high=LOW + 1000 * kilometres)
         for t, centre in enumerate(LOW + 2000 + np.random.default_rng(3).uniform(0, 500, (20, 2))):
             squares.clear()
-            plain(np.empty((500, 2)), viewed(scenario), episode.key, t, centre, 0.5)
+            plain(np.empty((500, 2)), view_of(scenario), episode.key, t, centre, 0.5)
             assert 4 <= len(set(squares)) == len(squares) <= 9  # a side of 1000 m meets two squares, or three
     squares.clear()
-    plain(np.empty((500, 2)), viewed(scenario), episode.key, 0, LOW - 5000, 0.5)
+    plain(np.empty((500, 2)), view_of(scenario), episode.key, 0, LOW - 5000, 0.5)
     assert not squares
 
 

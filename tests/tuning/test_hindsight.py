@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import gmr_gym  # noqa: F401  registers the environments
-from gmr_gym.filters.mht import expanded
+from gmr_gym.filters.mht import predict_and_update
 from gmr_gym.mixture import Mixture, moments
 from gmr_gym.reduction.runnalls import total_merge_cost
 from gmr_gym.simulation.single_target import scan
 from gmr_gym.tuning.features import FEATURES
 from gmr_gym.tuning.hindsight import AHEAD, HINDSIGHT
-from gmr_gym.tuning.thresholds import PAPER, adapt, encoded
+from gmr_gym.tuning.thresholds import DORTENZIO, adapt, to_action
 
-ACTION = encoded(PAPER, ("alpha", "prune"))
+ACTION = to_action(DORTENZIO, ("alpha", "prune"))
 
 
 def pair(**options):
@@ -51,15 +51,17 @@ def test_hindsight_is_what_it_is_called(seed):
     strayed, belief = 0, scenario.model.prior
     for t in range(60):
         z = scan(scenario, episode, t, scenario.centre(moments(belief)[0])).z
-        full = expanded(belief, scenario.model, z)
+        full = predict_and_update(belief, scenario.model, z)
         w, m, P = full.posterior.mixture
-        belief = Mixture(*adapt(w, m, P, np.array(PAPER, float), total_merge_cost(Mixture(w, m, P)), 0)[:3])
+        belief = Mixture(
+            *adapt(w, m, P, np.array(DORTENZIO, float), total_merge_cost(Mixture(w, m, P)), 0)[:3]
+        )
         found = dict(zip(HINDSIGHT, observation[len(FEATURES) :].tolist(), strict=True))
         target = H @ x[t]
         distances = np.array([
             (target - H @ a) @ np.linalg.solve(H @ C @ H.T, target - H @ a) for a, C in zip(m, P, strict=True)
         ])  # fmt: skip
-        holds = distances <= full.gates.size
+        holds = distances <= full.gates.threshold
         later = min(t + AHEAD, len(x) - 1)
         turned = H @ (x[later] - x[t]) - (later - t) * scenario.period * x[t, list(scenario.velocity)]
         wanted = {

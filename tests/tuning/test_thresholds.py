@@ -8,7 +8,14 @@ import reference
 
 from baselines.mht import adaptive
 from gmr_gym.filters.association import Expansion, expand
-from gmr_gym.filters.mht import Expanded, expanded, merge_costs, odds, reduce_scan, reduced
+from gmr_gym.filters.mht import (
+    ScanUpdate,
+    gate_and_log_weights,
+    merge_costs,
+    predict_and_update,
+    prune_and_reduce,
+    reduce_scan,
+)
 from gmr_gym.mixture import Mixture, mixture, moments, normalised
 from gmr_gym.models.gating import gates
 from gmr_gym.models.kalman import predict
@@ -17,13 +24,21 @@ from gmr_gym.reduction.runnalls import adaptive as reduction_adaptive
 from gmr_gym.reduction.runnalls import greedy, total_merge_cost
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.simulation.single_target import draw, scan
-from gmr_gym.tuning.features import BOUND, FEATURES, Memory, at_start, observe, told
+from gmr_gym.tuning.features import BOUND, FEATURES, Memory, at_start, model_features, observe
 from gmr_gym.tuning.policies import ByTable, Constant, Random, Rule, Schedule
-from gmr_gym.tuning.thresholds import PAPER, RANGES, Thresholds, adapt, check_parameters, decoded, encoded
+from gmr_gym.tuning.thresholds import (
+    DORTENZIO,
+    RANGES,
+    Thresholds,
+    adapt,
+    check_parameters,
+    from_action,
+    to_action,
+)
 
 WORLD = turning_target()
 TOLD = WORLD.model
-KNOWN = told(TOLD)
+KNOWN = model_features(TOLD)
 EVERY = Thresholds._fields
 FIRST = at_start(TOLD)
 
@@ -42,7 +57,7 @@ def posterior_of(p, detection=None, log_density=-8.0):
     detection = np.full(len(p.w), -1) if detection is None else detection
     density = np.where(detection < 0, np.inf, log_density)
     looked = gates(p, TOLD.sensor, TOLD.gate_probability)
-    return Expanded(Expansion(p, np.arange(len(p.w)), detection, density), looked)
+    return ScanUpdate(Expansion(p, np.arange(len(p.w)), detection, density), looked)
 
 
 def features(full, memory, model=TOLD, known=KNOWN):
@@ -50,7 +65,7 @@ def features(full, memory, model=TOLD, known=KNOWN):
     posterior, (H, R) = full.posterior, model.sensor
     return observe(
         *posterior.mixture, posterior.detection, posterior.log_density, full.gates.S,
-        H, R, odds(model)[2], known, *memory,
+        H, R, gate_and_log_weights(model)[2], known, *memory,
     )[0]  # fmt: skip
 
 
@@ -63,7 +78,7 @@ def spread_out(n, seed=0, scale=20.0):
 @pytest.mark.parametrize(
     "thresholds",
     [
-        PAPER,
+        DORTENZIO,
         Thresholds(0.01, 1e-4, 1e-12, 30),
         Thresholds(0.3, 5e-3, 1e-8, 5),
         Thresholds(1e-3, 1e-5, 0.0, 60),
@@ -77,7 +92,7 @@ def test_constant_thresholds_are_the_adaptive_tracker_scan_for_scan(thresholds, 
     belief = mine = tracker.init()
     for z in scans(seed):
         belief, report = tracker.step(belief, z)
-        full = expanded(mine, TOLD, z)
+        full = predict_and_update(mine, TOLD, z)
         mine = Mixture(*adapt(*full.posterior.mixture, np.array(thresholds, float), 1.0, 0)[:3])
         for a, b in zip((*mine, *full.gates), (*belief, *report.gates), strict=True):
             np.testing.assert_array_equal(a, b)
@@ -92,9 +107,9 @@ def test_the_two_halves_are_the_papers_steps_one_after_another():
         p = normalised(capping(prune(p, 1e-3)[0], 12)[0])
         p = normalised(reduction_adaptive(p, 0.02, 6)[0])
         p = normalised(prune_density(p, 1e-9)[0])
-        full = expanded(belief, TOLD, z)
+        full = predict_and_update(belief, TOLD, z)
         for reduce in (greedy(6, 0.02), lambda q: reduction_adaptive(q, 0.02, 6)):
-            kept = reduced(full.posterior.mixture, reduce, 1e-3, 1e-9, most=12)
+            kept = prune_and_reduce(full.posterior.mixture, reduce, 1e-3, 1e-9, max_hypotheses=12)
             for a, b in zip(kept, p, strict=True):
                 np.testing.assert_array_equal(a, b)
         belief = p
@@ -127,7 +142,7 @@ def test_merge_costs_are_those_that_greedy_merging_has_to_evaluate(n, r):
 def test_work_counts_updated_gaussians_and_merge_costs_and_what_was_given_up_is_of_the_whole_cost():
     belief, rows = TOLD.prior, Thresholds(0.2, 1e-3)
     for z in scans(3, 20):
-        full = expanded(belief, TOLD, z)
+        full = predict_and_update(belief, TOLD, z)
         whole = full.posterior.mixture
         gated = (full.posterior.detection >= 0).sum()
         *kept, entered, left = reduce_scan(
@@ -140,7 +155,7 @@ def test_work_counts_updated_gaussians_and_merge_costs_and_what_was_given_up_is_
             np.testing.assert_array_equal(a, b)
         costs = [reference.merge_cost(*p) for p in (whole, belief)]
         assert given_up == pytest.approx(max(0.0, 1 - costs[1] / costs[0]), abs=1e-9)
-    *_, given_up, work = adapt(*(a[:1] for a in TOLD.prior), np.array(PAPER, float), 0.0, 0)
+    *_, given_up, work = adapt(*(a[:1] for a in TOLD.prior), np.array(DORTENZIO, float), 0.0, 0)
     assert given_up == 0.0 and work == 0
 
 
@@ -216,22 +231,22 @@ def test_hypotheses_are_counted_by_what_pruning_would_leave():
 
 def test_a_motion_without_noise_has_features_too():
     still = TOLD._replace(motions=(TOLD.motion._replace(Q=np.zeros((4, 4))),))
-    found = named(features(posterior_of(spread_out(3)), FIRST, still, told(still)))
+    found = named(features(posterior_of(spread_out(3)), FIRST, still, model_features(still)))
     assert found["manoeuvre"] == -BOUND
 
 
 def test_actions_and_thresholds_are_each_others_inverse():
     rng = np.random.default_rng(0)
     for action in rng.uniform(-1, 1, (20, 3)):
-        thresholds = decoded(action, EVERY[:3])
-        np.testing.assert_allclose(encoded(thresholds, EVERY[:3]), action, atol=1e-12)  # machine
-        assert thresholds.components == PAPER.components
+        thresholds = from_action(action, EVERY[:3])
+        np.testing.assert_allclose(to_action(thresholds, EVERY[:3]), action, atol=1e-12)  # machine
+        assert thresholds.components == DORTENZIO.components
     for end, edge in ((-1.0, 0), (1.0, 1)):
         edges = [limits[edge] for limits in RANGES.values()]
-        assert decoded(np.full(4, end), EVERY) == pytest.approx(edges, rel=1e-12)
-    middle = decoded([0.0], ["components"])
-    assert middle == PAPER._replace(components=20) and type(middle.components) is int
-    assert decoded([0.0], ["alpha"], Thresholds(components=7)).components == 7
+        assert from_action(np.full(4, end), EVERY) == pytest.approx(edges, rel=1e-12)
+    middle = from_action([0.0], ["components"])
+    assert middle == DORTENZIO._replace(components=20) and type(middle.components) is int
+    assert from_action([0.0], ["alpha"], Thresholds(components=7)).components == 7
 
 
 @pytest.mark.parametrize(
@@ -248,12 +263,12 @@ def test_actions_and_thresholds_are_each_others_inverse():
 )
 def test_bad_actions_are_refused(action, message):
     with pytest.raises(ValueError, match=message):
-        decoded(action, ("alpha", "prune"))
+        from_action(action, ("alpha", "prune"))
 
 
 def test_bad_thresholds_and_names_are_refused():
     with pytest.raises(ValueError, match=r"alpha must lie in \[0.0001, 0.5\] to be an action, got 0.9"):
-        encoded(PAPER._replace(alpha=0.9), ("alpha",))
+        to_action(DORTENZIO._replace(alpha=0.9), ("alpha",))
     for names, message in (
         ((), "parameters must be a list of different thresholds, got"),
         ("alpha", "parameters must be a list of different thresholds, got 'alpha'"),

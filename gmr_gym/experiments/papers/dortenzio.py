@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.summary import Figure, kept
+from gmr_gym.evaluation.summary import Estimate, not_lost
 from gmr_gym.experiments.drawings import save
 from gmr_gym.experiments.tables import Table
 from gmr_gym.simulation.single_target import Scenario
@@ -71,14 +71,14 @@ def figures(
     table: Table,
     scenario: Scenario,
     results: Mapping[str, Runs],
-    rows: Mapping[str, Mapping[str, Figure]],
+    rows: Mapping[str, Mapping[str, Estimate]],
     out: Path,
 ) -> None:
     """Fig. 1, from Table 1: one run's paths, hypotheses kept and detections per gate. The run is the
     first in which capping alone loses the target, as in the paper, or else the first."""
     if table.name != "1":
         return
-    lost = {name: ~kept(scenario, runs) for name, runs in results.items()}
+    lost = {name: ~not_lost(scenario, runs) for name, runs in results.items()}
     alike = np.logical_and.reduce([
         lost[name] if name.startswith("capping") else ~lost[name] for name in lost
     ])  # fmt: skip

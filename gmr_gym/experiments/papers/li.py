@@ -13,9 +13,9 @@ from matplotlib.figure import Figure as Drawing
 from gmr_gym.evaluation.curves import resampled
 from gmr_gym.evaluation.metrics import nees
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.summary import Figure, in_common, kept, mean, paired_share, proportion
+from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, in_common, not_lost, paired_share, wilson
 from gmr_gym.experiments.drawings import save
-from gmr_gym.experiments.tables import Claim, Map, Table, judged, widened
+from gmr_gym.experiments.tables import Claim, SettingsGrid, Table, judged, no_event_width
 from gmr_gym.models.radar import UPDATES
 from gmr_gym.scenarios.li import REGIMES
 from gmr_gym.simulation.single_target import Scenario
@@ -37,14 +37,14 @@ class Tracked(NamedTuple):
     """What the sentences need of one tracker's runs."""
 
     squared: np.ndarray  # (runs, 3), error by axis, mean over scans, m^2
-    kept: np.ndarray  # (runs,)
+    not_lost: np.ndarray  # (runs,)
     seconds: np.ndarray  # (runs,), median scan
 
 
 def tracked(scenario: Scenario, runs: Runs, first: int = 0) -> Tracked:
     """The runs of one tracker, from the scan `first` on."""
     error = (runs.x - runs.truth)[:, first:, list(scenario.position)]
-    return Tracked((error**2).mean(axis=1), kept(scenario, runs), np.median(runs.seconds, axis=1))
+    return Tracked((error**2).mean(axis=1), not_lost(scenario, runs), np.median(runs.seconds, axis=1))
 
 
 def _rmse(one: Tracked, weight: np.ndarray) -> np.ndarray:
@@ -62,7 +62,7 @@ def _saved(one: Tracked, against: Tracked, weight: np.ndarray) -> np.ndarray:
     return 100 * (1 - _rmse(one, weight) / _rmse(against, weight))
 
 
-def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
+def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
     """One row per tracker: share of runs lost; root mean square errors (m) of the position and by axis, over
     all scans, `_own` over the runs the tracker kept and `_common` over those that all trackers kept that kept
     any; and over the runs it kept mean error along the line of sight (m), normalised error squared of the
@@ -72,7 +72,7 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str
     common = in_common({name: one.kept for name, one in every.items()})
     rows = {}
     for name, one in every.items():
-        runs, row = results[name], {"track_loss": proportion(int((~one.kept).sum()), len(one.kept))}
+        runs, row = results[name], {"track_loss": wilson(int((~one.kept).sum()), len(one.kept))}
         for which, mask in (("own", one.kept), ("common", common[name])):
             figures = resampled(partial(_rmse, one), mask)
             row |= {f"{error}_{which}": figure for error, figure in zip(ERRORS, figures, strict=True)}
@@ -81,15 +81,15 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str
         sight = truth / np.linalg.norm(truth, axis=-1, keepdims=True)
         claimed = nees(error, runs.P[one.kept][..., at, :][..., at])
         rows[name] = row | {
-            "sight_bias_own": mean((error * sight).sum(axis=-1).mean(axis=1)),
-            "position_anees_own": mean(claimed.mean(axis=1) / len(at)),
-            "gate_volume": mean(runs.gate_volume[one.kept].mean(axis=1)),
-            "time_per_scan": Figure(float(np.median(runs.seconds))),
+            "sight_bias_own": bootstrap_mean((error * sight).sum(axis=-1).mean(axis=1)),
+            "position_anees_own": bootstrap_mean(claimed.mean(axis=1) / len(at)),
+            "gate_volume": bootstrap_mean(runs.gate_volume[one.kept].mean(axis=1)),
+            "time_per_scan": Estimate(float(np.median(runs.seconds))),
         }
     return rows
 
 
-def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
+def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
     """Every tracker minus the first on the same episodes: track_loss over all runs, the errors (m) over the
     runs that neither of the two lost."""
     (reference, against), *others = ((name, tracked(scenario, runs)) for name, runs in results.items())
@@ -137,7 +137,7 @@ def claims(evidence: Mapping[str, Mapping[str, Tracked]]) -> list[dict[str, Any]
     for name, table in evidence.items():
         runs = len(table[DCM].kept)
         figures = resampled(partial(_numbers, table), np.ones(runs, bool))
-        figures[4:5] = widened(figures[4:5], runs)
+        figures[4:5] = no_event_width(figures[4:5], runs)
         about = {"table": name, "runs": f"all {runs}"}
         records += [
             judged(claim, figure, runs, **about) for claim, figure in zip(CLAIMS, figures, strict=True)
@@ -145,7 +145,7 @@ def claims(evidence: Mapping[str, Mapping[str, Tracked]]) -> list[dict[str, Any]
     return records
 
 
-def _cell(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Figure]:
+def _cell(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Estimate]:
     """Of one cell of the map: the position's error by each update, as so many times the least of them; and
     how much less the debiased conversion's is than the linearised update's, %."""
     every = {name.partition("=")[2]: tracked(scenario, runs, SETTLED) for name, runs in results.items()}
@@ -216,7 +216,7 @@ TABLES = (
     *(_mixing(regime, tracker) for regime in REGIMES for tracker in (EKF, DCM)),
 )
 MAPS = (
-    Map(
+    SettingsGrid(
         name="map",
         title="a target at nearly constant velocity, 55 km away, 20 m, no clutter",
         env_id="gmr_gym/AirborneRadar-v0",
@@ -239,7 +239,7 @@ def figures(
     table: Table,
     scenario: Scenario,
     results: Mapping[str, Runs],
-    rows: Mapping[str, Mapping[str, Figure]],
+    rows: Mapping[str, Mapping[str, Estimate]],
     out: Path,
 ) -> None:
     """Of a regime the paper's Fig. 1, and Figs. 2-4 in one; of every table errors by time."""
@@ -268,7 +268,7 @@ def _trajectory(results: Mapping[str, Runs], time: np.ndarray) -> Drawing:
 def _errors_by_axis(scenario: Scenario, results: Mapping[str, Runs], time: np.ndarray) -> Drawing:
     """Root mean square over the runs that neither lost, and the mean, its sign shows a bias."""
     drawing = Drawing(figsize=(10, 8), layout="constrained")
-    common = np.logical_and.reduce([kept(scenario, runs) for runs in results.values()])
+    common = np.logical_and.reduce([not_lost(scenario, runs) for runs in results.values()])
     panels = drawing.subplots(3, 1, sharex=True)
     if common.any():
         for i, (name, runs) in enumerate(results.items()):
@@ -290,7 +290,7 @@ def _errors(scenario: Scenario, results: Mapping[str, Runs], time: np.ndarray) -
     drawing = Drawing(figsize=(10, 5.5), layout="constrained")
     axes = drawing.subplots()
     for name, runs in results.items():
-        own = kept(scenario, runs)
+        own = not_lost(scenario, runs)
         if own.any():
             error = (runs.x - runs.truth)[own][..., list(scenario.position)]
             label = f"{name} ({own.sum()} of {len(own)} kept)"
@@ -301,7 +301,7 @@ def _errors(scenario: Scenario, results: Mapping[str, Runs], time: np.ndarray) -
     return drawing
 
 
-def map_figures(entry: Map, rows: Mapping[str, Mapping[str, Figure]], out: Path) -> None:
+def map_figures(entry: SettingsGrid, rows: Mapping[str, Mapping[str, Estimate]], out: Path) -> None:
     """By update, how much worse it is than the best, a ring where chance may have made it worse, and where
     debiasing beats linearising; over the period and r s^2 / s_r."""
     shape = [len(values) for values in entry.axes.values()]
@@ -314,7 +314,7 @@ def map_figures(entry: Map, rows: Mapping[str, Mapping[str, Figure]], out: Path)
     for axes, column in zip(panels.flat, entry.columns, strict=True):
         value, low, high = (
             np.array([getattr(row[column], part) for row in rows.values()]).reshape(shape)
-            for part in Figure._fields
+            for part in Estimate._fields
         )
         last = column == SAVED
         shown = value if last else 100 * (value - 1)

@@ -11,18 +11,18 @@ from matplotlib.figure import Figure as Drawing
 
 from gmr_gym.envs.render import ellipses
 from gmr_gym.evaluation.metrics import wasserstein
-from gmr_gym.evaluation.multi_target_runs import CrowdRuns, accounts, density_error, places
-from gmr_gym.evaluation.multi_target_summary import crowd_differences, crowd_summary, mean_where
-from gmr_gym.evaluation.summary import Figure, mean
+from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns, density_error, places, play
+from gmr_gym.evaluation.multi_target_summary import mean_where, multi_target_differences, multi_target_summary
+from gmr_gym.evaluation.summary import Estimate, bootstrap_mean
 from gmr_gym.experiments.drawings import save
 from gmr_gym.experiments.papers.lv_claims import FITTED, LEARNED, UNIFORM, claims, evidence
 from gmr_gym.experiments.specs import tracker_of
 from gmr_gym.experiments.tables import Table
-from gmr_gym.filters.tracker import Account
+from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.mixture import joined
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.scenarios.lv import ELLIPSE_95
-from gmr_gym.simulation.multi_target import Crowd, ManyScenario, draw, scan
+from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario, draw, scan
 
 __all__ = ["TABLES", "claims", "figures"]
 
@@ -52,12 +52,14 @@ DRIFT = (
 )
 
 
-def _rows(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> dict[str, dict[str, Figure]]:
-    """The figures of `crowd_summary`, and wasserstein_printed (m): as eq. 41 has it, 0 where either set is
-    empty."""
-    rows = crowd_summary(scenario, results)
+def _rows(
+    scenario: MultiTargetScenario, results: Mapping[str, MultiTargetRuns]
+) -> dict[str, dict[str, Estimate]]:
+    """The figures of `multi_target_summary`, and wasserstein_printed (m): as eq. 41 has it, 0 where either
+    set is empty."""
+    rows = multi_target_summary(scenario, results)
     for name, runs in results.items():
-        rows[name]["wasserstein_printed"] = mean(np.nan_to_num(runs.wasserstein).mean(axis=1))
+        rows[name]["wasserstein_printed"] = bootstrap_mean(np.nan_to_num(runs.wasserstein).mean(axis=1))
     return rows
 
 
@@ -75,7 +77,7 @@ def _table(
         summarise=_rows,
         columns=columns,
         evidence=evidence,
-        paired=crowd_differences,
+        paired=multi_target_differences,
     )
 
 
@@ -94,9 +96,9 @@ TABLES = (
 
 def figures(
     table: Table,
-    scenario: ManyScenario,
-    results: Mapping[str, CrowdRuns],
-    rows: Mapping[str, Mapping[str, Figure]],
+    scenario: MultiTargetScenario,
+    results: Mapping[str, MultiTargetRuns],
+    rows: Mapping[str, Mapping[str, Estimate]],
     out: Path,
 ) -> None:
     """Means over runs by scan; of the section's own clutter also one episode: Figs. 1-9, and the clutter as
@@ -106,7 +108,7 @@ def figures(
         return
     episode = draw(scenario, 0)
     said = {
-        name: [account for account, _ in accounts(tracker_of(name, scenario), episode)]
+        name: [account for account, _ in play(tracker_of(name, scenario), episode)]
         for name in (UNIFORM, "fmm-em", "fmm-em:repaired=True", LEARNED, TRACKS)
     }
     save(_tracks(scenario, episode), out / "figure-1.png")
@@ -123,7 +125,7 @@ def figures(
     save(_intensities(scenario, said), out / "clutter.png")
 
 
-def _by_scan(results: Mapping[str, CrowdRuns]) -> Drawing:
+def _by_scan(results: Mapping[str, MultiTargetRuns]) -> Drawing:
     """Means over runs; of the Wasserstein distance over those in which it is defined, and the share of the
     others."""
     drawing = Drawing(figsize=(10, 11), layout="constrained")
@@ -151,7 +153,7 @@ def _by_time(distance: np.ndarray) -> np.ndarray:
     return mean_where(distance.T, np.isfinite(distance.T))
 
 
-def _tracks(scenario: ManyScenario, episode: Crowd) -> Drawing:
+def _tracks(scenario: MultiTargetScenario, episode: MultiTargetEpisode) -> Drawing:
     """Fig. 1: a circle where a target begins, a square where it ends; the groups of clutter behind."""
     drawing = Drawing(figsize=(6, 6), layout="constrained")
     axes = drawing.subplots()
@@ -165,7 +167,9 @@ def _tracks(scenario: ManyScenario, episode: Crowd) -> Drawing:
     return drawing
 
 
-def _fitted(scenario: ManyScenario, episode: Crowd, account: Account, t: int) -> Drawing:
+def _fitted(
+    scenario: MultiTargetScenario, episode: MultiTargetEpisode, account: MultiTargetReport, t: int
+) -> Drawing:
     """Figs. 2-3: 95 % ellipses of the real clutter and of the Gaussians fitted to one scan."""
     drawing = Drawing(figsize=(6, 6), layout="constrained")
     axes = drawing.subplots()
@@ -190,13 +194,17 @@ def _groups(axes: Axes, clutter: Clutter) -> None:
     )  # fmt: skip
 
 
-def _paths(scenario: ManyScenario, episode: Crowd) -> np.ndarray:
+def _paths(scenario: MultiTargetScenario, episode: MultiTargetEpisode) -> np.ndarray:
     """Positions (m, T, 2), nan where a target is absent."""
     return episode.x[:, :, list(scenario.position)].swapaxes(0, 1)
 
 
 def _episode(
-    name: str, scenario: ManyScenario, episode: Crowd, said: list[Account], runs: CrowdRuns
+    name: str,
+    scenario: MultiTargetScenario,
+    episode: MultiTargetEpisode,
+    said: list[MultiTargetReport],
+    runs: MultiTargetRuns,
 ) -> Drawing:
     """Figs. 4, 6 and 8 in one, or 5, 7 and 9: number, positions and Wasserstein distance by time of an
     episode; of the last also its mean over runs."""
@@ -225,18 +233,18 @@ def _episode(
     return drawing
 
 
-def _distance(scenario: ManyScenario, account: Account, there: np.ndarray) -> float:
+def _distance(scenario: MultiTargetScenario, account: MultiTargetReport, there: np.ndarray) -> float:
     truth = there[np.isfinite(there[:, 0])]
     return wasserstein(account.x[:, list(scenario.position)], truth)
 
 
-def _density_errors(scenario: ManyScenario, said: list[Account]) -> list[float]:
+def _density_errors(scenario: MultiTargetScenario, said: list[MultiTargetReport]) -> list[float]:
     every = [scenario.clutter(t) for t in range(len(said))]
     grid = places(every[0])
     return [density_error(account.clutter, true, grid) for account, true in zip(said, every, strict=True)]
 
 
-def _intensities(scenario: ManyScenario, said: Mapping[str, list[Account]]) -> Drawing:
+def _intensities(scenario: MultiTargetScenario, said: Mapping[str, list[MultiTargetReport]]) -> Drawing:
     """kappa after the last scan, on one scale of colours."""
     drawing = Drawing(figsize=(12, 3.6), layout="constrained")
     panels = drawing.subplots(1, 4, sharey=True)

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmr_gym.evaluation.metrics import cardinality_error
-from gmr_gym.evaluation.multi_target_runs import CrowdRuns
+from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.evaluation.multi_target_summary import compared, defined, mean_where
-from gmr_gym.evaluation.summary import Figure, mean
-from gmr_gym.experiments.tables import Claim, judged, widened
-from gmr_gym.simulation.multi_target import ManyScenario
+from gmr_gym.evaluation.summary import Estimate, bootstrap_mean
+from gmr_gym.experiments.tables import Claim, judged, no_event_width
+from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 UNIFORM, LEARNED = "gm-phd", "learning-phd"
 FITTED = ("fmm-em", "fmm-em:repaired=True", "fmm-gibbs", "fmm-gibbs:repaired=True")
@@ -37,7 +37,7 @@ class Evidence(NamedTuple):
     again: np.ndarray  # and found again
 
 
-def evidence(scenario: ManyScenario, results: Mapping[str, CrowdRuns]) -> dict[str, Evidence]:
+def evidence(scenario: MultiTargetScenario, results: Mapping[str, MultiTargetRuns]) -> dict[str, Evidence]:
     """What the claims need of every tracker of a table."""
     found = {}
     for name, runs in results.items():
@@ -72,9 +72,9 @@ def claims(evidence: Mapping[str, Mapping[str, Evidence]]) -> list[dict[str, Any
         if all(other in evidence.get(where, ()) for where, other in needed):
             values = claim.value(*(evidence[where][other] for where, other in needed))
             if len(values):
-                (figure,) = widened([mean(values)], len(values))
+                (figure,) = no_event_width([bootstrap_mean(values)], len(values))
             else:
-                figure = Figure(np.nan)
+                figure = Estimate(np.nan)
             records.append(judged(claim, figure, len(values), table=table, runs=name))
     return records
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure as Drawing
 
 from gmr_gym.evaluation.curves import resampled
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.summary import Figure, in_common, mean, paired_share, proportion
+from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, in_common, paired_share, wilson
 from gmr_gym.experiments.drawings import save
 from gmr_gym.experiments.papers.maybeck_claims import claims
 from gmr_gym.experiments.papers.maybeck_numbers import (
@@ -49,11 +49,11 @@ LABELS = ("north, m", "up, m", "north, m/s", "up, m/s")
 def _mhts(reduction: str) -> dict[str, dict[str, Any]]:
     """The trackers of Table I, their hypotheses reduced to 15."""
     return {
-        f"one-motion-15:mode=1,reduction={reduction}": {"most": MOST},
-        f"mmae-mht-15:reduction={reduction}": {"most": MOST},
-        f"imm-mht-15:reduction={reduction}": {"most": MOST},
-        f"mmae-of-mhts-15:reduction={reduction}": {"most": MOST // 2},
-        f"imm-of-mhts-15:reduction={reduction}": {"most": MOST // 2},
+        f"one-motion-15:mode=1,reduction={reduction}": {"max_hypotheses": MOST},
+        f"mmae-mht-15:reduction={reduction}": {"max_hypotheses": MOST},
+        f"imm-mht-15:reduction={reduction}": {"max_hypotheses": MOST},
+        f"mmae-of-mhts-15:reduction={reduction}": {"max_hypotheses": MOST // 2},
+        f"imm-of-mhts-15:reduction={reduction}": {"max_hypotheses": MOST // 2},
     }
 
 
@@ -65,7 +65,7 @@ def _printed(role: str) -> dict[str, float]:
     }
 
 
-def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
+def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
     """One row per tracker: share of runs lost; temporally averaged rms errors of position (m) and velocity
     (m/s), of the whole flight and of its level part, `_own` over the runs the tracker kept, as in Table I,
     and `_common` over those that all trackers kept that kept any; components; gate area (m^2) of runs kept;
@@ -75,21 +75,21 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str
     rows = {}
     for name, one in every.items():
         runs = results[name]
-        rows[name] = {"track_loss": proportion(int((~one.kept).sum()), len(one.kept))}
+        rows[name] = {"track_loss": wilson(int((~one.kept).sum()), len(one.kept))}
         for which, mask in (("own", one.kept), ("common", common[name])):
             figures = resampled(partial(_errors, one), mask)
             rows[name] |= {f"{error}_{which}": f for error, f in zip(ERRORS.values(), figures, strict=True)}
         rows[name] |= {
-            "components": mean(runs.components.mean(axis=1)),
+            "components": bootstrap_mean(runs.components.mean(axis=1)),
             # a track given up coasts, and its gates grow without bound
-            "gate_area": mean(runs.gate_volume[one.kept].mean(axis=1)),
-            "time_per_scan": Figure(float(np.median(runs.seconds))),
-            "time_worst": Figure(float(runs.seconds.max())),
+            "gate_area": bootstrap_mean(runs.gate_volume[one.kept].mean(axis=1)),
+            "time_per_scan": Estimate(float(np.median(runs.seconds))),
+            "time_worst": Estimate(float(runs.seconds.max())),
         }
     return rows
 
 
-def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
+def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
     """Every tracker minus the first on the same episodes: track_loss over all runs, the errors over the runs
     that neither of the two lost."""
     (reference, against), *others = ((name, tracked(scenario, runs)) for name, runs in results.items())
@@ -137,7 +137,8 @@ TABLES = (
     _table("1", "Table I, reduced by ISE", ISE, ROLES,
            published={name: _printed(role) for name, role in zip(ISE, ROLES, strict=True)}),
     _table("benign", "MHT of benign filters", {
-        f"one-motion-15:mode=0,reduction={reduction}": {"most": MOST} for reduction in ("ise", "runnalls")
+        f"one-motion-15:mode=0,reduction={reduction}": {"max_hypotheses": MOST}
+        for reduction in ("ise", "runnalls")
     }, ("benign", "benign-runnalls")),
     _table("clear", "no clutter", CLEAR, ROLES[:3], {"clutter_density": 0.0},
            {"mmae": {"rmse_own": 10.6, "velocity_rmse_own": 10.5}}),
@@ -154,7 +155,7 @@ def figures(
     table: Table,
     scenario: Scenario,
     results: Mapping[str, Runs],
-    rows: Mapping[str, Mapping[str, Figure]],
+    rows: Mapping[str, Mapping[str, Estimate]],
     out: Path,
 ) -> None:
     """Errors and runs not lost by epoch; mode probabilities (Figs. 3-4); for Table I error bands against

@@ -29,7 +29,7 @@ from gmr_gym.experiments.papers.maybeck_numbers import (
     slower_back,
     told_apart,
 )
-from gmr_gym.experiments.tables import Claim, judged, widened
+from gmr_gym.experiments.tables import Claim, judged, no_event_width
 
 NAMES = {
     "aggressive": "MHT of aggressive filters", "benign": "MHT of benign filters",
@@ -67,7 +67,7 @@ def _judged(name: str, about: Sequence[Claim], *tables: Table) -> list[dict]:
     def values(weight):
         return np.array([claim.value(weight, *tables) for claim in about])
 
-    figures = widened(resampled(values, everything), len(everything))
+    figures = no_event_width(resampled(values, everything), len(everything))
     runs = f"of {len(everything)}"
     return [
         judged(claim, figure, len(everything), table=name, runs=runs)

@@ -12,11 +12,11 @@ import numpy as np
 
 from gmr_gym.evaluation.curves import resampled
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.summary import Figure, errors, kept, mean, paired_share, summary
+from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, errors, not_lost, paired_share, summary
 from gmr_gym.experiments.drawings import error_against_time, save
 from gmr_gym.experiments.papers.maybeck import MOST, STICKIER
 from gmr_gym.experiments.papers.zhang import QUIET
-from gmr_gym.experiments.tables import Claim, Table, judged, widened
+from gmr_gym.experiments.tables import Claim, Table, judged, no_event_width
 from gmr_gym.simulation.single_target import Scenario
 
 __all__ = ["TABLES", "claims", "figures"]
@@ -40,7 +40,7 @@ def _rivals(reduction: str, one: int, *mmgs: str) -> dict[str, dict[str, Any]]:
     trackers: dict[str, dict[str, Any]] = {}
     for name in (*mmgs, "mmae-mht-15", "imm-mht-15", "mmae-of-mhts-15", "imm-of-mhts-15", "one-motion-15"):
         most = MOST // 2 if "-of-" in name else max(MOST, 4 * int(name.rpartition("-")[2]))
-        trackers[name] = {"reduction": reduction, "most": most}  # two MHTs share alike
+        trackers[name] = {"reduction": reduction, "max_hypotheses": most}  # two MHTs share alike
     trackers["one-motion-15"]["mode"] = one
     return trackers
 
@@ -48,34 +48,38 @@ def _rivals(reduction: str, one: int, *mmgs: str) -> dict[str, dict[str, Any]]:
 def _work() -> dict[str, dict[str, Any]]:
     """MMG and the better banks at several numbers of components, reduced by Runnalls."""
     numbers = {"mmg": (5, 10, 15, 30, 60), "mmae-mht": (5, 15, 30), "imm-mht": (5, 15, 30)}
-    return {f"{name}-{n}": {"most": max(MOST, 4 * n)} for name, counts in numbers.items() for n in counts}
+    return {
+        f"{name}-{n}": {"max_hypotheses": max(MOST, 4 * n)}
+        for name, counts in numbers.items()
+        for n in counts
+    }
 
 
 def _outcomes(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Outcome]:
     return {
         name: Outcome(
-            np.minimum(errors(scenario, runs)[0], scenario.cutoff).mean(axis=1), ~kept(scenario, runs)
+            np.minimum(errors(scenario, runs)[0], scenario.cutoff).mean(axis=1), ~not_lost(scenario, runs)
         )
         for name, runs in results.items()
     }
 
 
-def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
+def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
     """The figures of `summary`, and error_capped: mean position error (m) over all runs, lost ones too, with
     no scan counted as more than the scenario's cutoff."""
     rows = summary(scenario, results)
     for name, outcome in _outcomes(scenario, results).items():
-        rows[name]["error_capped"] = mean(outcome.error)
+        rows[name]["error_capped"] = bootstrap_mean(outcome.error)
     return rows
 
 
-def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Figure]]:
+def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
     """Every tracker minus the first, run by run over all runs of the same episodes."""
     (reference, against), *others = _outcomes(scenario, results).items()
     return {
         f"{name} - {reference}": {
             "track_loss": paired_share(one.lost - against.lost.astype(float)),
-            "error_capped": mean(one.error - against.error),
+            "error_capped": bootstrap_mean(one.error - against.error),
         }
         for name, one in others
     }
@@ -93,7 +97,7 @@ def claims(tables: Mapping[str, Mapping[str, Outcome]]) -> list[dict]:
             for mmg, bank in pairs
         ]
         runs = len(next(iter(outcomes.values())).lost)
-        measured = widened(resampled(partial(_values, about), np.ones(runs, bool)), runs)
+        measured = no_event_width(resampled(partial(_values, about), np.ones(runs, bool)), runs)
         records += [
             judged(claim, figure, runs, table=name, runs=f"all {runs}")
             for claim, figure in zip(about, measured, strict=True)
@@ -129,7 +133,7 @@ def figures(
     table: Table,
     scenario: Scenario,
     results: Mapping[str, Runs],
-    rows: Mapping[str, Mapping[str, Figure]],
+    rows: Mapping[str, Mapping[str, Estimate]],
     out: Path,
 ) -> None:
     """Error against time."""

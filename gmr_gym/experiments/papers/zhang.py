@@ -10,7 +10,7 @@ from matplotlib.figure import Figure as Drawing
 
 from gmr_gym.evaluation.curves import CURVES, averages, curves, errors_of
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.summary import Figure, in_common, kept
+from gmr_gym.evaluation.summary import Estimate, in_common, not_lost
 from gmr_gym.experiments.drawings import error_against_time, save
 from gmr_gym.experiments.output import write_rows
 from gmr_gym.experiments.papers.zhang_claims import claims, evidence
@@ -75,12 +75,12 @@ def figures(
     table: Table,
     scenario: Scenario,
     results: Mapping[str, Runs],
-    rows: Mapping[str, Mapping[str, Figure]],
+    rows: Mapping[str, Mapping[str, Estimate]],
     out: Path,
 ) -> None:
     """The four curves of a table (Figs. 1-2) as a plot and, scan by scan, in a file; for the reductions
     error against time."""
-    common = in_common({name: kept(scenario, runs) for name, runs in results.items()})
+    common = in_common({name: not_lost(scenario, runs) for name, runs in results.items()})
     drawn, lines = {}, []
     for name, runs in results.items():
         errors = errors_of(scenario, runs)

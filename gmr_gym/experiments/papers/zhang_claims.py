@@ -8,7 +8,7 @@ import numpy as np
 
 from gmr_gym.evaluation.curves import Curves, Errors, curves, errors_of, resampled
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.summary import kept
+from gmr_gym.evaluation.summary import not_lost
 from gmr_gym.experiments.tables import Claim, judged
 from gmr_gym.scenarios.zhang import SWITCHES
 from gmr_gym.simulation.single_target import Scenario
@@ -26,7 +26,7 @@ class Evidence(NamedTuple):
     mmg: Errors
     imm_mht: Errors
     imm_pda: Errors
-    kept: np.ndarray  # (runs,), by all three
+    not_lost: np.ndarray  # (runs,), by all three
 
 
 class Trio(NamedTuple):
@@ -45,7 +45,7 @@ def evidence(case: str, scenario: Scenario, results: Mapping[str, Runs]) -> Evid
     """Evidence from a table's results, whose first three trackers are MMG, IMM+MHT and IMM+PDA."""
     trio = list(results.values())[:3]
     mmg, imm_mht, imm_pda = (errors_of(scenario, runs) for runs in trio)
-    kept_by_all = np.logical_and.reduce([kept(scenario, runs) for runs in trio])
+    kept_by_all = np.logical_and.reduce([not_lost(scenario, runs) for runs in trio])
     return Evidence(case, mmg, imm_mht, imm_pda, kept_by_all)
 
 

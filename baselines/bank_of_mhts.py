@@ -11,14 +11,14 @@ import numpy as np
 from gmr_gym.checks import check_limits
 from gmr_gym.filters.association import Expansion, expand
 from gmr_gym.filters.filter_bank import diverging, floored, mmae_weights
-from gmr_gym.filters.joint_gating import hopeless_beyond, look_together
+from gmr_gym.filters.joint_gating import gate_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrow_into, borrowed_states
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, joined, mean_and_covariance, normalised, take
 from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import predict
 from gmr_gym.models.model import Model
-from gmr_gym.models.sensing import Look
+from gmr_gym.models.sensing import PredictedDetections
 from gmr_gym.reduction.protocol import Reduced, check_reduced
 from gmr_gym.reduction.pruning import entering
 from gmr_gym.reduction.registry import reducer
@@ -33,7 +33,7 @@ class Mixtures(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Mhts:
+class BankOfMhts:
     """An MHT for each motion, all with every detection gated by any component of any; motions are weighed
     by the density of an equivalent residual (eqs. 11, 12 and 17).
 
@@ -46,15 +46,17 @@ class Mhts:
     floor: float  # least probability of a motion
     restart: float  # density of its equivalent residual below which an MHT begins anew from the others
     prune_weight: float = 1e-5
-    most: int = 500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
+    max_hypotheses: int = (
+        500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
+    )
     # times the false detections expected within a deviation at first, and one, at which it gives up
-    hopeless: float = 20.0
-    _given_up: float = field(init=False, repr=False)
+    give_up_ratio: float = 20.0
+    give_up_limit: float = field(init=False, repr=False)
     _borrowed: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self):
-        check_limits(self.prune_weight, self.most, self.hopeless)
-        object.__setattr__(self, "_given_up", hopeless_beyond(self.model, self.hopeless))
+        check_limits(self.prune_weight, self.max_hypotheses, self.give_up_ratio)
+        object.__setattr__(self, "_given_up", give_up_limit(self.model, self.give_up_ratio))
         borrowed = borrowed_states(self.model.motions, MIXINGS[0] if self.mixing is None else self.mixing)
         object.__setattr__(self, "_borrowed", borrowed)
         # a wrong parameter is an error here, not in a scan
@@ -70,16 +72,18 @@ class Mhts:
         z = check_scan(z, len(model.sensor.H))
         w, each = belief if self.mixing is None else self._mixed(belief)
         predicted = [predict(p, motion) for p, motion in zip(each, model.motions, strict=True)]
-        own, listed, looked, alive = look_together(weighed(w, predicted), model, z, self._given_up)
+        own, listed, looked, alive = gate_jointly(weighed(w, predicted), model, z, self.give_up_limit)
         ends = np.cumsum([len(p.w) for p in predicted])[:-1]
         posteriors, log_density = [], np.zeros(len(w))
         for i, parts in enumerate(zip(predicted, np.split(own.z, ends), np.split(own.S, ends), strict=True)):
-            p, gates = parts[0], Gates(*parts[1:], own.size)
+            p, gates = parts[0], Gates(*parts[1:], own.threshold)
             expansion = expand(
                 p, gates, model.sensor, listed,
                 model.detection_probability, model.gate_probability, model.clutter_density,
             )  # fmt: skip
-            log_density[i] = equivalent_residual(p, expansion, model.sensor.look(p, gates.z, gates.S, listed))
+            log_density[i] = equivalent_residual(
+                p, expansion, model.sensor.predict_detections(p, gates.z, gates.S, listed)
+            )
             posteriors.append(self._reduced(expansion.mixture))
         w = mmae_weights(w, log_density)
         posteriors = self._restarted(w, posteriors, log_density)
@@ -113,7 +117,7 @@ class Mhts:
         return lent
 
     def _reduced(self, p: Mixture) -> Mixture:
-        lighter, _ = entering(p, self.prune_weight, self.most)
+        lighter, _ = entering(p, self.prune_weight, self.max_hypotheses)
         return normalised(self.reduce(lighter)[0])
 
     def _restarted(self, w: np.ndarray, each: list[Mixture], log_density: np.ndarray) -> list[Mixture]:
@@ -127,7 +131,7 @@ class Mhts:
         return [fresh if lost else p for lost, p in zip(diverged, each, strict=True)]
 
 
-def equivalent_residual(predicted: Mixture, expansion: Expansion, look: Look) -> float:
+def equivalent_residual(predicted: Mixture, expansion: Expansion, look: PredictedDetections) -> float:
     """Log density of the residual that an MHT as a whole makes of a scan (eqs. 12 and 17): that of
     the mean and covariance of its hypotheses' residuals. 0 where no hypothesis has a detection.
 
@@ -142,11 +146,11 @@ def equivalent_residual(predicted: Mixture, expansion: Expansion, look: Look) ->
         # not from the weights, which vanish beside those of the misses when the target is far off
         log_w = np.log(predicted.w)[parent] + expansion.log_density[hit]
     detection, seen = expansion.detection[hit], parent if len(look.z) > 1 else 0
-    residuals = look.z[seen, detection] - look.expected[parent]
+    residuals = look.z[seen, detection] - look.z_hat[parent]
     S = look.S[parent] + (look.R[detection] if len(look.R) else 0.0)
     each = normalised(Mixture(np.exp(log_w - log_w.max()), residuals, S))
     r, A = mean_and_covariance(each)
-    stretch = each.w @ look.log_stretch[detection]
+    stretch = each.w @ look.log_jacobian[detection]
     return float(stretch - 0.5 * (r @ np.linalg.solve(A, r) + np.linalg.slogdet(2 * np.pi * A)[1]))
 
 
@@ -162,12 +166,21 @@ def mmae_of_mhts(
     prune_weight: float = 1e-5,
     floor: float = 1e-3,
     restart: float = 1e-5,
-    most: int = 500,
-    hopeless: float = 20.0,
-) -> Mhts:
+    max_hypotheses: int = 500,
+    give_up_ratio: float = 20.0,
+) -> BankOfMhts:
     """An MMAE whose filters are MHTs of `components` hypotheses each (Maybeck, architecture 1; with
     reduction="ise" the MMAE of ISEs)."""
-    return Mhts(model, reducer(reduction, components), None, floor, restart, prune_weight, most, hopeless)
+    return BankOfMhts(
+        model,
+        reducer(reduction, components),
+        None,
+        floor,
+        restart,
+        prune_weight,
+        max_hypotheses,
+        give_up_ratio,
+    )
 
 
 def imm_of_mhts(
@@ -175,28 +188,32 @@ def imm_of_mhts(
     components: int = 15,
     reduction: str = "runnalls",
     prune_weight: float = 1e-5,
-    most: int = 500,
-    hopeless: float = 20.0,
+    max_hypotheses: int = 500,
+    give_up_ratio: float = 20.0,
     mixing: str = MIXINGS[0],
-) -> Mhts:
+) -> BankOfMhts:
     """An IMM whose filters are MHTs of `components` hypotheses each (Maybeck, architecture 2; with
     reduction="ise" the IMM of ISEs)."""
-    return Mhts(model, reducer(reduction, components), mixing, 0.0, 0.0, prune_weight, most, hopeless)
+    return BankOfMhts(
+        model, reducer(reduction, components), mixing, 0.0, 0.0, prune_weight, max_hypotheses, give_up_ratio
+    )
 
 
-def of_one_motion(
+def single_model_mht(
     model: Model,
     components: int = 15,
     mode: int = 0,
     reduction: str = "runnalls",
     prune_weight: float = 1e-5,
-    most: int = 500,
-    hopeless: float = 20.0,
-) -> Mhts:
+    max_hypotheses: int = 500,
+    give_up_ratio: float = 20.0,
+) -> BankOfMhts:
     """MHT that takes the target to follow one of the model's motions, `mode`, for good, gated as the others
     here are (Maybeck; with reduction="ise" the ISE of benign, or of aggressive, Kalman filters)."""
     known = len(model.motions)
     if isinstance(mode, bool) or not isinstance(mode, Integral) or not 0 <= mode < known:
         raise ValueError(f"mode must be one of the {known} motions, counted from 0, got {mode!r}")
     told = model._replace(motions=(model.motions[mode],), switching=np.ones((1, 1)), mode_prior=np.ones(1))
-    return Mhts(told, reducer(reduction, components), None, 0.0, 0.0, prune_weight, most, hopeless)
+    return BankOfMhts(
+        told, reducer(reduction, components), None, 0.0, 0.0, prune_weight, max_hypotheses, give_up_ratio
+    )

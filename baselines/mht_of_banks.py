@@ -9,19 +9,19 @@ import numpy as np
 
 from gmr_gym.checks import check_limits
 from gmr_gym.filters.filter_bank import (
-    Bank,
-    banked,
-    fused,
-    leave_alone,
-    merged,
-    mixed,
-    moved,
-    started,
-    tended,
+    FilterBank,
+    as_bank,
+    imm_mix,
+    imm_output,
+    initial_bank,
+    merge_hypotheses,
+    no_interaction,
+    predict_bank,
+    restart_and_floor,
 )
-from gmr_gym.filters.joint_gating import expand_together, hopeless_beyond
+from gmr_gym.filters.joint_gating import expand_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrowed_states
-from gmr_gym.filters.tracker import ALL, Report, check_scan
+from gmr_gym.filters.tracker import UNLIMITED, Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, match_all, mean_and_covariance, normalised
 from gmr_gym.models.model import Model
 from gmr_gym.reduction.protocol import Reduced, check_reduced
@@ -30,7 +30,7 @@ from gmr_gym.reduction.registry import reducer
 
 
 @dataclass(frozen=True)
-class Banks:
+class MhtOfBanks:
     """Every hypothesis, a bank of filters, with every detection gated by any of them; hypotheses are pruned
     and reduced by what their filters fuse to, and merged model by model. What the filters of a bank have to
     do with each other is `before`, ahead of the prediction, and `after`, past the update.
@@ -40,35 +40,39 @@ class Banks:
 
     model: Model
     reduce: Callable[[Mixture], Reduced]
-    before: Callable[[Bank, np.ndarray], Bank]  # of the bank and the switching matrix
-    after: Callable[[Bank, np.ndarray], Bank]  # of the bank and its residuals' log densities (r, n)
+    before: Callable[[FilterBank, np.ndarray], FilterBank]  # of the bank and the switching matrix
+    after: Callable[
+        [FilterBank, np.ndarray], FilterBank
+    ]  # of the bank and its residuals' log densities (r, n)
     prune_weight: float = 1e-5
-    most: int = 500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
+    max_hypotheses: int = (
+        500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
+    )
     # times the false detections expected within a deviation at first, and one, at which it gives up
-    hopeless: float = 20.0
-    _given_up: float = field(init=False, repr=False)
+    give_up_ratio: float = 20.0
+    give_up_limit: float = field(init=False, repr=False)
 
     def __post_init__(self):
-        check_limits(self.prune_weight, self.most, self.hopeless)
-        object.__setattr__(self, "_given_up", hopeless_beyond(self.model, self.hopeless))
+        check_limits(self.prune_weight, self.max_hypotheses, self.give_up_ratio)
+        object.__setattr__(self, "_given_up", give_up_limit(self.model, self.give_up_ratio))
         # a wrong parameter is an error here, not in a scan
         check_reduced(self.reduce(collapsed(self.model.prior)), 1)
         bank = self.init()
         self.after(bank, np.zeros(bank.w.shape))
 
-    def init(self) -> Bank:
-        return started(self.model.mode_prior, self.model.prior)
+    def init(self) -> FilterBank:
+        return initial_bank(self.model.mode_prior, self.model.prior)
 
-    def step(self, belief: Bank, z: np.ndarray) -> tuple[Bank, Report]:
+    def step(self, belief: FilterBank, z: np.ndarray) -> tuple[FilterBank, Report]:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
-        predicted = moved(self.before(belief, model.switching), model.motions)
-        expansion, looked, alive = expand_together(predicted, model, z, self._given_up)
-        posterior = banked(expansion.mixture, len(model.motions))
+        predicted = predict_bank(self.before(belief, model.switching), model.motions)
+        expansion, looked, alive = expand_jointly(predicted, model, z, self.give_up_limit)
+        posterior = as_bank(expansion.mixture, len(model.motions))
         posterior = self.after(posterior, expansion.log_density.reshape(posterior.w.shape))
-        hypotheses, kept = entering(fused(posterior), self.prune_weight, self.most)
+        hypotheses, kept = entering(imm_output(posterior), self.prune_weight, self.max_hypotheses)
         reduced, into = self.reduce(hypotheses)
-        belief = merged(posterior, np.where(kept < 0, -1, into[kept]), len(reduced.w))
+        belief = merge_hypotheses(posterior, np.where(kept < 0, -1, into[kept]), len(reduced.w))
         belief = belief._replace(w=belief.w / belief.w.sum())
         mixture = normalised(reduced)
         mean, covariance = mean_and_covariance(mixture)
@@ -81,23 +85,41 @@ def imm_mht(
     components: int = 15,
     reduction: str = "runnalls",
     prune_weight: float = 1e-5,
-    most: int = 500,
-    hopeless: float = 20.0,
+    max_hypotheses: int = 500,
+    give_up_ratio: float = 20.0,
     mixing: str = MIXINGS[0],
-) -> Banks:
+) -> MhtOfBanks:
     """MHT with an IMM in each hypothesis, reduced to `components` by any `reduction` of what the IMMs
     fuse to (Zhang, IMM+MHT)."""
-    mix = partial(mixed, borrowed=borrowed_states(model.motions, mixing))
-    return Banks(model, reducer(reduction, components), mix, leave_alone, prune_weight, most, hopeless)
+    mix = partial(imm_mix, borrowed=borrowed_states(model.motions, mixing))
+    return MhtOfBanks(
+        model,
+        reducer(reduction, components),
+        mix,
+        no_interaction,
+        prune_weight,
+        max_hypotheses,
+        give_up_ratio,
+    )
 
 
-def mmae_pda(model: Model, floor: float = 1e-3, restart: float = 1e-5, hopeless: float = 20.0) -> Banks:
+def mmae_pda(
+    model: Model, floor: float = 1e-3, restart: float = 1e-5, give_up_ratio: float = 20.0
+) -> MhtOfBanks:
     """Multiple model adaptive estimation: filters that never mix, their probabilities kept above `floor`,
     one whose residual is less dense than `restart` begun anew from the others; in clutter with a PDA in
     place of each Kalman filter (Maybeck, section III). The density is per unit of the sensor's space: at
     the paper's sensor 1e-5 per m^2 is a squared residual of 8 to 9."""
-    after = partial(tended, floor=floor, restart=restart)
-    return Banks(model, _all_in_one, leave_alone, after, prune_weight=0.0, most=ALL, hopeless=hopeless)
+    after = partial(restart_and_floor, floor=floor, restart=restart)
+    return MhtOfBanks(
+        model,
+        _all_in_one,
+        no_interaction,
+        after,
+        prune_weight=0.0,
+        max_hypotheses=UNLIMITED,
+        give_up_ratio=give_up_ratio,
+    )
 
 
 def mmae_mht(
@@ -107,13 +129,21 @@ def mmae_mht(
     prune_weight: float = 1e-5,
     floor: float = 1e-3,
     restart: float = 1e-5,
-    most: int = 500,
-    hopeless: float = 20.0,
-) -> Banks:
+    max_hypotheses: int = 500,
+    give_up_ratio: float = 20.0,
+) -> MhtOfBanks:
     """MHT with an MMAE in each hypothesis, reduced to `components` by any `reduction` of what the MMAEs
     fuse to (Maybeck; with reduction="ise" the ISE of MMAEs)."""
-    after = partial(tended, floor=floor, restart=restart)
-    return Banks(model, reducer(reduction, components), leave_alone, after, prune_weight, most, hopeless)
+    after = partial(restart_and_floor, floor=floor, restart=restart)
+    return MhtOfBanks(
+        model,
+        reducer(reduction, components),
+        no_interaction,
+        after,
+        prune_weight,
+        max_hypotheses,
+        give_up_ratio,
+    )
 
 
 def _all_in_one(p: Mixture) -> Reduced:
