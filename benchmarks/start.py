@@ -13,9 +13,9 @@ IMPORT = (sys.executable, "-c", "import gmr_gym")
 NEEDED = (sys.executable, "-c", "import gymnasium, numba, scipy.stats")
 FIRST_SCANS = """
 from time import process_time
-from gmr_gym.montecarlo import run_once
+from gmr_gym.evaluation.montecarlo import run_once
 from gmr_gym.scenarios.dortenzio import turning_target
-from gmr_gym.tracker import make_tracker
+from gmr_gym.filters.registry import make_tracker
 
 scenario = turning_target()
 started = process_time()

@@ -49,15 +49,22 @@ def checked(p: Mixture, at: str = "p.") -> Mixture:
     number, a shape does not fit, a number is not finite, a weight is negative or a covariance is not
     symmetric positive definite.
     """
+    w, m, P = arrays_of(p, at)
+    if not sound(w, m, P):
+        refuse_unsound(at, w, m, P)
+    return p if type(p) is Mixture and w is p.w and m is p.m and P is p.P else Mixture(w, m, P)
+
+
+def arrays_of(p: Mixture, at: str = "p.") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The arrays of the mixture as kernels take them, `checked` but for what `sound` looks at."""
     try:
-        given_w, given_m, given_P = p
+        w, m, P = p
     except (TypeError, ValueError):
         raise ValueError(f"{at[:-1]} must be a Mixture (w, m, P), got {type(p).__name__}") from None
-    w, m, P = doubles("w", given_w, at), doubles("m", given_m, at), doubles("P", given_P, at)
-    if not (w.ndim == 1 and m.ndim == 2 and P.ndim == 3 and sound(w, m, P)):
+    w, m, P = doubles("w", w, at), doubles("m", m, at), doubles("P", P, at)
+    if not (w.ndim == 1 and m.ndim == 2 and P.ndim == 3):
         refuse_unsound(at, w, m, P)
-    same = w is given_w and m is given_m and P is given_P and type(p) is Mixture
-    return p if same else Mixture(w, m, P)
+    return w, m, P
 
 
 def normalised(p: Mixture) -> Mixture:

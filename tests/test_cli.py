@@ -518,7 +518,7 @@ def test_an_interrupted_command_says_where_it_goes_on(call, monkeypatch, number)
     def interrupted(*_, **__):
         signal.raise_signal(number)
 
-    monkeypatch.setattr("gmr_gym.experiments.specs.run", interrupted)
+    monkeypatch.setattr("gmr_gym.experiments.sweeps.run", interrupted)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job has it ignored
     code, printed, errors = call(*EVALUATE, "mmg-5", "--out", "e")
     assert code == 130 and printed == ""
@@ -534,10 +534,10 @@ def test_a_kernel_that_is_interrupted_while_it_is_called_stops_the_command_as_ct
     def broken(*_, **__):
         raise SystemError("of another cause")
 
-    monkeypatch.setattr("gmr_gym.experiments.specs.run", stopped)
+    monkeypatch.setattr("gmr_gym.experiments.sweeps.run", stopped)
     code, _, errors = call(*EVALUATE, "mmg-5", "--out", "e")
     assert code == 130 and errors.startswith("stopped: finished blocks of runs are kept in e/blocks;")
-    monkeypatch.setattr("gmr_gym.experiments.specs.run", broken)
+    monkeypatch.setattr("gmr_gym.experiments.sweeps.run", broken)
     monkeypatch.setattr(sys, "argv", [str(word) for word in ("gmr-gym", *EVALUATE, "mmg-5", "--out", "e")])
     with pytest.raises(SystemError, match="of another cause"):
         main()

@@ -9,6 +9,7 @@ from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
 from fuzzing.inputs import Rng, decades
 from fuzzing.stored import folder, stored, with_bytes_wrong
+from gmr_gym import data
 from gmr_gym.data.loader import f16_flight, flight, flight_names
 from gmr_gym.evaluation.recordings import Scans, read_scans, write_scans
 from gmr_gym.tuning import instances
@@ -94,7 +95,7 @@ def _sane_scans(arguments: tuple, result: Scans) -> None:
 
 @lru_cache
 def _rows() -> tuple[str, ...]:
-    file = Path(instances.__file__).parent / "data" / "instances" / "test.csv"
+    file = Path(data.__file__).parent / "instances" / "test.csv"
     return tuple(file.read_text(encoding="utf-8").splitlines())
 
 

@@ -71,7 +71,8 @@ def check_positions(path: Path | str, scans: Scans) -> None:
         if name.endswith(("_rad", "_deg")):
             raise ValueError(
                 f"{path}, column {name}: an angle, but only positions in metres are tracked; convert them "
-                "with gmr_gym.radar.cartesian, or track it from Python with a gmr_gym.radar.radar as sensor"
+                "with gmr_gym.models.radar.cartesian, or track it from Python with a sensor of "
+                "gmr_gym.models.radar.radar"
             )
 
 

@@ -157,19 +157,20 @@ def moment_matched(absent, found, m, P, z_hat, S, C, H, R, z):
             hit += found[i, j]
             for r in range(p):
                 nu[r] += found[i, j] * (z[j, r] - z_hat[i, r])
-        w_out[i] = absent[i] + hit
+        whole = absent[i] + hit
+        w_out[i] = min(whole, 1.0)  # what rounding puts above 1 would grow with every scan that misses
         if not hit > 0.0:
             continue
-        nu /= w_out[i]
+        nu /= whole
         for j in range(k):
             if found[i, j] > 0.0:
                 for r in range(p):
                     for s in range(r + 1):
                         off = (z[j, r] - z_hat[i, r] - nu[r]) * (z[j, s] - z_hat[i, s] - nu[s])
-                        spread[r, s] += found[i, j] / w_out[i] * off
+                        spread[r, s] += found[i, j] / whole * off
         cholesky_into(L, S[i])
         posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H, R)
-        missed = absent[i] / w_out[i]
+        missed = absent[i] / whole
         for r in range(p):
             for s in range(r + 1):
                 # where it was absent the mean stays, at an innovation of 0

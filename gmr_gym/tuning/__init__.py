@@ -4,7 +4,7 @@ Stands on `evaluation` and all below, without Gymnasium. Open `thresholds.py` fi
 """
 
 from gmr_gym.tuning.features import FEATURES
-from gmr_gym.tuning.instances import Instance, instances
+from gmr_gym.tuning.instances import Instance
 from gmr_gym.tuning.thresholds import Thresholds
 
-__all__ = ["FEATURES", "Instance", "Thresholds", "instances"]
+__all__ = ["FEATURES", "Instance", "Thresholds"]

@@ -495,7 +495,7 @@ def test_a_reduction_may_be_any_function_that_can_be_imported(name, acquisition)
         ),
         ("", {"reduction": ":f"}, "reduction ':f' is no function that can be imported"),
         ("", {"reduction": 3}, "unknown reduction 3"),
-        ("", {"reduction": "gmr_gym.reduction:whitened"}, "cannot be made with"),
+        ("", {"reduction": "gmr_gym.reduction.salmond_west:whitened"}, "cannot be made with"),
         ("", {"reduction": "gmr_gym.mixture:__doc__"}, "the first argument must be callable"),
         ("", {"prune_weight": -1.0}, "prune_weight must be non-negative and finite"),
         ("", {"prune": 0.1}, "no parameter 'prune'; it takes components, reduction, prune_weight"),

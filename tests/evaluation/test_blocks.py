@@ -106,7 +106,9 @@ def test_other_machines_name_the_blocks_alike(tmp_path):
     """Another process, with other hashes of strings, another place for the source, and a world built anew."""
     run(WORLD, BUILT, 1, folder=tmp_path / "here")
     program = """
-from tests.test_blocks import *
+import sys
+sys.path.insert(0, "../elsewhere/tests/evaluation")
+from test_blocks import *
 run(turning_target(horizon=4, clutter_rate=5), {'a': BUILT['mht'], 'b': BUILT['nearest']}, 1, folder='.')
 """
     (tmp_path / "there").mkdir()

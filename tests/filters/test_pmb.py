@@ -303,6 +303,13 @@ def test_a_target_certain_to_be_seen_that_is_not_has_gone():
     assert len(multi_bernoulli.prune(posterior, 0.0, 0.0, 10).label) == 0
 
 
+def test_what_rounding_adds_to_certainty_does_not_grow():
+    people, belief = told(detection=0.1, survival=1.0), of_tracks([1 + 1e-12], [[0.0, 0.0]])
+    for _ in range(400):  # misses, of which each would multiply it by 1.11
+        belief, _ = updated(belief, np.empty((0, 2)), people)
+    assert 1 - 1e-12 <= belief.tracks.w[0] <= 1
+
+
 def test_a_certain_target_in_no_clutter_to_speak_of_stays_a_number():
     posterior, _ = updated(of_tracks([1.0], [(0, 0)]), [[1.0, 0.0]], told(detection=1.0, expected=1e-300))
     np.testing.assert_allclose(posterior.tracks.w[0], 1)

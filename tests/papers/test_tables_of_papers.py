@@ -395,7 +395,7 @@ def test_a_case_2_without_its_case_1_is_judged_alone(few_resamples):
 
 
 def test_claims_are_judged_over_all_runs_and_over_those_that_all_three_kept(few_resamples, monkeypatch):
-    monkeypatch.setattr("gmr_gym.reproduce.FEWEST", 13)
+    monkeypatch.setattr("gmr_gym.experiments.tables.FEWEST", 13)
     tables = {"1": made_up("1", (1, 2, 3), KEPT, 0), "2": made_up("2", (2, 4, 6), ALSO, 1)}
     records = by_table(claims(tables))
     sets = {name: [entry["runs"] for entry in entries] for name, entries in records.items()}
