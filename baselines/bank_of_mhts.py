@@ -56,7 +56,7 @@ class BankOfMhts:
 
     def __post_init__(self):
         check_limits(self.prune_weight, self.max_hypotheses, self.give_up_ratio)
-        object.__setattr__(self, "_given_up", give_up_limit(self.model, self.give_up_ratio))
+        object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.give_up_ratio))
         borrowed = borrowed_states(self.model.motions, MIXINGS[0] if self.mixing is None else self.mixing)
         object.__setattr__(self, "_borrowed", borrowed)
         # a wrong parameter is an error here, not in a scan
@@ -72,7 +72,7 @@ class BankOfMhts:
         z = check_scan(z, len(model.sensor.H))
         w, each = belief if self.mixing is None else self._mixed(belief)
         predicted = [predict(p, motion) for p, motion in zip(each, model.motions, strict=True)]
-        own, listed, looked, alive = gate_jointly(weighed(w, predicted), model, z, self.give_up_limit)
+        own, listed, gates_used, alive = gate_jointly(weighed(w, predicted), model, z, self.give_up_limit)
         ends = np.cumsum([len(p.w) for p in predicted])[:-1]
         posteriors, log_density = [], np.zeros(len(w))
         for i, parts in enumerate(zip(predicted, np.split(own.z, ends), np.split(own.S, ends), strict=True)):
@@ -88,10 +88,10 @@ class BankOfMhts:
         w = mmae_weights(w, log_density)
         posteriors = self._restarted(w, posteriors, log_density)
         belief = Mixtures(floored(w, self.floor), tuple(posteriors))
-        whole = weighed(*belief)
-        whole = take(whole, whole.w > 0)  # far off, the likelihood of a motion may vanish
-        mean, covariance = mean_and_covariance(whole)
-        return belief, Report(mean[None], covariance[None], looked, whole, alive, belief.w)
+        pooled = weighed(*belief)
+        pooled = take(pooled, pooled.w > 0)  # far off, the likelihood of a motion may vanish
+        mean, covariance = mean_and_covariance(pooled)
+        return belief, Report(mean[None], covariance[None], gates_used, pooled, alive, belief.w)
 
     def _mixed(self, belief: Mixtures) -> Mixtures:
         """Departs: eq. 14 mixes Gaussians; how mixtures mix is not said. All hypotheses are pooled with the
@@ -127,11 +127,11 @@ class BankOfMhts:
             return each
         rest = np.where(diverged, 0.0, w)
         others = weighed(rest if rest.any() else 1.0 - diverged, each)  # the impossible, as likely as others
-        fresh = self._reduced(normalised(others))
-        return [fresh if lost else p for lost, p in zip(diverged, each, strict=True)]
+        restarted = self._reduced(normalised(others))
+        return [restarted if lost else p for lost, p in zip(diverged, each, strict=True)]
 
 
-def equivalent_residual(predicted: Mixture, expansion: Expansion, look: PredictedDetections) -> float:
+def equivalent_residual(predicted: Mixture, expansion: Expansion, predicted_z: PredictedDetections) -> float:
     """Log density of the residual that an MHT as a whole makes of a scan (eqs. 12 and 17): that of
     the mean and covariance of its hypotheses' residuals. 0 where no hypothesis has a detection.
 
@@ -145,13 +145,13 @@ def equivalent_residual(predicted: Mixture, expansion: Expansion, look: Predicte
     with np.errstate(divide="ignore"):
         # not from the weights, which vanish beside those of the misses when the target is far off
         log_w = np.log(predicted.w)[parent] + expansion.log_density[hit]
-    detection, seen = expansion.detection[hit], parent if len(look.z) > 1 else 0
-    residuals = look.z[seen, detection] - look.z_hat[parent]
-    S = look.S[parent] + (look.R[detection] if len(look.R) else 0.0)
+    detection, row = expansion.detection[hit], parent if len(predicted_z.z) > 1 else 0
+    residuals = predicted_z.z[row, detection] - predicted_z.z_hat[parent]
+    S = predicted_z.S[parent] + (predicted_z.R[detection] if len(predicted_z.R) else 0.0)
     each = normalised(Mixture(np.exp(log_w - log_w.max()), residuals, S))
     r, A = mean_and_covariance(each)
-    stretch = each.w @ look.log_jacobian[detection]
-    return float(stretch - 0.5 * (r @ np.linalg.solve(A, r) + np.linalg.slogdet(2 * np.pi * A)[1]))
+    log_jacobian = each.w @ predicted_z.log_jacobian[detection]
+    return float(log_jacobian - 0.5 * (r @ np.linalg.solve(A, r) + np.linalg.slogdet(2 * np.pi * A)[1]))
 
 
 def weighed(w: np.ndarray, each) -> Mixture:
@@ -213,7 +213,7 @@ def single_model_mht(
     known = len(model.motions)
     if isinstance(mode, bool) or not isinstance(mode, Integral) or not 0 <= mode < known:
         raise ValueError(f"mode must be one of the {known} motions, counted from 0, got {mode!r}")
-    told = model._replace(motions=(model.motions[mode],), switching=np.ones((1, 1)), mode_prior=np.ones(1))
+    single = model._replace(motions=(model.motions[mode],), switching=np.ones((1, 1)), mode_prior=np.ones(1))
     return BankOfMhts(
-        told, reducer(reduction, components), None, 0.0, 0.0, prune_weight, max_hypotheses, give_up_ratio
+        single, reducer(reduction, components), None, 0.0, 0.0, prune_weight, max_hypotheses, give_up_ratio
     )

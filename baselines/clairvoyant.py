@@ -40,14 +40,16 @@ class Clairvoyant:
         if len(z) > 1:
             raise ValueError(f"the clairvoyant filter takes the target's detection alone, got {len(z)}")
         predicted, mode = predict_every_mode(belief, model.motions, model.switching)
-        looked = gates(predicted, model.sensor, model.gate_probability)
+        gates_used = gates(predicted, model.sensor, model.gate_probability)
         # sure of the detection it is handed, and of nothing where there is none
         posterior = expand(
-            predicted, looked._replace(threshold=np.inf), model.sensor, z, 1.0, 1.0, 1.0
+            predicted, gates_used._replace(threshold=np.inf), model.sensor, z, 1.0, 1.0, 1.0
         ).mixture
         belief = merge_mode_probabilities(
             posterior, mode, runnalls(posterior, self.components), len(model.motions)
         )
         mean, covariance = mean_and_covariance(belief.mixture)
-        chances = belief.mixture.w @ belief.modes
-        return belief, Report(mean[None], covariance[None], looked, belief.mixture, modes=chances)
+        mode_probabilities = belief.mixture.w @ belief.modes
+        return belief, Report(
+            mean[None], covariance[None], gates_used, belief.mixture, modes=mode_probabilities
+        )

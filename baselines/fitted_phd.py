@@ -30,24 +30,26 @@ class FittedPhd:
     reduce: Callable[[Mixture], Reduced]
     fit: MultiTargetTracker
     prune_weight: float = 1e-5  # an expected number of targets
-    most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
+    max_components: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
 
     def __post_init__(self):
-        phd.check_filter(self.model, self.reduce, self.prune_weight, self.most)
+        phd.check_filter(self.model, self.reduce, self.prune_weight, self.max_components)
 
     def init(self) -> Fitted:
         return Fitted(phd.no_targets(self.model), self.fit.init())
 
     def step(self, belief: Fitted, z) -> tuple[Fitted, MultiTargetReport]:
-        told = self.model
-        z = check_scan(z, len(told.sensor.H))
-        mixture, said = self.fit.step(belief.mixture, z)
+        model = self.model
+        z = check_scan(z, len(model.sensor.H))
+        mixture, fitted = self.fit.step(belief.mixture, z)
         posterior, _ = phd.update(
-            phd.predict(belief.targets, told), told.sensor, z,
-            told.detection_probability, said.clutter.density(z), self.prune_weight,
+            phd.predict(belief.targets, model), model.sensor, z,
+            model.detection_probability, fitted.clutter.density(z), self.prune_weight,
         )  # fmt: skip
-        targets, account = phd.report(phd.reduce_intensity(posterior, self.reduce, self.most), said.clutter)
-        return Fitted(targets, mixture), account
+        targets, report = phd.report(
+            phd.reduce_intensity(posterior, self.reduce, self.max_components), fitted.clutter
+        )
+        return Fitted(targets, mixture), report
 
 
 def fitted_phd(

@@ -64,20 +64,20 @@ class Fmm:
         check_whole("seed", self.seed, 0)
 
     def init(self) -> Tracks:
-        nobody, none = no_components(len(self.model.motion.F)), np.empty(0, np.int64)
-        return Tracks(nobody, none, none, none, 0, self.model.clutter, 0)
+        no_target, no_label = no_components(len(self.model.motion.F)), np.empty(0, np.int64)
+        return Tracks(no_target, no_label, no_label, no_label, 0, self.model.clutter, 0)
 
     def step(self, belief: Tracks, z: np.ndarray) -> tuple[Tracks, MultiTargetReport]:
-        told, clutter = self.model, belief.clutter
-        z = check_scan(z, len(told.sensor.H))
-        moved = predict(belief.targets, told.motion)
-        candidates, looked = self._candidates(moved, belief.found >= self.life.establishing)
+        model, clutter = self.model, belief.clutter
+        z = check_scan(z, len(model.sensor.H))
+        moved = predict(belief.targets, model.motion)
+        candidates, predicted_targets = self._candidates(moved, belief.found >= self.life.establishing)
         rng = np.random.default_rng((self.seed, belief.scans))
         # Departs: the g0 places "in the region" are those of detections, drawn at random, and there are none
         # in a scan of fewer than D_c: no Gaussian of clutter could live, and they take a target's with them
         new = self.gaussians if len(z) >= self.options.clutter_least else 0
         places = z[rng.permutation(len(z))[:new]]
-        parts = initial(clutter.gaussians, places, z, looked, self.options.deviation)
+        parts = initial(clutter.gaussians, places, z, predicted_targets, self.options.deviation)
         parts = self.fit(z, parts, 1 / clutter.volume, self.options, rng)
         c, weight = parts.gaussians, len(z) * parts.w
         if len(z):  # an empty scan tells nothing of where clutter is
@@ -87,20 +87,23 @@ class Fmm:
             at = parts.origin
         else:
             at = np.empty(0, np.int64)
-        hit, d2 = _updated(take(candidates, at), parts.m[c:][: len(at)], told.sensor)
+        hit, d2 = _updated(take(candidates, at), parts.m[c:][: len(at)], model.sensor)
         hit = hit._replace(w=np.minimum(weight[c + 1 :][: len(at)], 1.0))
         hit, at = take(hit, d2 <= self.life.gate), at[d2 <= self.life.gate]
-        return self._lived(belief, moved, hit, at, clutter)
+        return self._update_tracks(belief, moved, hit, at, clutter)
 
     def _candidates(self, moved: Mixture, may_spawn: np.ndarray) -> tuple[Mixture, Mixture]:
         """States of survivors, births and spawned, in this order, and what each is looked for with
         (eqs. 12-14)."""
-        told, life = self.model, self.life
-        H, R = told.sensor
-        parts, seen = [moved, told.births], [np.tile(R, (len(moved.w), 1, 1)), H @ told.births.P @ H.T]
-        if told.spawn_weight > 0:
+        model, life = self.model, self.life
+        H, R = model.sensor
+        parts, covariances = (
+            [moved, model.births],
+            [np.tile(R, (len(moved.w), 1, 1)), H @ model.births.P @ H.T],
+        )
+        if model.spawn_weight > 0:
             parents = take(moved, may_spawn)
-            around = H @ told.spawn_covariance @ H.T
+            around = H @ model.spawn_covariance @ H.T
             steps = np.zeros((1, len(H)))
             if life.spawn_distance > 0:
                 axes = life.spawn_distance * np.diag(np.sqrt(np.diag(around + R)))
@@ -108,13 +111,13 @@ class Fmm:
             for step in steps:
                 # an expected detection that is `step` off, by a state that is so
                 m = parents.m + step @ np.linalg.pinv(H).T
-                parts.append(Mixture(parents.w, m, parents.P + told.spawn_covariance))
-                seen.append(np.tile(around, (len(m), 1, 1)))
+                parts.append(Mixture(parents.w, m, parents.P + model.spawn_covariance))
+                covariances.append(np.tile(around, (len(m), 1, 1)))
         states = joined(parts)
-        expected, S = told.sensor.gates(states)
-        return states, Mixture(states.w, expected, S if life.predicted else np.concatenate(seen))
+        z_hat, S = model.sensor.gates(states)
+        return states, Mixture(states.w, z_hat, S if life.predicted else np.concatenate(covariances))
 
-    def _lived(
+    def _update_tracks(
         self, belief: Tracks, moved: Mixture, hit: Mixture, at: np.ndarray, clutter: Clutter
     ) -> tuple[Tracks, MultiTargetReport]:
         """The belief after targets `at` (h,) of the candidates were found, and what is said of it."""
@@ -126,10 +129,10 @@ class Fmm:
         label, found = np.empty(len(at), np.int64), np.ones(len(at), np.int64)
         label[old], label[~old] = belief.label[at[old]], belief.next_label + np.arange(new)
         found[old] += belief.found[at[old]]
-        waiting = take(moved, lost)
-        waiting = waiting._replace(w=self.model.survival_probability * waiting.w)
+        coasted = take(moved, lost)
+        coasted = coasted._replace(w=self.model.survival_probability * coasted.w)
         after = Tracks(
-            joined([hit, waiting]),
+            joined([hit, coasted]),
             np.append(label, belief.label[lost]),
             np.append(found, belief.found[lost]),
             np.append(np.zeros(len(at), np.int64), belief.missed[lost] + 1),
@@ -137,12 +140,17 @@ class Fmm:
             clutter,
             belief.scans + 1,
         )
-        named = after.found >= life.establishing
+        reported = after.found >= life.establishing
         targets = after.targets
-        said = MultiTargetReport(
-            targets.m[named], targets.w[named], after.label[named], float(targets.w.sum()), targets, clutter
+        report = MultiTargetReport(
+            targets.m[reported],
+            targets.w[reported],
+            after.label[reported],
+            float(targets.w.sum()),
+            targets,
+            clutter,
         )
-        return after, said
+        return after, report
 
 
 def fmm_em(
@@ -223,9 +231,9 @@ def _updated(p: Mixture, z: np.ndarray, sensor) -> tuple[Mixture, np.ndarray]:
 
     Departs: R is added to H P H', which the print leaves out, and it is the target's mean, not a clutter's,
     that updates."""
-    expected, S = sensor.gates(p)
-    C = sensor.predict_detections(p, expected, S, z).C
-    n, off = len(p.w), z - expected
+    z_hat, S = sensor.gates(p)
+    C = sensor.predict_detections(p, z_hat, S, z).C
+    n, off = len(p.w), z - z_hat
     d2 = np.einsum("ni,ni->n", off, np.linalg.solve(S, off[:, :, None])[:, :, 0])
-    found = posteriors(np.zeros(n), np.eye(n), p.m, p.P, expected, S, C, *sensor, z, 0.0)
+    found = posteriors(np.zeros(n), np.eye(n), p.m, p.P, z_hat, S, C, *sensor, z, 0.0)
     return Mixture(*found[:3]), d2

@@ -35,10 +35,10 @@ class GmCphd:
     reduce: Callable[[Mixture], Reduced]
     prune_weight: float = 1e-5  # an expected number of targets
     targets: int = 50  # N, the most there may be; beyond, the distribution is cut off and rescaled
-    most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
+    max_components: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
 
     def __post_init__(self):
-        phd.check_filter(self.model, self.reduce, self.prune_weight, self.most)
+        phd.check_filter(self.model, self.reduce, self.prune_weight, self.max_components)
         if not self.targets >= 1 or self.targets != int(self.targets):
             raise ValueError(f"targets must be a whole number, at least 1, got {self.targets}")
 
@@ -46,22 +46,22 @@ class GmCphd:
         return CphdBelief(phd.no_targets(self.model), np.eye(1, self.targets + 1)[0])
 
     def step(self, belief: CphdBelief, z: np.ndarray) -> tuple[CphdBelief, MultiTargetReport]:
-        told = self.model
-        z = check_scan(z, len(told.sensor.H))
-        moves = cardinality.cardinality_transition(
-            told.survival_probability,
-            told.spawn_weight,
-            float(told.births.w.sum()),
+        model = self.model
+        z = check_scan(z, len(model.sensor.H))
+        transition = cardinality.cardinality_transition(
+            model.survival_probability,
+            model.spawn_weight,
+            float(model.births.w.sum()),
             len(belief.cardinality) - 1,
         )
-        predicted = moves @ belief.cardinality
+        predicted = transition @ belief.cardinality
         posterior, number = cardinality.update(
-            phd.predict(belief.targets, told), predicted / predicted.sum(), told.sensor, z,
-            told.detection_probability, told.clutter.density(z), self.prune_weight,
+            phd.predict(belief.targets, model), predicted / predicted.sum(), model.sensor, z,
+            model.detection_probability, model.clutter.density(z), self.prune_weight,
         )  # fmt: skip
-        kept = phd.reduce_intensity(posterior, self.reduce, self.most)
-        labelled, said = phd.report(kept, told.clutter, int(number.argmax()))
-        return CphdBelief(labelled, number), said
+        kept = phd.reduce_intensity(posterior, self.reduce, self.max_components)
+        labelled, report = phd.report(kept, model.clutter, int(number.argmax()))
+        return CphdBelief(labelled, number), report
 
 
 def gm_cphd(

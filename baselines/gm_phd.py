@@ -22,22 +22,22 @@ class GmPhd:
     model: MultiTargetModel
     reduce: Callable[[Mixture], Reduced]
     prune_weight: float = 1e-5  # T, an expected number of targets
-    most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
+    max_components: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
 
     def __post_init__(self):
-        phd.check_filter(self.model, self.reduce, self.prune_weight, self.most)
+        phd.check_filter(self.model, self.reduce, self.prune_weight, self.max_components)
 
     def init(self) -> LabelledIntensity:
         return phd.no_targets(self.model)
 
     def step(self, belief: LabelledIntensity, z: np.ndarray) -> tuple[LabelledIntensity, MultiTargetReport]:
-        told = self.model
-        z = check_scan(z, len(told.sensor.H))
+        model = self.model
+        z = check_scan(z, len(model.sensor.H))
         posterior, _ = phd.update(
-            phd.predict(belief, told), told.sensor, z,
-            told.detection_probability, told.clutter.density(z), self.prune_weight,
+            phd.predict(belief, model), model.sensor, z,
+            model.detection_probability, model.clutter.density(z), self.prune_weight,
         )  # fmt: skip
-        return phd.report(phd.reduce_intensity(posterior, self.reduce, self.most), told.clutter)
+        return phd.report(phd.reduce_intensity(posterior, self.reduce, self.max_components), model.clutter)
 
 
 def gm_phd(

@@ -44,7 +44,7 @@ class ImmPda:
         logs = np.log(miss) if miss > 0 else -np.inf, np.log(hit)
         object.__setattr__(self, "_moves", Motion(*map(np.array, zip(*model.motions, strict=True))))
         object.__setattr__(self, "_logs", logs)
-        object.__setattr__(self, "_given_up", give_up_limit(model, self.give_up_ratio))
+        object.__setattr__(self, "give_up_limit", give_up_limit(model, self.give_up_ratio))
         object.__setattr__(self, "_borrowed", borrowed_states(model.motions, self.mixing))
 
     def init(self) -> FilterBank:
@@ -55,17 +55,20 @@ class ImmPda:
         z = check_scan(z, len(model.sensor.H))
         w, m, P = belief.w[:, 0], belief.m[:, 0], belief.P[:, 0]
         predicted = Mixture(*mix_and_predict(w, m, P, model.switching, self._borrowed, *self._moves))
-        at, S = model.sensor.gates(predicted)
-        size = gate_threshold(model.gate_probability, at.shape[1])
+        z_hat, S = model.sensor.gates(predicted)
+        threshold = gate_threshold(model.gate_probability, z_hat.shape[1])
         w, m, P, mean, covariance, alive = pda_every_mode(
-            *predicted, S, model.sensor.density(model.clutter_density, at), unit_ball(at.shape[1]),
-            *model.sensor.predict_detections(predicted, at, S, z), size, *self._logs, self.give_up_limit,
+            *predicted, S, model.sensor.density(model.clutter_density, z_hat), unit_ball(z_hat.shape[1]),
+            *model.sensor.predict_detections(predicted, z_hat, S, z), threshold, *self._logs,
+            self.give_up_limit,
         )  # fmt: skip
         possible = predicted.w > 0  # an impossible mode looks nowhere
-        looked = Gates(at, S, size) if possible.all() else Gates(at[possible], S[possible], size)
+        gates_used = (
+            Gates(z_hat, S, threshold) if possible.all() else Gates(z_hat[possible], S[possible], threshold)
+        )
         fused = Mixture(np.ones(1), mean, covariance)
         return FilterBank(w[:, None], m[:, None], P[:, None]), Report(
-            mean, covariance, looked, fused, alive, w
+            mean, covariance, gates_used, fused, alive, w
         )
 
 

@@ -67,20 +67,20 @@ class LearnedThresholds:
 @kernel
 def _scan(
     w, m, P, kept, given_up, work, z,
-    F, Q, offset, H, R, size, log_miss, log_detect, known, layout, numbers, set_by, rest,
+    F, Q, offset, H, R, threshold, log_miss, log_detect, known, layout, numbers, set_by, rest,
 ):  # fmt: skip
     """A whole scan in one call: the fields of the gates, and what `adapt` returns for the thresholds that a
     packed network says."""
-    centres, S, w, m, P, _, detection, log_density = expand_scan(
-        w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z
+    z_hat, S, w, m, P, _, detection, log_density = expand_scan(
+        w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z
     )
-    seen, cost, gated = observe(
+    features, cost, gated = observe(
         w, m, P, detection, log_density, S, H, R, log_detect, known, kept, given_up, work
     )
-    single = seen.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
+    single = features.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
     thresholds = from_actions(forward(single, layout, numbers), set_by, rest)[0]
     w, m, P, mean, covariance, given_up, work = adapt(w, m, P, thresholds, cost, gated)
-    return (centres, S, size), w, m, P, mean, covariance, given_up, work
+    return (z_hat, S, threshold), w, m, P, mean, covariance, given_up, work
 
 
 def learned_thresholds(

@@ -22,11 +22,11 @@ from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reduction_named
 
 
-class Learning(NamedTuple):
+class LearningPhdBelief(NamedTuple):
     """What is believed of the targets, and of the clutter."""
 
     targets: LabelledIntensity
-    lessons: ClutterEstimate
+    estimate: ClutterEstimate
 
 
 @dataclass(frozen=True)
@@ -36,27 +36,27 @@ class LearningPhd:
 
     model: MultiTargetModel
     reduce: Callable[[Mixture], Reduced]
-    how: EstimatorOptions
+    options: EstimatorOptions
     prune_weight: float = 1e-5  # an expected number of targets
-    most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
+    max_components: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
 
     def __post_init__(self):
-        phd.check_filter(self.model, self.reduce, self.prune_weight, self.most)
+        phd.check_filter(self.model, self.reduce, self.prune_weight, self.max_components)
 
-    def init(self) -> Learning:
-        return Learning(phd.no_targets(self.model), initial_estimate(self.model.clutter))
+    def init(self) -> LearningPhdBelief:
+        return LearningPhdBelief(phd.no_targets(self.model), initial_estimate(self.model.clutter))
 
-    def step(self, belief: Learning, z: np.ndarray) -> tuple[Learning, MultiTargetReport]:
-        told, lessons = self.model, belief.lessons
-        z = check_scan(z, len(told.sensor.H))
-        posterior, false = phd.update(
-            phd.predict(belief.targets, told), told.sensor, z,
-            told.detection_probability, lessons.clutter.density(z), self.prune_weight,
+    def step(self, belief: LearningPhdBelief, z: np.ndarray) -> tuple[LearningPhdBelief, MultiTargetReport]:
+        model, estimate = self.model, belief.estimate
+        z = check_scan(z, len(model.sensor.H))
+        posterior, p_clutter = phd.update(
+            phd.predict(belief.targets, model), model.sensor, z,
+            model.detection_probability, estimate.clutter.density(z), self.prune_weight,
         )  # fmt: skip
-        lessons = update_estimate(told.clutter, lessons, z, false, self.how)
-        reduced = phd.reduce_intensity(posterior, self.reduce, self.most)
-        targets, account = phd.report(reduced, lessons.clutter)
-        return Learning(targets, lessons), account
+        estimate = update_estimate(model.clutter, estimate, z, p_clutter, self.options)
+        reduced = phd.reduce_intensity(posterior, self.reduce, self.max_components)
+        targets, report = phd.report(reduced, estimate.clutter)
+        return LearningPhdBelief(targets, estimate), report
 
 
 def learning_phd(
@@ -67,10 +67,10 @@ def learning_phd(
     reduction: str = "vo-ma",
     memory: int = 20,
     deviation: float = 15.0,
-    most: int = 12,
+    max_gaussians: int = 12,
     iterations: int = 2,
 ) -> LearningPhd:
     """GM-PHD filter of up to `components`, with clutter learned as a uniform and up to `most` Gaussians no
     narrower than `deviation` (m), which forgets within `memory` scans."""
     reduce = reduction_named(reduction, components, merging)
-    return LearningPhd(model, reduce, options(memory, deviation, most, iterations), prune_weight)
+    return LearningPhd(model, reduce, options(memory, deviation, max_gaussians, iterations), prune_weight)

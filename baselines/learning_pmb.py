@@ -20,14 +20,14 @@ from gmr_gym.filters.tracker import MultiTargetReport, check_scan
 from gmr_gym.models.multi_target import MultiTargetModel
 
 
-class Learning(NamedTuple):
+class LearningPmbBelief(NamedTuple):
     """What is believed of the targets, and of the clutter."""
 
     targets: MultiBernoulli
-    lessons: ClutterEstimate
+    estimate: ClutterEstimate
 
 
-class Limits(NamedTuple):
+class PmbLimits(NamedTuple):
     """What is kept and what is named; `limits` checks one."""
 
     prune_existence: float  # a track less probable goes
@@ -36,7 +36,7 @@ class Limits(NamedTuple):
     report_threshold: float  # a track more probable is named
 
 
-def limits(prune_existence: float, prune_weight: float, tracks: int, report_threshold: float) -> Limits:
+def limits(prune_existence: float, prune_weight: float, tracks: int, report_threshold: float) -> PmbLimits:
     """Checked Limits; ValueError naming the one that is none."""
     check_limits(prune_weight, 1)
     if not tracks >= 1 or tracks != int(tracks):
@@ -47,7 +47,7 @@ def limits(prune_existence: float, prune_weight: float, tracks: int, report_thre
             f"prune_existence must be a probability less than report_threshold {report_threshold}, got "
             f"{prune_existence}"
         )
-    return Limits(float(prune_existence), float(prune_weight), int(tracks), float(report_threshold))
+    return PmbLimits(float(prune_existence), float(prune_weight), int(tracks), float(report_threshold))
 
 
 @dataclass(frozen=True)
@@ -55,16 +55,16 @@ class Pmb:
     """Bernoulli tracks over a Poisson intensity of undetected targets, in the clutter it was told of."""
 
     model: MultiTargetModel
-    limits: Limits
+    limits: PmbLimits
 
     def init(self) -> MultiBernoulli:
         return multi_bernoulli.no_targets(self.model)
 
     def step(self, belief: MultiBernoulli, z: np.ndarray) -> tuple[MultiBernoulli, MultiTargetReport]:
-        told = self.model
-        z = check_scan(z, len(told.sensor.H))
-        targets, _ = _scanned(belief, told, z, told.clutter.density(z), self.limits)
-        return targets, multi_bernoulli.report(targets, told.clutter, self.limits.report_threshold)
+        model = self.model
+        z = check_scan(z, len(model.sensor.H))
+        targets, _ = _scanned(belief, model, z, model.clutter.density(z), self.limits)
+        return targets, multi_bernoulli.report(targets, model.clutter, self.limits.report_threshold)
 
 
 @dataclass(frozen=True)
@@ -73,19 +73,19 @@ class LearningPmb:
     probability that it is of no track, old or new. The scan is judged by what was learned before it."""
 
     model: MultiTargetModel
-    how: EstimatorOptions
-    limits: Limits
+    options: EstimatorOptions
+    limits: PmbLimits
 
-    def init(self) -> Learning:
-        return Learning(multi_bernoulli.no_targets(self.model), initial_estimate(self.model.clutter))
+    def init(self) -> LearningPmbBelief:
+        return LearningPmbBelief(multi_bernoulli.no_targets(self.model), initial_estimate(self.model.clutter))
 
-    def step(self, belief: Learning, z: np.ndarray) -> tuple[Learning, MultiTargetReport]:
-        told, lessons = self.model, belief.lessons
-        z = check_scan(z, len(told.sensor.H))
-        targets, false = _scanned(belief.targets, told, z, lessons.clutter.density(z), self.limits)
-        lessons = update_estimate(told.clutter, lessons, z, false, self.how)
-        account = multi_bernoulli.report(targets, lessons.clutter, self.limits.report_threshold)
-        return Learning(targets, lessons), account
+    def step(self, belief: LearningPmbBelief, z: np.ndarray) -> tuple[LearningPmbBelief, MultiTargetReport]:
+        model, estimate = self.model, belief.estimate
+        z = check_scan(z, len(model.sensor.H))
+        targets, p_clutter = _scanned(belief.targets, model, z, estimate.clutter.density(z), self.limits)
+        estimate = update_estimate(model.clutter, estimate, z, p_clutter, self.options)
+        report = multi_bernoulli.report(targets, estimate.clutter, self.limits.report_threshold)
+        return LearningPmbBelief(targets, estimate), report
 
 
 def pmb(
@@ -108,22 +108,24 @@ def learning_pmb(
     report_threshold: float = 0.5,
     memory: int = 20,
     deviation: float = 15.0,
-    most: int = 12,
+    max_gaussians: int = 12,
     iterations: int = 2,
 ) -> LearningPmb:
     """As `pmb`, of up to `tracks`, with clutter learned as a uniform and up to `most` Gaussians no narrower
     than `deviation` (m), which forgets within `memory` scans."""
     return LearningPmb(
         model,
-        options(memory, deviation, most, iterations),
+        options(memory, deviation, max_gaussians, iterations),
         limits(prune_existence, prune_weight, tracks, report_threshold),
     )
 
 
-def _scanned(belief, told, z, kappa, limits):
+def _scanned(belief, model, z, kappa, limits):
     """The targets after a scan, and the probability (k,) that each detection is false."""
-    targets, false = multi_bernoulli.update(
-        multi_bernoulli.predict(belief, told), told.sensor, z,
-        told.detection_probability, kappa, limits.prune_existence,
+    targets, p_clutter = multi_bernoulli.update(
+        multi_bernoulli.predict(belief, model), model.sensor, z,
+        model.detection_probability, kappa, limits.prune_existence,
     )  # fmt: skip
-    return multi_bernoulli.prune(targets, limits.prune_existence, limits.prune_weight, limits.tracks), false
+    return multi_bernoulli.prune(
+        targets, limits.prune_existence, limits.prune_weight, limits.tracks
+    ), p_clutter

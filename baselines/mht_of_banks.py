@@ -54,7 +54,7 @@ class MhtOfBanks:
 
     def __post_init__(self):
         check_limits(self.prune_weight, self.max_hypotheses, self.give_up_ratio)
-        object.__setattr__(self, "_given_up", give_up_limit(self.model, self.give_up_ratio))
+        object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.give_up_ratio))
         # a wrong parameter is an error here, not in a scan
         check_reduced(self.reduce(collapsed(self.model.prior)), 1)
         bank = self.init()
@@ -67,7 +67,7 @@ class MhtOfBanks:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         predicted = predict_bank(self.before(belief, model.switching), model.motions)
-        expansion, looked, alive = expand_jointly(predicted, model, z, self.give_up_limit)
+        expansion, gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
         posterior = as_bank(expansion.mixture, len(model.motions))
         posterior = self.after(posterior, expansion.log_density.reshape(posterior.w.shape))
         hypotheses, kept = entering(imm_output(posterior), self.prune_weight, self.max_hypotheses)
@@ -76,8 +76,8 @@ class MhtOfBanks:
         belief = belief._replace(w=belief.w / belief.w.sum())
         mixture = normalised(reduced)
         mean, covariance = mean_and_covariance(mixture)
-        chances = belief.w.sum(axis=1)
-        return belief, Report(mean[None], covariance[None], looked, mixture, alive, chances)
+        mode_probabilities = belief.w.sum(axis=1)
+        return belief, Report(mean[None], covariance[None], gates_used, mixture, alive, mode_probabilities)
 
 
 def imm_mht(

@@ -39,7 +39,7 @@ class Mmg:
 
     def __post_init__(self):
         check_limits(self.prune_weight, self.max_hypotheses, self.give_up_ratio)
-        object.__setattr__(self, "_given_up", give_up_limit(self.model, self.give_up_ratio))
+        object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.give_up_ratio))
         prior = self.model.prior
         # a wrong parameter is an error here, not in a scan
         check_reduced(self.reduce(prior, np.zeros(len(prior.w), int)), len(prior.w))
@@ -53,15 +53,17 @@ class Mmg:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         predicted, mode = predict_every_mode(belief, model.motions, model.switching)
-        (posterior, parent, *_), looked, alive = expand_jointly(predicted, model, z, self.give_up_limit)
+        (posterior, parent, *_), gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
         posterior, kept = entering(posterior, self.prune_weight, self.max_hypotheses)
         mode = mode[parent][kept >= 0]
         reduced = self.reduce(posterior, mode)
         mixture, shares = merge_mode_probabilities(posterior, mode, reduced, len(model.motions))
         belief = MixtureWithModes(normalised(mixture), shares)
         mean, covariance = mean_and_covariance(belief.mixture)
-        chances = belief.mixture.w @ shares
-        return belief, Report(mean[None], covariance[None], looked, belief.mixture, alive, chances)
+        mode_probabilities = belief.mixture.w @ shares
+        return belief, Report(
+            mean[None], covariance[None], gates_used, belief.mixture, alive, mode_probabilities
+        )
 
 
 def mmg(

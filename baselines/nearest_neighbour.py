@@ -27,10 +27,10 @@ class NearestNeighbour:
     def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
         z = check_scan(z, len(self.model.sensor.H))
         belief = predict(belief, self.model.motion)
-        looked = gates(belief, self.model.sensor, self.model.gate_probability)
-        distance = gated_distances(belief, looked, self.model.sensor, z)[0]
+        gates_used = gates(belief, self.model.sensor, self.model.gate_probability)
+        distance = gated_distances(belief, gates_used, self.model.sensor, z)[0]
         if len(z) and np.isfinite(distance.min()):
             nearest = z[[distance.argmin()]]
             # sure of it
-            belief = expand(belief, looked, self.model.sensor, nearest, 1.0, 1.0, 1.0).mixture
-        return belief, Report(belief.m, belief.P, looked, belief)
+            belief = expand(belief, gates_used, self.model.sensor, nearest, 1.0, 1.0, 1.0).mixture
+        return belief, Report(belief.m, belief.P, gates_used, belief)

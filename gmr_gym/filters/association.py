@@ -40,9 +40,9 @@ def expand(
     P_G stands in the miss because a detection outside the gate is a miss too. A scan that the
     model calls impossible (P_D P_G = 1 and every gate empty) leaves the prediction as it was.
     """
-    look = sensor.predict_detections(predicted, gates.z, gates.S, z)
+    predicted_z = sensor.predict_detections(predicted, gates.z, gates.S, z)
     w, m, P, parent, detection, log_density = expand_into_hypotheses(
-        *predicted, *look, gates.threshold,
+        *predicted, *predicted_z, gates.threshold,
         *log_weights(detection_probability, gate_probability, clutter_density),
     )  # fmt: skip
     return Expansion(Mixture(w, m, P), parent, detection, log_density)
@@ -59,14 +59,16 @@ def log_weights(
 
 
 @kernel(inline="always")
-def expand_into_hypotheses(w, m, P, z_hat, S, C, z, R, log_jacobian, H, noise, size, log_miss, log_detect):
+def expand_into_hypotheses(
+    w, m, P, z_hat, S, C, z, R, log_jacobian, H, noise, threshold, log_miss, log_detect
+):
     n, d = m.shape
-    seen, p = len(z), z.shape[2]
-    first, near, d2 = gated_pairs(z_hat, S, z, R, size)
+    lists, p = len(z), z.shape[2]
+    first, near, d2 = gated_pairs(z_hat, S, z, R, threshold)
     hits = first[n]
     misses = n if log_miss > -np.inf or hits == 0 else 0
     # logarithms of the weights at first
-    w_out, top, whole = np.empty(hits + misses), -np.inf, 0.0
+    w_out, top, total = np.empty(hits + misses), -np.inf, 0.0
     m_out, P_out = np.empty((hits + misses, d)), np.empty((hits + misses, d, d))
     parent, detection = np.empty(hits + misses, np.int64), np.empty(hits + misses, np.int64)
     log_density = np.full(hits + misses, np.inf)
@@ -83,7 +85,7 @@ def expand_into_hypotheses(w, m, P, z_hat, S, C, z, R, log_jacobian, H, noise, s
                 for c in range(d):
                     P_out[at, r, c] = P[i, r, c]
             at += 1
-        own = i if seen > 1 else 0
+        own = i if lists > 1 else 0
         conditioned = False
         log_peak = 0.0
         for h in range(first[i], first[i + 1]):
@@ -93,10 +95,10 @@ def expand_into_hypotheses(w, m, P, z_hat, S, C, z, R, log_jacobian, H, noise, s
                     for c in range(p):
                         pair[r, c] = S[i, r, c] + (R[j, r, c] if len(R) else 0.0)
                 cholesky_into(L, pair)
-                alike = 0 if len(noise) == 1 else i
+                noise_row = 0 if len(noise) == 1 else i
                 for r in range(p):
                     for c in range(p):
-                        pair[r, c] = noise[alike, r, c] + (R[j, r, c] if len(R) else 0.0)
+                        pair[r, c] = noise[noise_row, r, c] + (R[j, r, c] if len(R) else 0.0)
                 posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H[0 if len(H) == 1 else i], pair)
                 log_peak = log_gaussian_scale(L)
                 conditioned = len(R) == 0  # else the next detection has a noise of its own
@@ -113,7 +115,7 @@ def expand_into_hypotheses(w, m, P, z_hat, S, C, z, R, log_jacobian, H, noise, s
             at += 1
     for h in range(len(w_out)):
         w_out[h] = np.exp(w_out[h] - top)
-        whole += w_out[h]
+        total += w_out[h]
     for h in range(len(w_out)):
-        w_out[h] /= whole
+        w_out[h] /= total
     return w_out, m_out, P_out, parent, detection, log_density

@@ -97,9 +97,9 @@ def restart_and_floor(bank: FilterBank, log_density: np.ndarray, floor: float, r
         m = np.where(diverged[..., None], rest.m, bank.m)
         bank = FilterBank(bank.w, m, np.where(diverged[..., None, None], rest.P, bank.P))
     total = bank.w.sum(axis=0)
-    chances = np.full(bank.w.shape, 1 / len(bank.w))
-    chances[:, total > 0] = floored(bank.w[:, total > 0], floor)
-    return bank._replace(w=total * chances)
+    mode_probabilities = np.full(bank.w.shape, 1 / len(bank.w))
+    mode_probabilities[:, total > 0] = floored(bank.w[:, total > 0], floor)
+    return bank._replace(w=total * mode_probabilities)
 
 
 def diverging(log_density: np.ndarray, restart: float) -> np.ndarray:

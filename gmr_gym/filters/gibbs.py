@@ -169,20 +169,20 @@ def _drawn_mean(mean, P, rng):
 
 
 @kernel
-def _drawn_gaussian(z, mine, number, centre, spread, rng):
+def _drawn_gaussian(z, members, number, centre, spread, rng):
     """A draw of the mean (p,) and covariance (p, p) of the `number` detections of z (n, p) that are `mine`
     (n,): normal-inverse-Wishart about the centre (p,) and `spread` I."""
     n, p = z.shape
     mean = np.zeros(p)
     for j in range(n):
-        if mine[j]:
+        if members[j]:
             mean += z[j] / number
     scatter = PRIOR_SPREADS * spread * np.eye(p)
     scaled = PRIOR_MEANS + number
     for r in range(p):
         for s in range(p):
             for j in range(n):
-                if mine[j]:
+                if members[j]:
                     scatter[r, s] += (z[j, r] - mean[r]) * (z[j, s] - mean[s])
             off = PRIOR_MEANS * number / scaled
             scatter[r, s] += off * (mean[r] - centre[r]) * (mean[s] - centre[s])

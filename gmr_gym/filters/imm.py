@@ -35,7 +35,7 @@ def mix_and_predict(w, m, P, switching, borrowed, F, Q, offset):
 @kernel
 def pda_every_mode(
     w, m, P, gate_S, density, ball, z_hat, S, C, z, R, log_jacobian, H, noise,
-    size, log_miss, log_detect, give_up_limit,
+    threshold, log_miss, log_detect, give_up_limit,
 ):  # fmt: skip
     """The scan taken in by all modes, one list of detections for all, and merged to one Gaussian each; their
     probabilities; what they fuse to; and whether there was hope. ball is the volume of the unit ball in the
@@ -44,7 +44,7 @@ def pda_every_mode(
     alive = ball * (w * density * root_determinants(gate_S)).sum() / w.sum() <= give_up_limit
     near = np.zeros(k, np.bool_)
     if alive:
-        d2 = gated_distances_kernel(z_hat, S, z, R, size)
+        d2 = gated_distances_kernel(z_hat, S, z, R, threshold)
         for j in range(k):
             for i in range(n):
                 near[j] |= w[i] > 0 and d2[i, j] < np.inf

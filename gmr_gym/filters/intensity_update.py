@@ -23,14 +23,14 @@ def log_ratios(w, z_hat, S, z, log_kappa, detection_probability):
         log_w = np.log(w[i] * detection_probability) if w[i] > 0.0 else -np.inf
         log_peak = log_w + log_gaussian_scale(L)
         for j in range(k):
-            size = 2.0 * (log_peak - log_kappa[j] - LOG_NEGLIGIBLE)
-            within = size > 0.0
+            threshold = 2.0 * (log_peak - log_kappa[j] - LOG_NEGLIGIBLE)
+            within = threshold > 0.0
             for r in range(p):
                 # a gate is never wider than this along any axis: most clutter ends here
-                within &= (z[j, r] - z_hat[i, r]) ** 2 <= size * S[i, r, r]
+                within &= (z[j, r] - z_hat[i, r]) ** 2 <= threshold * S[i, r, r]
             if within:
                 d2 = mahalanobis_squared(L, z[j], z_hat[i], y)
-                if d2 <= size:
+                if d2 <= threshold:
                     out[i, j] = log_peak - log_kappa[j] - 0.5 * d2
     return out
 

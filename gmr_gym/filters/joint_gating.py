@@ -15,12 +15,12 @@ def expand_jointly(
     """`expand` of components of unlike motions, which are to be weighed against each other and so have one
     list of detections to explain, that of `gate_jointly`; the gates looked through, and whether there is
     hope."""
-    own, listed, looked, alive = gate_jointly(predicted, model, z, give_up_limit)
+    own, listed, gates_used, alive = gate_jointly(predicted, model, z, give_up_limit)
     posterior = expand(
         predicted, own, model.sensor, listed,
         model.detection_probability, model.gate_probability, model.clutter_density,
     )  # fmt: skip
-    return posterior, looked, alive
+    return posterior, gates_used, alive
 
 
 def gate_jointly(
@@ -32,24 +32,24 @@ def gate_jointly(
     track that is lost."""
     own = gates(predicted, model.sensor, model.gate_probability)
     possible = predicted.w > 0  # an impossible mode looks nowhere
-    looked = own if possible.all() else Gates(own.z[possible], own.S[possible], own.threshold)
+    gates_used = own if possible.all() else Gates(own.z[possible], own.S[possible], own.threshold)
     density = model.sensor.density(model.clutter_density, own.z)
     alive = expected_false_alarms(own, predicted.w, density) <= give_up_limit
     near = np.zeros(len(z), bool)
     if alive:
-        seen = gated_distances(take(predicted, possible), looked, model.sensor, z)
-        near = np.isfinite(seen).any(axis=0)
-    return own._replace(threshold=np.inf), z[near], looked, alive
+        distances = gated_distances(take(predicted, possible), gates_used, model.sensor, z)
+        near = np.isfinite(distances).any(axis=0)
+    return own._replace(threshold=np.inf), z[near], gates_used, alive
 
 
-def give_up_limit(model: Model, times: float) -> float:
+def give_up_limit(model: Model, ratio: float) -> float:
     """False detections expected within one deviation of its predictions at which a tracker gives up:
     `times` as many as at the first scan, and as one."""
     moved = joined([predict(model.prior, motion) for motion in model.motions])
     w = np.outer(model.switching @ model.mode_prior, model.prior.w).ravel()
-    looked = gates(moved, model.sensor, 1.0)
-    density = model.sensor.density(model.clutter_density, looked.z)
-    return times * max(1.0, expected_false_alarms(looked, w, density))
+    gates_used = gates(moved, model.sensor, 1.0)
+    density = model.sensor.density(model.clutter_density, gates_used.z)
+    return ratio * max(1.0, expected_false_alarms(gates_used, w, density))
 
 
 def expected_false_alarms(gates: Gates, w: np.ndarray, clutter_density: float | np.ndarray) -> float:

@@ -30,26 +30,28 @@ class ScanUpdate(NamedTuple):
 def predict_and_update(belief: Mixture, model: Model, z: np.ndarray) -> ScanUpdate:
     """The first half: the belief carried forward one period and expanded by the scan z (k, p)."""
     if isinstance(model.sensor, Sensor):
-        size, log_miss, log_detect = gate_and_log_weights(model)
-        centres, S, w, m, P, *how = expand_scan(
-            *belief, *model.motion, *model.sensor, size, log_miss, log_detect, z
+        threshold, log_miss, log_detect = gate_and_log_weights(model)
+        z_hat, S, w, m, P, *origin = expand_scan(
+            *belief, *model.motion, *model.sensor, threshold, log_miss, log_detect, z
         )
-        return ScanUpdate(Expansion(Mixture(w, m, P), *how), Gates(centres, S, size))
+        return ScanUpdate(Expansion(Mixture(w, m, P), *origin), Gates(z_hat, S, threshold))
     predicted = predict(belief, model.motion)
-    looked = gates(predicted, model.sensor, model.gate_probability)
+    gates_used = gates(predicted, model.sensor, model.gate_probability)
     posterior = expand(
-        predicted, looked, model.sensor, z,
+        predicted, gates_used, model.sensor, z,
         model.detection_probability, model.gate_probability, model.clutter_density,
     )  # fmt: skip
-    return ScanUpdate(posterior, looked)
+    return ScanUpdate(posterior, gates_used)
 
 
 def pda_update(belief: Mixture, model: Model, z: np.ndarray) -> tuple[Mixture, Gates]:
     """`predict_and_update` with the whole posterior merged into one Gaussian; and the gates."""
     if isinstance(model.sensor, Sensor):
-        size, log_miss, log_detect = gate_and_log_weights(model)
-        centres, S, w, m, P = pda_scan(*belief, *model.motion, *model.sensor, size, log_miss, log_detect, z)
-        return Mixture(w, m, P), Gates(centres, S, size)
+        threshold, log_miss, log_detect = gate_and_log_weights(model)
+        z_hat, S, w, m, P = pda_scan(
+            *belief, *model.motion, *model.sensor, threshold, log_miss, log_detect, z
+        )
+        return Mixture(w, m, P), Gates(z_hat, S, threshold)
     full = predict_and_update(belief, model, z)
     return match_all(full.posterior.mixture), full.gates
 
@@ -75,31 +77,31 @@ def prune_and_reduce(
 def gate_and_log_weights(model: Model) -> tuple[float, float, float]:
     """The size of a gate, and the log weights of a miss and, but for the density of the innovation, of a
     detection, as `expand` puts them together."""
-    size = gate_threshold(model.gate_probability, len(model.sensor.H))
-    return size, *log_weights(model.detection_probability, model.gate_probability, model.clutter_density)
+    threshold = gate_threshold(model.gate_probability, len(model.sensor.H))
+    return threshold, *log_weights(model.detection_probability, model.gate_probability, model.clutter_density)
 
 
 @kernel
-def expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
+def expand_scan(w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z):
     """Centres and innovation covariances of the gates, then what makes an Expansion, of a scan z (k, p) by a
     linear sensor."""
     m, P = predict_all(m, P, F, Q, offset)
-    centres, S, C = innovation(m, P, H, R)
+    z_hat, S, C = innovation(m, P, H, R)
     k, p = z.shape
     w, m, P, parent, detection, log_density = expand_into_hypotheses(
-        w, m, P, centres, S, C, z.reshape(1, k, p), np.empty((0, p, p)), np.zeros(k),
+        w, m, P, z_hat, S, C, z.reshape(1, k, p), np.empty((0, p, p)), np.zeros(k),
         np.ascontiguousarray(H).reshape(1, p, len(F)), np.ascontiguousarray(R).reshape(1, p, p),
-        size, log_miss, log_detect,
+        threshold, log_miss, log_detect,
     )  # fmt: skip
-    return centres, S, w, m, P, parent, detection, log_density
+    return z_hat, S, w, m, P, parent, detection, log_density
 
 
 @kernel
-def pda_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
+def pda_scan(w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z):
     """Centres and innovation covariances of the gates, and the w, m, P of the one Gaussian."""
-    centres, S, w, m, P, _, _, _ = expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z)
+    z_hat, S, w, m, P, _, _, _ = expand_scan(w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z)
     _, m, P = match(w, m, P, np.zeros(len(w), np.int64), ONE)
-    return centres, S, np.full(1, pairwise_sum(w)), m, P
+    return z_hat, S, np.full(1, pairwise_sum(w)), m, P
 
 
 @kernel

@@ -111,10 +111,10 @@ def report(
     others = np.delete(first, keeps)
     label = label.copy()
     label[others] = next_label + np.arange(len(others))
-    said = MultiTargetReport(
+    out = MultiTargetReport(
         p.m[at], existence, np.where(copy == 0, label[at], -1), float(p.w.sum()), p, clutter
     )
-    return LabelledIntensity(p, label, next_label + len(others)), said
+    return LabelledIntensity(p, label, next_label + len(others)), out
 
 
 def check_filter(

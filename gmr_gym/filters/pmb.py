@@ -130,10 +130,10 @@ def report(belief: MultiBernoulli, clutter: Clutter, report_threshold: float = 0
     tracks, label, undetected, _ = belief
     surest = np.argsort(-tracks.w, kind="stable")
     surest = surest[tracks.w[surest] > report_threshold]
-    everyone = joined([tracks, undetected])
+    all_targets = joined([tracks, undetected])
     existence = np.minimum(tracks.w[surest], 1.0)  # a sum of marginals is 1 but for rounding
     return MultiTargetReport(
-        tracks.m[surest], existence, label[surest], float(everyone.w.sum()), everyone, clutter
+        tracks.m[surest], existence, label[surest], float(all_targets.w.sum()), all_targets, clutter
     )
 
 

@@ -11,7 +11,11 @@ from gmr_gym.models.multi_target import MultiTargetModel
 
 GROUP, MULTI_TARGET_GROUP = "gmr_gym.trackers", "gmr_gym.multi_target_trackers"
 FORMER_GROUP = "gmr_gym.crowd_trackers"  # of MULTI_TARGET_GROUP
-FORMER_PARAMETERS = {"hopeless": "give_up_ratio", "most": "max_hypotheses", "naming": "report_threshold"}
+FORMER_PARAMETERS = {  # each with the names it may have now
+    "hopeless": ("give_up_ratio",),
+    "most": ("max_hypotheses", "max_gaussians"),
+    "naming": ("report_threshold",),
+}
 
 
 def trackers(group: str = GROUP) -> dict[str, str]:
@@ -35,36 +39,42 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
     """
     known = _entry_points(MULTI_TARGET_GROUP if isinstance(model, MultiTargetModel) else GROUP)
     base, _, number = name.rpartition("-")
-    twice = None
+    other_components = None
     if name not in known and base in known and number.isdigit():
-        twice = parameters.get("components")
+        other_components = parameters.get("components")
         name, parameters = base, {**parameters, "components": int(number)}
-    many = isinstance(model, MultiTargetModel)
-    if name not in known and {name, base} & _entry_points(GROUP if many else MULTI_TARGET_GROUP).keys():
-        kind = "one target, and here there are many" if many else "many targets, and here there is one"
+    multi_target = isinstance(model, MultiTargetModel)
+    if (
+        name not in known
+        and {name, base} & _entry_points(GROUP if multi_target else MULTI_TARGET_GROUP).keys()
+    ):
+        kind = (
+            "one target, and here there are many" if multi_target else "many targets, and here there is one"
+        )
         raise ValueError(f"tracker {name!r} is for {kind}")
     if name not in known:
         near = get_close_matches(name.rstrip("-0123456789"), known, n=1) or get_close_matches(name, known)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise ValueError(f"unknown tracker {name!r}{hint} (installed: {', '.join(sorted(known))})")
     factory = known[name].load()
-    takes = list(inspect.signature(factory).parameters)[1:]
+    accepted = list(inspect.signature(factory).parameters)[1:]
     update = parameters.pop("update", None)
     if update is not None:
         if isinstance(model, MultiTargetModel):
             raise ValueError(f"tracker {name!r} of many targets takes no 'update'")
         model = with_radar_update(model, update)
-    for former, new in FORMER_PARAMETERS.items():
-        if former in parameters and former not in takes and new in takes:
+    for former, candidates in FORMER_PARAMETERS.items():
+        new = next((name for name in candidates if name in accepted), None)
+        if former in parameters and former not in accepted and new is not None:
             warn_renamed(f"parameter {former!r}", repr(new))
             parameters[new] = parameters.pop(former)
     for parameter in parameters:
-        if parameter not in takes:
+        if parameter not in accepted:
             raise ValueError(
-                f"tracker {name!r} takes no parameter {parameter!r}; it takes {', '.join(takes) or 'none'}"
+                f"tracker {name!r} takes no parameter {parameter!r}; it takes {', '.join(accepted) or 'none'}"
             )
-    if twice is not None:
-        raise ValueError(f"components is given twice, as {number} in the name and as {twice!r}")
+    if other_components is not None:
+        raise ValueError(f"components is given twice, as {number} in the name and as {other_components!r}")
     try:
         tracker = factory(model, **parameters)
     except TypeError as error:  # text where a number belongs
