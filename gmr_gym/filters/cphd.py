@@ -165,7 +165,10 @@ def _updated(w, m, P, log_p, z_hat, S, C, H, R, z, log_kappa, detection_probabil
 
 @kernel
 def elementary_symmetric(log_l, log_a):
-    """Logarithms of e_j (N + 1,), D = sum_j a_j e_j, M = sum_j a_(j+1) e_j and the derivatives of D by each l (k,)."""
+    """Logarithms of e_j (N + 1,), D, M and the derivatives of D by each l (k,), see `update`.
+
+    log_l (k,) are the l, log_a (N + 1,) the a_j.
+    """
     k, orders = len(log_l), len(log_a)
     # back[t, j]: the factor of e_j of the first t detections in D
     back = np.empty((k + 1, orders + 1))

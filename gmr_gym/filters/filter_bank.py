@@ -57,7 +57,19 @@ def as_mixture(bank: FilterBank) -> Mixture:
 
 
 def as_bank(p: Mixture, modes: int) -> FilterBank:
-    """The bank of a mixture ordered by mode, with its components divided among `modes`; undoes `as_mixture`."""
+    """The bank of a mixture whose components are ordered by mode; undoes `as_mixture`.
+
+    Parameters
+    ----------
+    p : Mixture
+        r n components.
+    modes : int
+        r.
+
+    Returns
+    -------
+    FilterBank
+    """
     d = p.m.shape[1]
     return FilterBank(p.w.reshape(modes, -1), p.m.reshape(modes, -1, d), p.P.reshape(modes, -1, d, d))
 
@@ -120,7 +132,7 @@ def imm_mix(bank: FilterBank, switching: np.ndarray, borrowed: np.ndarray | None
 
 
 def imm_output(bank: FilterBank) -> Mixture:
-    """Merge the filters of every hypothesis into one Gaussian of the same mean and covariance: the IMM's output.
+    """Merge the filters of every hypothesis into their moment-matched Gaussian: the output of an IMM.
 
     Parameters
     ----------
