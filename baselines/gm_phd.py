@@ -102,6 +102,6 @@ def gm_phd(
     >>> tracker = gm_phd(assumed, components=20)
     >>> belief, report = tracker.step(tracker.init(), np.array([[30.0, 40.0]]))
     >>> round(report.expected_targets, 2)
-    FILL
+    0.21
     """
     return GmPhd(model, reduction_named(reduction, components, merging), prune_weight)

@@ -63,7 +63,7 @@ class LearnedThresholds:
     def __post_init__(self):
         model = self.model
         if not isinstance(model.sensor, Sensor):
-            raise ValueError("learned thresholds need a linear sensor of positions, and here it is a radar")
+            raise ValueError("learned thresholds need a linear sensor of positions; the model has a radar")
         to_action(self.rest, ("components",))  # a limit out of range fails here rather than at a scan
         same = (
             *model.motion, *model.sensor, *gate_and_log_weights(model), model_features(model),

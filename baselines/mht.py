@@ -154,7 +154,7 @@ def runnalls(
     >>> tracker = runnalls(assumed, components=5)
     >>> belief, report = tracker.step(tracker.init(), np.array([[10.0, 0.0]]))
     >>> report.x.round(1).tolist()
-    FILL
+    [[5.5, 0.0, 1.1, 0.0]]
     """
     return Mht(model, Greedy(check_count(components)), prune_weight, prune_density)
 

@@ -14,7 +14,7 @@ def expand_jointly(
 ) -> tuple[Expansion, Gates, bool]:
     """Expand components of different motion models with one common list of detections.
 
-    Components that are weighed against each other must account for the same detections; see
+    Components whose likelihoods are compared must account for the same detections; see
     `association.expand`.
 
     Parameters

@@ -192,8 +192,8 @@ def report(
     at = np.repeat(np.arange(len(p.w)), copies)
     copy = np.arange(len(at)) - np.repeat(np.cumsum(copies) - copies, copies)
     existence = np.minimum(p.w[at] - copy, 1.0)
-    surest = np.lexsort((-p.w[at], -existence))[:number]
-    at, copy, existence = at[surest], copy[surest], existence[surest]
+    order = np.lexsort((-p.w[at], -existence))[:number]
+    at, copy, existence = at[order], copy[order], existence[order]
     first = at[copy == 0]  # heaviest first
     _, keeps = np.unique(label[first], return_index=True)
     others = np.delete(first, keeps)

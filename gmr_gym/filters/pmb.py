@@ -208,8 +208,8 @@ def prune(belief: MultiBernoulli, existence: float, weight: float, max_component
     MultiBernoulli
     """
     tracks, label, undetected, next_label = belief
-    surest = np.argsort(-tracks.w, kind="stable")[:max_components]
-    kept = np.sort(surest[(tracks.w[surest] >= existence) & (tracks.w[surest] > 0)])
+    order = np.argsort(-tracks.w, kind="stable")[:max_components]
+    kept = np.sort(order[(tracks.w[order] >= existence) & (tracks.w[order] > 0)])
     undetected = take(undetected, (undetected.w >= weight) & (undetected.w > 0))
     if len(undetected.w) > max_components:
         undetected = capping(undetected, max_components)[0]
@@ -232,12 +232,12 @@ def report(belief: MultiBernoulli, clutter: Clutter, report_threshold: float = 0
     MultiTargetReport
     """
     tracks, label, undetected, _ = belief
-    surest = np.argsort(-tracks.w, kind="stable")
-    surest = surest[tracks.w[surest] > report_threshold]
+    order = np.argsort(-tracks.w, kind="stable")
+    order = order[tracks.w[order] > report_threshold]
     all_targets = joined([tracks, undetected])
-    existence = np.minimum(tracks.w[surest], 1.0)  # a sum of marginals may exceed 1 by rounding
+    existence = np.minimum(tracks.w[order], 1.0)  # a sum of marginals may exceed 1 by rounding
     return MultiTargetReport(
-        tracks.m[surest], existence, label[surest], float(all_targets.w.sum()), all_targets, clutter
+        tracks.m[order], existence, label[order], float(all_targets.w.sum()), all_targets, clutter
     )
 
 
@@ -359,11 +359,11 @@ def _others(out, whole, value, member, first):
     """
     share = np.empty(len(value))
     for g in range(len(first) - 1):
-        top, surest, second = 0.0, -1, 0.0
+        top, largest, second = 0.0, -1, 0.0
         for b in range(first[g], first[g + 1]):
             a = member[b]
             if value[a] > top:
-                top, surest, second = value[a], a, top
+                top, largest, second = value[a], a, top
             else:
                 second = max(second, value[a])
         whole[g], rest = np.exp(-top), np.exp(-second)
@@ -371,9 +371,9 @@ def _others(out, whole, value, member, first):
             a = member[b]
             share[a] = np.exp(value[a] - top)
             whole[g] += share[a]
-            rest += np.exp(value[a] - second) if a != surest else 0.0
+            rest += np.exp(value[a] - second) if a != largest else 0.0
         for b in range(first[g], first[g + 1]):
             a = member[b]
             # for the largest, subtracting it from the sum would cancel
-            out[a] = top + np.log(whole[g] - share[a]) if a != surest else second + np.log(rest)
+            out[a] = top + np.log(whole[g] - share[a]) if a != largest else second + np.log(rest)
         whole[g] = top + np.log(whole[g])

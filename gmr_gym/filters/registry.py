@@ -11,7 +11,7 @@ from gmr_gym.models.multi_target import MultiTargetModel
 
 GROUP, MULTI_TARGET_GROUP = "gmr_gym.trackers", "gmr_gym.multi_target_trackers"
 FORMER_GROUP = "gmr_gym.crowd_trackers"  # former name of MULTI_TARGET_GROUP
-FORMER_PARAMETERS = {  # each with the names it may have now
+FORMER_PARAMETERS = {  # each with its possible new names
     "hopeless": ("give_up_ratio",),
     "most": ("max_hypotheses", "max_gaussians"),
     "naming": ("report_threshold",),
@@ -82,20 +82,16 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
         ...
     ValueError: unknown tracker 'runnals'; did you mean 'runnalls'? (installed: ...)
     """
-    known = _entry_points(MULTI_TARGET_GROUP if isinstance(model, MultiTargetModel) else GROUP)
+    multi_target = isinstance(model, MultiTargetModel)
+    own, other = (MULTI_TARGET_GROUP, GROUP) if multi_target else (GROUP, MULTI_TARGET_GROUP)
+    known = _entry_points(own)
     base, _, number = name.rpartition("-")
     other_components = None
     if name not in known and base in known and number.isdigit():
         other_components = parameters.get("components")
         name, parameters = base, {**parameters, "components": int(number)}
-    multi_target = isinstance(model, MultiTargetModel)
-    if (
-        name not in known
-        and {name, base} & _entry_points(GROUP if multi_target else MULTI_TARGET_GROUP).keys()
-    ):
-        kind = (
-            "one target, and here there are many" if multi_target else "many targets, and here there is one"
-        )
+    if name not in known and {name, base} & _entry_points(other).keys():
+        kind = "one target, the model for many" if multi_target else "many targets, the model for one"
         raise ValueError(f"tracker {name!r} is for {kind}")
     if name not in known:
         near = get_close_matches(name.rstrip("-0123456789"), known, n=1) or get_close_matches(name, known)
@@ -105,11 +101,11 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
     accepted = list(inspect.signature(factory).parameters)[1:]
     update = parameters.pop("update", None)
     if update is not None:
-        if isinstance(model, MultiTargetModel):
-            raise ValueError(f"tracker {name!r} of many targets takes no 'update'")
+        if multi_target:
+            raise ValueError(f"multi-target tracker {name!r} takes no 'update'")
         model = with_radar_update(model, update)
     for former, candidates in FORMER_PARAMETERS.items():
-        new = next((name for name in candidates if name in accepted), None)
+        new = next((candidate for candidate in candidates if candidate in accepted), None)
         if former in parameters and former not in accepted and new is not None:
             warn_renamed(f"parameter {former!r}", repr(new))
             parameters[new] = parameters.pop(former)
