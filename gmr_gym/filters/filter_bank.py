@@ -345,7 +345,7 @@ def mmae_weights(probabilities: np.ndarray, log_likelihood: np.ndarray, floor: f
     with np.errstate(divide="ignore"):
         log_w = np.log(probabilities) + log_likelihood
     if np.isneginf(log_w).all(axis=0).any():
-        raise ValueError("log_likelihood calls every mode impossible")
+        raise ValueError("every mode is impossible by log_likelihood")
     return floored(np.exp(log_w - log_w.max(axis=0)), floor)
 
 
