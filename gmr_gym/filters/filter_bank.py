@@ -51,7 +51,16 @@ def initial_bank(mode_prior: np.ndarray, prior: Mixture) -> FilterBank:
 
 
 def as_mixture(bank: FilterBank) -> Mixture:
-    """The r n Gaussians of a bank as one mixture, ordered by mode."""
+    """The r n Gaussians of a bank as one mixture, ordered by mode.
+
+    Parameters
+    ----------
+    bank : FilterBank
+
+    Returns
+    -------
+    Mixture
+    """
     r, n, d = bank.m.shape
     return Mixture(bank.w.reshape(-1), bank.m.reshape(r * n, d), bank.P.reshape(r * n, d, d))
 
@@ -177,7 +186,16 @@ def merge_hypotheses(bank: FilterBank, origin: np.ndarray, count: int) -> Filter
 
 
 def no_interaction(bank: FilterBank, _: np.ndarray) -> FilterBank:
-    """Return the bank unchanged: its filters do not interact."""
+    """Return the bank unchanged: its filters do not interact.
+
+    Parameters
+    ----------
+    bank : FilterBank
+
+    Returns
+    -------
+    FilterBank
+    """
     return bank
 
 

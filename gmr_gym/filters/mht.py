@@ -190,7 +190,10 @@ def pda_scan(w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z):
 
 @kernel
 def reduce_scan(w, m, P, prune_weight, max_hypotheses, components, loss_bound, density):
-    """The reduced w, m, P, and the numbers of hypotheses that entered and left the merging."""
+    """Prune by weight, merge and prune by density (see `prune_and_reduce`), with Runnalls' greedy merging.
+
+    Returns the reduced w, m and P, and the numbers of hypotheses that entered and left the merging.
+    """
     w, m, P = prune_by_weight(w, m, P, prune_weight, max_hypotheses)
     entered = len(w)
     w, m, P, _ = merge_by_cost(w, m, P, components, loss_bound)
@@ -201,6 +204,7 @@ def reduce_scan(w, m, P, prune_weight, max_hypotheses, components, loss_bound, d
 
 @kernel(inline="always")
 def prune_by_weight(w, m, P, prune_weight, max_hypotheses):
+    """SP: the heaviest hypotheses of weight at least prune_weight, normalised."""
     kept = heaviest_mask(w, max_hypotheses) & above_threshold(w, w, prune_weight)
     w, m, P, _ = select(w, m, P, kept)
     return rescaled(w), m, P
@@ -208,6 +212,7 @@ def prune_by_weight(w, m, P, prune_weight, max_hypotheses):
 
 @kernel(inline="always")
 def prune_by_density(w, m, P, density):
+    """NWP: hypotheses whose weight over the root of the determinant is at least density, normalised."""
     w = rescaled(w)
     w, m, P, _ = select(w, m, P, above_threshold(w, w / root_determinants(P), density))
     return rescaled(w), m, P

@@ -41,7 +41,16 @@ class LabelledIntensity(NamedTuple):
 
 
 def no_targets(model: MultiTargetModel) -> LabelledIntensity:
-    """The intensity of no target."""
+    """The intensity of no target.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+
+    Returns
+    -------
+    LabelledIntensity
+    """
     return LabelledIntensity(no_components(len(model.motion.F)), np.empty(0, np.int64), 0)
 
 

@@ -48,7 +48,16 @@ class MultiBernoulli(NamedTuple):
 
 
 def no_targets(model: MultiTargetModel) -> MultiBernoulli:
-    """The belief without tracks and without undetected targets."""
+    """The belief without tracks and without undetected targets.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+
+    Returns
+    -------
+    MultiBernoulli
+    """
     d = len(model.motion.F)
     return MultiBernoulli(no_components(d), np.empty(0, np.int64), no_components(d), 0)
 
