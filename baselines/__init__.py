@@ -1,1 +1,1 @@
-"""The papers' trackers and their rivals, one file each; none knows another."""
+"""The papers' trackers and their rivals, one file each; none imports another."""

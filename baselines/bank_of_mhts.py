@@ -1,5 +1,8 @@
-"""An MHT for each motion, weighed against each other by equivalent residuals: MMAE of MHTs and IMM of MHTs
-(Maybeck et al., section IV, architectures 1 and 2); and the MHT of one motion alone."""
+"""Banks of MHTs, one per motion model: MMAE of MHTs, IMM of MHTs, and the MHT of one motion model.
+
+Motion models are weighted by the density of an equivalent residual (Maybeck et al., section IV, architectures
+1 and 2).
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -26,53 +29,92 @@ from gmr_gym.reduction.runnalls import runnalls
 
 
 class Mixtures(NamedTuple):
-    """What the MHT of each motion believes, and how likely each motion is."""
+    """Belief of a bank of MHTs.
 
-    w: np.ndarray  # (r,)
-    each: tuple[Mixture, ...]  # r of them, each with weights that sum to 1
+    Attributes
+    ----------
+    w : ndarray, shape (r,)
+        Mode probabilities.
+    each : tuple of Mixture
+        Hypotheses of the r MHTs; the weights of each sum to 1.
+    """
+
+    w: np.ndarray
+    each: tuple[Mixture, ...]
 
 
 @dataclass(frozen=True)
 class BankOfMhts:
-    """An MHT for each motion, all with every detection gated by any component of any; motions are weighed
-    by the density of an equivalent residual (eqs. 11, 12 and 17).
+    """One MHT per motion model, all with the detections in any component's gate.
 
-    Departs: whether a component's gate is its own or all gates together the paper leaves to the designer
-    (section IV). All together, components are as many before the reduction as the paper counts."""
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    reduce : callable
+        Reduction of each MHT.
+    mixing : {"augmented", "unbiased"} or None
+        How MHTs are mixed before the prediction, as in an IMM; None for no mixing, as in an MMAE.
+    floor : float
+        Least probability of a motion model, in [0, 1 / r).
+    restart : float
+        Density of the equivalent residual below which an MHT is reset to the mixture of the others, 0 for
+        never.
+    prune_weight : float
+        Hypotheses of less weight are pruned before the reduction.
+    max_hypotheses : int
+        Most hypotheses that enter the reduction, whose work may grow as their square; the heaviest are kept.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+
+    Attributes
+    ----------
+    give_up_limit : float
+        Expected false alarms within one sigma at which the track is given up.
+
+    Notes
+    -----
+    Departs: the paper leaves to the designer whether a component uses its own gate or all gates together
+    (section IV). With all together, the number of components before the reduction is as the paper counts it.
+
+    References
+    ----------
+    Maybeck, section IV, eqs. 11, 12 and 17.
+    """
 
     model: Model
-    reduce: Callable[[Mixture], Reduced]  # in each MHT
-    mixing: str | None  # one of MIXINGS: ahead of the prediction, as in an IMM; None: never, as in an MMAE
-    floor: float  # least probability of a motion
-    restart: float  # density of its equivalent residual below which an MHT begins anew from the others
+    reduce: Callable[[Mixture], Reduced]
+    mixing: str | None
+    floor: float
+    restart: float
     prune_weight: float = 1e-5
-    max_hypotheses: int = (
-        500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
-    )
-    # times the false detections expected within a deviation at first, and one, at which it gives up
+    max_hypotheses: int = 500
     give_up_ratio: float = 20.0
     give_up_limit: float = field(init=False, repr=False)
     _borrowed: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self):
         check_limits(self.prune_weight, self.max_hypotheses, self.give_up_ratio)
-        object.__setattr__(self, "_given_up", give_up_limit(self.model, self.give_up_ratio))
+        object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.give_up_ratio))
         borrowed = borrowed_states(self.model.motions, MIXINGS[0] if self.mixing is None else self.mixing)
         object.__setattr__(self, "_borrowed", borrowed)
-        # a wrong parameter is an error here, not in a scan
+        # wrong parameters fail here rather than at a scan
         check_reduced(self.reduce(collapsed(self.model.prior)), 1)
         floored(self.model.mode_prior, self.floor)
         diverging(np.zeros(len(self.model.motions)), self.restart)
 
     def init(self) -> Mixtures:
+        """Belief one period before the first scan."""
         return Mixtures(self.model.mode_prior, (self.model.prior,) * len(self.model.motions))
 
     def step(self, belief: Mixtures, z: np.ndarray) -> tuple[Mixtures, Report]:
+        """Belief after the scan `z` (k, p) one period later, and its report."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         w, each = belief if self.mixing is None else self._mixed(belief)
         predicted = [predict(p, motion) for p, motion in zip(each, model.motions, strict=True)]
-        own, listed, looked, alive = gate_jointly(weighed(w, predicted), model, z, self.give_up_limit)
+        own, listed, gates_used, alive = gate_jointly(weighed(w, predicted), model, z, self.give_up_limit)
         ends = np.cumsum([len(p.w) for p in predicted])[:-1]
         posteriors, log_density = [], np.zeros(len(w))
         for i, parts in enumerate(zip(predicted, np.split(own.z, ends), np.split(own.S, ends), strict=True)):
@@ -88,25 +130,27 @@ class BankOfMhts:
         w = mmae_weights(w, log_density)
         posteriors = self._restarted(w, posteriors, log_density)
         belief = Mixtures(floored(w, self.floor), tuple(posteriors))
-        whole = weighed(*belief)
-        whole = take(whole, whole.w > 0)  # far off, the likelihood of a motion may vanish
-        mean, covariance = mean_and_covariance(whole)
-        return belief, Report(mean[None], covariance[None], looked, whole, alive, belief.w)
+        pooled = weighed(*belief)
+        pooled = take(pooled, pooled.w > 0)  # the likelihood of a motion may underflow
+        mean, covariance = mean_and_covariance(pooled)
+        return belief, Report(mean[None], covariance[None], gates_used, pooled, alive, belief.w)
 
     def _mixed(self, belief: Mixtures) -> Mixtures:
-        """Departs: eq. 14 mixes Gaussians; how mixtures mix is not said. All hypotheses are pooled with the
-        mixing probabilities of eq. 15 and merged, as eq. 14 merges, by Runnalls to as many as the MHT had.
-        So where each had one, this is the IMM; a reduction that deletes would make it another filter."""
-        joint = self.model.switching * belief.w  # motion now, motion before
+        """Mix the MHTs before the prediction.
+
+        Departs: eq. 14 mixes Gaussians; how mixtures mix is not stated. All hypotheses are pooled with the
+        mixing probabilities of eq. 15 and merged by Runnalls to as many as the MHT had. With one hypothesis
+        each this is the IMM; a reduction that deletes hypotheses would not reduce to it.
+        """
+        joint = self.model.switching * belief.w  # mode now, mode before
         w = joint.sum(axis=1)
-        shares = np.where(w[:, None] > 0, joint, belief.w)  # an impossible motion, as likely as the others
+        shares = np.where(w[:, None] > 0, joint, belief.w)  # arbitrary for an impossible mode
         pools = [normalised(weighed(share, self._lent(belief.each, q))) for q, share in enumerate(shares)]
         merged = [runnalls(pool, len(p.w))[0] for pool, p in zip(pools, belief.each, strict=True)]
         return Mixtures(w, tuple(map(normalised, merged)))
 
     def _lent(self, each: tuple[Mixture, ...], q: int) -> list[Mixture]:
-        """The MHTs as they are mixed into that of motion q: what states they borrow from it are those of all
-        its hypotheses together."""
+        """The MHTs as mixed into that of mode q; borrowed states have its overall mean and covariance."""
         if not self._borrowed[q].any():
             return list(each)
         lent = [p._replace(m=p.m.copy(), P=p.P.copy()) for p in each]
@@ -121,41 +165,75 @@ class BankOfMhts:
         return normalised(self.reduce(lighter)[0])
 
     def _restarted(self, w: np.ndarray, each: list[Mixture], log_density: np.ndarray) -> list[Mixture]:
-        """MHTs that diverge begin anew from the others; where all do, none."""
+        """The MHTs, those that diverge reset to the mixture of the others; where all diverge, none."""
         diverged = diverging(log_density, self.restart)
         if not diverged.any():
             return each
         rest = np.where(diverged, 0.0, w)
-        others = weighed(rest if rest.any() else 1.0 - diverged, each)  # the impossible, as likely as others
-        fresh = self._reduced(normalised(others))
-        return [fresh if lost else p for lost, p in zip(diverged, each, strict=True)]
+        others = weighed(rest if rest.any() else 1.0 - diverged, each)  # where the others have probability 0
+        restarted = self._reduced(normalised(others))
+        return [restarted if lost else p for lost, p in zip(diverged, each, strict=True)]
 
 
-def equivalent_residual(predicted: Mixture, expansion: Expansion, look: PredictedDetections) -> float:
-    """Log density of the residual that an MHT as a whole makes of a scan (eqs. 12 and 17): that of
-    the mean and covariance of its hypotheses' residuals. 0 where no hypothesis has a detection.
+def equivalent_residual(predicted: Mixture, expansion: Expansion, predicted_z: PredictedDetections) -> float:
+    r"""Log density of the equivalent residual of a whole MHT; 0 where no hypothesis has a detection.
 
-    Departs: a hypothesis without a detection has no residual, and eq. 17 does not say what then. It takes
-    no part: counted as a residual of nothing, a filter that has lost its target would be the best of all.
+    Parameters
+    ----------
+    predicted : Mixture
+        Predicted hypotheses.
+    expansion : Expansion
+        Their full posterior.
+    predicted_z : PredictedDetections
+        Predicted detections of every hypothesis.
+
+    Returns
+    -------
+    float
+
+    Notes
+    -----
+    With :math:`\bar r` and :math:`\bar A` the mean and covariance of the mixture of the hypotheses' residuals
+
+    .. math:: \log f = -\tfrac12 \left( \bar r^T \bar A^{-1} \bar r + \log \det (2 \pi \bar A) \right)
+
+    Departs: a hypothesis with a missed detection has no residual, and eq. 17 does not cover it. It is left
+    out: counted as a residual of zero, a filter that has lost its target would be the likeliest.
+
+    References
+    ----------
+    Maybeck, eqs. 12 and 17.
     """
     hit = expansion.detection >= 0
     if not hit.any():
         return 0.0
     parent = expansion.parent[hit]
     with np.errstate(divide="ignore"):
-        # not from the weights, which vanish beside those of the misses when the target is far off
+        # not from the weights, which underflow beside those of the misses when the target is far away
         log_w = np.log(predicted.w)[parent] + expansion.log_density[hit]
-    detection, seen = expansion.detection[hit], parent if len(look.z) > 1 else 0
-    residuals = look.z[seen, detection] - look.z_hat[parent]
-    S = look.S[parent] + (look.R[detection] if len(look.R) else 0.0)
+    detection, row = expansion.detection[hit], parent if len(predicted_z.z) > 1 else 0
+    residuals = predicted_z.z[row, detection] - predicted_z.z_hat[parent]
+    S = predicted_z.S[parent] + (predicted_z.R[detection] if len(predicted_z.R) else 0.0)
     each = normalised(Mixture(np.exp(log_w - log_w.max()), residuals, S))
     r, A = mean_and_covariance(each)
-    stretch = each.w @ look.log_jacobian[detection]
-    return float(stretch - 0.5 * (r @ np.linalg.solve(A, r) + np.linalg.slogdet(2 * np.pi * A)[1]))
+    log_jacobian = each.w @ predicted_z.log_jacobian[detection]
+    return float(log_jacobian - 0.5 * (r @ np.linalg.solve(A, r) + np.linalg.slogdet(2 * np.pi * A)[1]))
 
 
 def weighed(w: np.ndarray, each) -> Mixture:
-    """The mixture of mixtures, each with its weight w (r,)."""
+    """Mixture of mixtures.
+
+    Parameters
+    ----------
+    w : ndarray, shape (r,)
+        Weight of each mixture.
+    each : sequence of Mixture
+        r mixtures.
+
+    Returns
+    -------
+    Mixture
+    """
     return joined([p._replace(w=share * p.w) for share, p in zip(w, each, strict=True)])
 
 
@@ -169,8 +247,36 @@ def mmae_of_mhts(
     max_hypotheses: int = 500,
     give_up_ratio: float = 20.0,
 ) -> BankOfMhts:
-    """An MMAE whose filters are MHTs of `components` hypotheses each (Maybeck, architecture 1; with
-    reduction="ise" the MMAE of ISEs)."""
+    """MMAE whose filters are MHTs of `components` hypotheses each.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Most hypotheses after the reduction.
+    reduction : str
+        Name of a reduction, see `gmr_gym.reduction.registry`. "ise" gives the MMAE of ISEs.
+    prune_weight : float
+        Hypotheses of less weight are pruned before the reduction.
+    floor : float
+        Least probability of a motion model, in [0, 1 / r).
+    restart : float
+        Density of the equivalent residual below which an MHT is reset to the others, 0 for never.
+    max_hypotheses : int
+        Most hypotheses that enter the reduction, whose work may grow as their square; the heaviest are kept.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+
+    Returns
+    -------
+    BankOfMhts
+
+    References
+    ----------
+    Maybeck, section IV, architecture 1.
+    """
     return BankOfMhts(
         model,
         reducer(reduction, components),
@@ -192,8 +298,34 @@ def imm_of_mhts(
     give_up_ratio: float = 20.0,
     mixing: str = MIXINGS[0],
 ) -> BankOfMhts:
-    """An IMM whose filters are MHTs of `components` hypotheses each (Maybeck, architecture 2; with
-    reduction="ise" the IMM of ISEs)."""
+    """IMM whose filters are MHTs of `components` hypotheses each.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Most hypotheses after the reduction.
+    reduction : str
+        Name of a reduction, see `gmr_gym.reduction.registry`. "ise" gives the IMM of ISEs.
+    prune_weight : float
+        Hypotheses of less weight are pruned before the reduction.
+    max_hypotheses : int
+        Most hypotheses that enter the reduction, whose work may grow as their square; the heaviest are kept.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+    mixing : {"augmented", "unbiased"}
+        Mixing of motions of different state, see `gmr_gym.filters.mixing.borrowed_states`.
+
+    Returns
+    -------
+    BankOfMhts
+
+    References
+    ----------
+    Maybeck, section IV, architecture 2.
+    """
     return BankOfMhts(
         model, reducer(reduction, components), mixing, 0.0, 0.0, prune_weight, max_hypotheses, give_up_ratio
     )
@@ -208,12 +340,44 @@ def single_model_mht(
     max_hypotheses: int = 500,
     give_up_ratio: float = 20.0,
 ) -> BankOfMhts:
-    """MHT that takes the target to follow one of the model's motions, `mode`, for good, gated as the others
-    here are (Maybeck; with reduction="ise" the ISE of benign, or of aggressive, Kalman filters)."""
+    """MHT that assumes one of the model's motions throughout, gated as the other trackers of this module.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Most hypotheses after the reduction.
+    mode : int
+        Index of the motion model, from 0.
+    reduction : str
+        Name of a reduction, see `gmr_gym.reduction.registry`. "ise" gives the ISE of
+        benign, or of aggressive, Kalman filters.
+    prune_weight : float
+        Hypotheses of less weight are pruned before the reduction.
+    max_hypotheses : int
+        Most hypotheses that enter the reduction, whose work may grow as their square; the heaviest are kept.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+
+    Returns
+    -------
+    BankOfMhts
+
+    Raises
+    ------
+    ValueError
+        If the model has no motion `mode`.
+
+    References
+    ----------
+    Maybeck, section IV.
+    """
     known = len(model.motions)
     if isinstance(mode, bool) or not isinstance(mode, Integral) or not 0 <= mode < known:
         raise ValueError(f"mode must be one of the {known} motions, counted from 0, got {mode!r}")
-    told = model._replace(motions=(model.motions[mode],), switching=np.ones((1, 1)), mode_prior=np.ones(1))
+    single = model._replace(motions=(model.motions[mode],), switching=np.ones((1, 1)), mode_prior=np.ones(1))
     return BankOfMhts(
-        told, reducer(reduction, components), None, 0.0, 0.0, prune_weight, max_hypotheses, give_up_ratio
+        single, reducer(reduction, components), None, 0.0, 0.0, prune_weight, max_hypotheses, give_up_ratio
     )

@@ -1,4 +1,4 @@
-"""The filter that is told which detection is the target's: the bound for every score."""
+"""The filter that knows which detection is target-originated: a bound for every score."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -17,11 +17,17 @@ from gmr_gym.reduction.runnalls import runnalls
 
 @dataclass(frozen=True)
 class Clairvoyant:
-    """Kalman filter that is told the association: whoever runs it hands it the target's own
-    detection and no clutter. No tracker that has to guess can be expected to do better.
+    """Kalman filter of known data association: it is given the target-originated measurement and no clutter.
 
-    Of several motions it is told nothing: it is then the filter of all model sequences, reduced to
-    `components` by Runnalls.
+    Its score bounds that of trackers with unknown association. With several motion models it knows nothing of
+    the mode: it is then the filter of all model sequences, reduced by Runnalls' merging.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Most hypotheses.
     """
 
     model: Model
@@ -32,22 +38,26 @@ class Clairvoyant:
         check_count(self.components)
 
     def init(self) -> MixtureWithModes:
+        """Belief one period before the first scan."""
         return MixtureWithModes(collapsed(self.model.prior), self.model.mode_prior[None])
 
     def step(self, belief: MixtureWithModes, z: np.ndarray) -> tuple[MixtureWithModes, Report]:
+        """Belief after the scan `z` (k, p) one period later, and its report."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         if len(z) > 1:
             raise ValueError(f"the clairvoyant filter takes the target's detection alone, got {len(z)}")
         predicted, mode = predict_every_mode(belief, model.motions, model.switching)
-        looked = gates(predicted, model.sensor, model.gate_probability)
-        # sure of the detection it is handed, and of nothing where there is none
+        gates_used = gates(predicted, model.sensor, model.gate_probability)
+        # certain association of the detection, or a certain miss
         posterior = expand(
-            predicted, looked._replace(threshold=np.inf), model.sensor, z, 1.0, 1.0, 1.0
+            predicted, gates_used._replace(threshold=np.inf), model.sensor, z, 1.0, 1.0, 1.0
         ).mixture
         belief = merge_mode_probabilities(
             posterior, mode, runnalls(posterior, self.components), len(model.motions)
         )
         mean, covariance = mean_and_covariance(belief.mixture)
-        chances = belief.mixture.w @ belief.modes
-        return belief, Report(mean[None], covariance[None], looked, belief.mixture, modes=chances)
+        mode_probabilities = belief.mixture.w @ belief.modes
+        return belief, Report(
+            mean[None], covariance[None], gates_used, belief.mixture, modes=mode_probabilities
+        )

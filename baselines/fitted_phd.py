@@ -1,4 +1,4 @@
-"""A GM-PHD filter fed the clutter that Lv's finite mixture fits to each scan."""
+"""A GM-PHD filter with the clutter intensity that Lv's finite mixture fits to each scan."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,14 @@ from gmr_gym.reduction.registry import reduction_named
 
 
 class Fitted(NamedTuple):
-    """What the filter believes of the targets, and what the finite mixture believes of all."""
+    """Belief: targets of the PHD filter, and the belief of the finite mixture.
+
+    Attributes
+    ----------
+    targets : LabelledIntensity
+    mixture : object
+        Belief of the tracker `fit`.
+    """
 
     targets: LabelledIntensity
     mixture: object
@@ -23,31 +30,51 @@ class Fitted(NamedTuple):
 
 @dataclass(frozen=True)
 class FittedPhd:
-    """A GM-PHD filter whose intensity of clutter is that of the finite mixture fitted to the very scan that
-    is judged by it. Of the targets of the mixture it hears nothing: what the mixture has lost is clutter."""
+    """GM-PHD filter whose clutter intensity is the finite mixture fitted to the same scan.
+
+    The targets of the mixture are not used: detections that the mixture assigns to no target count as
+    clutter.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+        The filter model.
+    reduce : callable
+        Reduction of the intensity.
+    fit : MultiTargetTracker
+        Tracker of the finite mixture.
+    prune_weight : float
+        Components of less weight, an expected number of targets, are pruned.
+    max_components : int
+        Most components that enter `reduce`, the heaviest, to bound the memory of a huge scan.
+    """
 
     model: MultiTargetModel
     reduce: Callable[[Mixture], Reduced]
     fit: MultiTargetTracker
-    prune_weight: float = 1e-5  # an expected number of targets
-    most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
+    prune_weight: float = 1e-5
+    max_components: int = 2000
 
     def __post_init__(self):
-        phd.check_filter(self.model, self.reduce, self.prune_weight, self.most)
+        phd.check_filter(self.model, self.reduce, self.prune_weight, self.max_components)
 
     def init(self) -> Fitted:
+        """Belief one period before the first scan."""
         return Fitted(phd.no_targets(self.model), self.fit.init())
 
     def step(self, belief: Fitted, z) -> tuple[Fitted, MultiTargetReport]:
-        told = self.model
-        z = check_scan(z, len(told.sensor.H))
-        mixture, said = self.fit.step(belief.mixture, z)
+        """Belief after the scan `z` (k, p) one period later, and its report."""
+        model = self.model
+        z = check_scan(z, len(model.sensor.H))
+        mixture, fitted = self.fit.step(belief.mixture, z)
         posterior, _ = phd.update(
-            phd.predict(belief.targets, told), told.sensor, z,
-            told.detection_probability, said.clutter.density(z), self.prune_weight,
+            phd.predict(belief.targets, model), model.sensor, z,
+            model.detection_probability, fitted.clutter.density(z), self.prune_weight,
         )  # fmt: skip
-        targets, account = phd.report(phd.reduce_intensity(posterior, self.reduce, self.most), said.clutter)
-        return Fitted(targets, mixture), account
+        targets, report = phd.report(
+            phd.reduce_intensity(posterior, self.reduce, self.max_components), fitted.clutter
+        )
+        return Fitted(targets, mixture), report
 
 
 def fitted_phd(
@@ -59,8 +86,34 @@ def fitted_phd(
     by: str = "fmm-em",
     repaired: bool = False,
 ) -> FittedPhd:
-    """GM-PHD filter of up to `components` in the clutter that the tracker `by`, "fmm-em" or "fmm-gibbs", fits
-    as printed or `repaired`."""
+    """GM-PHD filter in the clutter that a finite mixture fits to each scan.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+        The filter model.
+    components : int
+        Most components after the reduction.
+    merging : float
+        U, squared Mahalanobis distance of Vo and Ma's merging; other reductions ignore it.
+    prune_weight : float
+        Components of less weight, an expected number of targets, are pruned.
+    reduction : str
+        "vo-ma", or a reduction of the single-target trackers such as "runnalls" or "adaptive".
+    by : {"fmm-em", "fmm-gibbs"}
+        Tracker that fits the clutter.
+    repaired : bool
+        Whether `by` is used as repaired rather than as printed.
+
+    Returns
+    -------
+    FittedPhd
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter that is out of range.
+    """
     if by not in ("fmm-em", "fmm-gibbs"):
         raise ValueError(f"by must be fmm-em or fmm-gibbs, got {by!r}")
     reduce = reduction_named(reduction, components, merging)

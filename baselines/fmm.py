@@ -19,25 +19,57 @@ from gmr_gym.models.multi_target import MultiTargetModel
 
 
 class Tracks(NamedTuple):
-    """What is believed of the targets, and of the clutter."""
+    """Belief of targets and of clutter.
 
-    targets: Mixture  # weights are how sure it is of each
-    label: np.ndarray  # (n,)
-    found: np.ndarray  # (n,), scans in which it was
-    missed: np.ndarray  # (n,), scans since it was
-    next_label: int  # the next label to give
+    Attributes
+    ----------
+    targets : Mixture
+        n targets; weights are probabilities of existence.
+    label : ndarray, shape (n,)
+        Label of each.
+    found : ndarray, shape (n,)
+        Number of scans in which it was found.
+    missed : ndarray, shape (n,)
+        Scans since it was last found.
+    next_label : int
+        Next unused label.
+    clutter : Clutter
+        Clutter fitted to the last scan with detections.
+    scans : int
+        Scans so far; with the seed it makes the generator of the next.
+    """
+
+    targets: Mixture
+    label: np.ndarray
+    found: np.ndarray
+    missed: np.ndarray
+    next_label: int
     clutter: Clutter
-    scans: int  # so far: with the seed it makes the generator of the next
+    scans: int
 
 
 class Lifetime(NamedTuple):
-    """When a target is begun, named and given up; `PRINTED` is the paper's."""
+    """When targets are started, declared and deleted; `PRINTED` is the paper's.
 
-    patience: int  # scans that a named target may be missed in
-    establishing: int  # scans in which it must be found, one after another, before it is named
-    spawn_distance: float  # deviations, of the spawned from their parent on either side along every axis
-    predicted: bool  # whether a target is looked for with covariance H P H' + R; else survivors with R
-    gate: float  # squared Mahalanobis distance from where it was expected, beyond which it is not found
+    Attributes
+    ----------
+    patience : int
+        Scans in which an established target may be missed.
+    establishing : int
+        Consecutive scans in which a target must be found before it is declared.
+    spawn_distance : float
+        Distance of spawned targets from their parent in standard deviations, on either side along every axis.
+    predicted : bool
+        Whether the part of a target has the covariance H P H' + R; otherwise survivors have R.
+    gate : float
+        Squared Mahalanobis distance from its prediction beyond which a target counts as missed.
+    """
+
+    patience: int
+    establishing: int
+    spawn_distance: float
+    predicted: bool
+    gate: float
 
 
 PRINTED = Lifetime(0, 1, 0.0, False, np.inf)
@@ -45,18 +77,42 @@ PRINTED = Lifetime(0, 1, 0.0, False, np.inf)
 
 @dataclass(frozen=True)
 class Fmm:
-    """Every scan a mixture of uniform clutter, Gaussians of clutter, survivors, births and spawned is fitted;
-    the mean of a target's part is the detection that updates its Kalman filter (Lv, section 6).
+    """Finite-mixture tracker: uniform clutter, Gaussians of clutter, and surviving, born and spawned targets.
 
-    Of what is told, P_D, the expected number of births and of spawned (but that there are any) and the
-    expected clutter have no say: all parts begin alike (eq. 15). A target's existence is the number of
-    detections its part explains, at most 1, times P_S for every scan that it coasts."""
+    The mixture is fitted to every scan. The mean of a target's part is the equivalent detection that updates
+    its Kalman filter. A target's existence is the number of detections of its part, at most 1, times P_S for
+    every scan in which it coasts.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+        The filter model.
+    fit : callable
+        Fit of the mixture to a scan.
+    options : EmOptions
+        Merging and pruning of its parts.
+    life : Lifetime
+        When targets are started, declared and deleted.
+    gaussians : int
+        g0, new Gaussians of clutter per scan.
+    seed : int
+        Seed of the random numbers.
+
+    Notes
+    -----
+    P_D, the expected numbers of births and spawned targets (except zero) and the expected clutter of the
+    filter model are not used: all parts start with equal weights (eq. 15).
+
+    References
+    ----------
+    Lv, section 6.
+    """
 
     model: MultiTargetModel
     fit: Callable[[np.ndarray, ScanMixture, float, EmOptions, np.random.Generator], ScanMixture]
     options: EmOptions
     life: Lifetime = PRINTED
-    gaussians: int = 8  # g0, new of clutter in a scan
+    gaussians: int = 8
     seed: int = 0
 
     def __post_init__(self):
@@ -64,60 +120,64 @@ class Fmm:
         check_whole("seed", self.seed, 0)
 
     def init(self) -> Tracks:
-        nobody, none = no_components(len(self.model.motion.F)), np.empty(0, np.int64)
-        return Tracks(nobody, none, none, none, 0, self.model.clutter, 0)
+        """Belief one period before the first scan."""
+        no_target, no_label = no_components(len(self.model.motion.F)), np.empty(0, np.int64)
+        return Tracks(no_target, no_label, no_label, no_label, 0, self.model.clutter, 0)
 
     def step(self, belief: Tracks, z: np.ndarray) -> tuple[Tracks, MultiTargetReport]:
-        told, clutter = self.model, belief.clutter
-        z = check_scan(z, len(told.sensor.H))
-        moved = predict(belief.targets, told.motion)
-        candidates, looked = self._candidates(moved, belief.found >= self.life.establishing)
+        """Belief after the scan `z` (k, p) one period later, and its report."""
+        model, clutter = self.model, belief.clutter
+        z = check_scan(z, len(model.sensor.H))
+        moved = predict(belief.targets, model.motion)
+        candidates, predicted_targets = self._candidates(moved, belief.found >= self.life.establishing)
         rng = np.random.default_rng((self.seed, belief.scans))
-        # Departs: the g0 places "in the region" are those of detections, drawn at random, and there are none
-        # in a scan of fewer than D_c: no Gaussian of clutter could live, and they take a target's with them
+        # Departs: the g0 places "in the region" are randomly drawn detections. A scan of fewer than D_c
+        # detections has none: any Gaussian of clutter would be pruned, and a target's detection with it
         new = self.gaussians if len(z) >= self.options.clutter_least else 0
         places = z[rng.permutation(len(z))[:new]]
-        parts = initial(clutter.gaussians, places, z, looked, self.options.deviation)
+        parts = initial(clutter.gaussians, places, z, predicted_targets, self.options.deviation)
         parts = self.fit(z, parts, 1 / clutter.volume, self.options, rng)
         c, weight = parts.gaussians, len(z) * parts.w
-        if len(z):  # an empty scan tells nothing of where clutter is
+        if len(z):  # an empty scan keeps the clutter
             gaussians = Mixture(weight[1 : c + 1], parts.m[:c], parts.P[:c])
             uniform, ellipses = float(weight[0]), no_components(z.shape[1])
             clutter = clutter._replace(uniform=uniform, gaussians=gaussians, ellipses=ellipses)
             at = parts.origin
         else:
             at = np.empty(0, np.int64)
-        hit, d2 = _updated(take(candidates, at), parts.m[c:][: len(at)], told.sensor)
+        hit, d2 = _updated(take(candidates, at), parts.m[c:][: len(at)], model.sensor)
         hit = hit._replace(w=np.minimum(weight[c + 1 :][: len(at)], 1.0))
         hit, at = take(hit, d2 <= self.life.gate), at[d2 <= self.life.gate]
-        return self._lived(belief, moved, hit, at, clutter)
+        return self._update_tracks(belief, moved, hit, at, clutter)
 
     def _candidates(self, moved: Mixture, may_spawn: np.ndarray) -> tuple[Mixture, Mixture]:
-        """States of survivors, births and spawned, in this order, and what each is looked for with
-        (eqs. 12-14)."""
-        told, life = self.model, self.life
-        H, R = told.sensor
-        parts, seen = [moved, told.births], [np.tile(R, (len(moved.w), 1, 1)), H @ told.births.P @ H.T]
-        if told.spawn_weight > 0:
+        """Surviving, born and spawned targets, in this order, and their predicted parts (eqs. 12-14)."""
+        model, life = self.model, self.life
+        H, R = model.sensor
+        parts, covariances = (
+            [moved, model.births],
+            [np.tile(R, (len(moved.w), 1, 1)), H @ model.births.P @ H.T],
+        )
+        if model.spawn_weight > 0:
             parents = take(moved, may_spawn)
-            around = H @ told.spawn_covariance @ H.T
+            around = H @ model.spawn_covariance @ H.T
             steps = np.zeros((1, len(H)))
             if life.spawn_distance > 0:
                 axes = life.spawn_distance * np.diag(np.sqrt(np.diag(around + R)))
                 steps = np.concatenate([axes, -axes])
             for step in steps:
-                # an expected detection that is `step` off, by a state that is so
+                # the state whose predicted detection is `step` off
                 m = parents.m + step @ np.linalg.pinv(H).T
-                parts.append(Mixture(parents.w, m, parents.P + told.spawn_covariance))
-                seen.append(np.tile(around, (len(m), 1, 1)))
+                parts.append(Mixture(parents.w, m, parents.P + model.spawn_covariance))
+                covariances.append(np.tile(around, (len(m), 1, 1)))
         states = joined(parts)
-        expected, S = told.sensor.gates(states)
-        return states, Mixture(states.w, expected, S if life.predicted else np.concatenate(seen))
+        z_hat, S = model.sensor.gates(states)
+        return states, Mixture(states.w, z_hat, S if life.predicted else np.concatenate(covariances))
 
-    def _lived(
+    def _update_tracks(
         self, belief: Tracks, moved: Mixture, hit: Mixture, at: np.ndarray, clutter: Clutter
     ) -> tuple[Tracks, MultiTargetReport]:
-        """The belief after targets `at` (h,) of the candidates were found, and what is said of it."""
+        """Belief and report after the targets `at` (h,) of the candidates were found."""
         n, life = len(moved.w), self.life
         old, new = at < n, int((at >= n).sum())
         lost = np.setdiff1d(np.arange(n), at)
@@ -126,10 +186,10 @@ class Fmm:
         label, found = np.empty(len(at), np.int64), np.ones(len(at), np.int64)
         label[old], label[~old] = belief.label[at[old]], belief.next_label + np.arange(new)
         found[old] += belief.found[at[old]]
-        waiting = take(moved, lost)
-        waiting = waiting._replace(w=self.model.survival_probability * waiting.w)
+        coasted = take(moved, lost)
+        coasted = coasted._replace(w=self.model.survival_probability * coasted.w)
         after = Tracks(
-            joined([hit, waiting]),
+            joined([hit, coasted]),
             np.append(label, belief.label[lost]),
             np.append(found, belief.found[lost]),
             np.append(np.zeros(len(at), np.int64), belief.missed[lost] + 1),
@@ -137,12 +197,17 @@ class Fmm:
             clutter,
             belief.scans + 1,
         )
-        named = after.found >= life.establishing
+        reported = after.found >= life.establishing
         targets = after.targets
-        said = MultiTargetReport(
-            targets.m[named], targets.w[named], after.label[named], float(targets.w.sum()), targets, clutter
+        report = MultiTargetReport(
+            targets.m[reported],
+            targets.w[reported],
+            after.label[reported],
+            float(targets.w.sum()),
+            targets,
+            clutter,
         )
-        return after, said
+        return after, report
 
 
 def fmm_em(
@@ -161,15 +226,61 @@ def fmm_em(
     gate: float = 9.21,
     seed: int = 0,
 ) -> Fmm:
-    """Clutter and targets fitted as a finite mixture by expectation maximisation (Lv, Algorithm 1), as
-    printed or, with `repaired`, with targets that coast, spawn aside and are named when established.
+    """Finite-mixture tracker fitted by expectation maximisation.
 
-    As printed a target that is pruned once is gone, survivors are looked for with covariance R, and the
-    spawned at their parent (p = 1, d = 0), with which they merge. Departs, if `repaired`: a target found in
-    `establishing` scans running is named, may spawn and may be missed in `patience` scans; the spawned are
-    looked for `spawn_distance` deviations aside along every axis, all targets with H P H' + R, and within the
-    squared distance `gate` alone, for the mean of a part wanders to what clutter there is. Either way a
-    Gaussian of clutter is no narrower than `deviation` (m)."""
+    Parameters
+    ----------
+    model : MultiTargetModel
+        The filter model.
+    repaired : bool
+        Whether targets are treated as repaired rather than as printed.
+    gaussians : int
+        g0, new Gaussians of clutter per scan.
+    merging : float
+        U of eq. 23, squared Mahalanobis distance.
+    clutter_least, target_least : float
+        D_c and D_t: parts with fewer detections are pruned.
+    deviation : float
+        Least standard deviation of a Gaussian of clutter, m.
+    tolerance : float
+        Relative change of the log-likelihood that ends a fit.
+    iterations : int
+        Most steps of a fit.
+    patience : int
+        Scans in which an established target may be missed.
+    establishing : int
+        Consecutive scans in which a target must be found before it is declared.
+    spawn_distance : float
+        Distance of spawned targets from their parent in standard deviations, on either side along every axis.
+    gate : float
+        Squared Mahalanobis distance from its prediction beyond which a target counts as missed.
+    seed : int
+        Seed of the random numbers.
+
+    Returns
+    -------
+    Fmm
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter that is out of range.
+
+    Notes
+    -----
+    As printed, a target is deleted at its first miss, survivors are fitted with covariance R, and spawned
+    targets start at their parent (p = 1, d = 0), with which they merge.
+
+    Departs, if `repaired`: a target found in `establishing` consecutive scans is declared, may spawn and may
+    be missed in `patience` scans. Spawned targets start `spawn_distance` standard deviations aside along
+    every axis. All targets are fitted with H P H' + R, and are found only within the squared distance
+    `gate`, because the mean of a part drifts to nearby clutter. Printed or repaired, a Gaussian of clutter
+    is no narrower than `deviation`.
+
+    References
+    ----------
+    Lv, Algorithm 1.
+    """
     options = em_options(merging, clutter_least, target_least, deviation, tolerance, iterations, repaired)
     life = _life(repaired, patience, establishing, spawn_distance, gate)
     return Fmm(model, _by_em, options, life, gaussians, seed)
@@ -191,7 +302,50 @@ def fmm_gibbs(
     gate: float = 9.21,
     seed: int = 0,
 ) -> Fmm:
-    """As the tracker fmm-em, but the mixture is drawn by Gibbs (Lv, section 5), averaged over `sweeps`."""
+    """Finite-mixture tracker fitted by Gibbs sampling; otherwise as `fmm_em`.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+        The filter model.
+    repaired : bool
+        Whether targets are treated as repaired rather than as printed.
+    gaussians : int
+        g0, new Gaussians of clutter per scan.
+    merging : float
+        U of eq. 23, squared Mahalanobis distance.
+    clutter_least, target_least : float
+        D_c and D_t: parts with fewer detections are pruned.
+    deviation : float
+        Least standard deviation of a Gaussian of clutter, m.
+    burn : int
+        Sweeps before the average.
+    sweeps : int
+        Sweeps averaged.
+    patience : int
+        Scans in which an established target may be missed.
+    establishing : int
+        Consecutive scans in which a target must be found before it is declared.
+    spawn_distance : float
+        Distance of spawned targets from their parent in standard deviations, on either side along every axis.
+    gate : float
+        Squared Mahalanobis distance from its prediction beyond which a target counts as missed.
+    seed : int
+        Seed of the random numbers.
+
+    Returns
+    -------
+    Fmm
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter that is out of range.
+
+    References
+    ----------
+    Lv, section 5.
+    """
     options = em_options(merging, clutter_least, target_least, deviation, repaired=repaired)
     check_whole("burn", burn, 0)
     check_whole("sweeps", sweeps, 1)
@@ -201,7 +355,7 @@ def fmm_gibbs(
 
 
 def _life(repaired: bool, patience: int, establishing: int, spawn_distance: float, gate: float) -> Lifetime:
-    # checked either way: a wrong parameter is one even where it is not heeded
+    # checked even where they are not used
     check_whole("patience", patience, 0)
     check_whole("establishing", establishing, 1)
     if not 0 <= spawn_distance < np.inf:
@@ -218,14 +372,15 @@ def _by_em(
 
 
 def _updated(p: Mixture, z: np.ndarray, sensor) -> tuple[Mixture, np.ndarray]:
-    """Each of n components conditioned on its own equivalent detection z (n, p) with noise R (eq. 32), and
-    the squared Mahalanobis distance (n,) at which that was.
+    """Update n components, each with its own equivalent detection z (n, p) and noise R (eq. 32).
 
-    Departs: R is added to H P H', which the print leaves out, and it is the target's mean, not a clutter's,
-    that updates."""
-    expected, S = sensor.gates(p)
-    C = sensor.predict_detections(p, expected, S, z).C
-    n, off = len(p.w), z - expected
+    Returns them and the squared Mahalanobis distances (n,) of the detections.
+
+    Departs: R is added to H P H', which is missing in print, and the target's mean is updated, not a
+    clutter's."""
+    z_hat, S = sensor.gates(p)
+    C = sensor.predict_detections(p, z_hat, S, z).C
+    n, off = len(p.w), z - z_hat
     d2 = np.einsum("ni,ni->n", off, np.linalg.solve(S, off[:, :, None])[:, :, 0])
-    found = posteriors(np.zeros(n), np.eye(n), p.m, p.P, expected, S, C, *sensor, z, 0.0)
+    found = posteriors(np.zeros(n), np.eye(n), p.m, p.P, z_hat, S, C, *sensor, z, 0.0)
     return Mixture(*found[:3]), d2

@@ -1,4 +1,4 @@
-"""The Gaussian-mixture cardinalised PHD filter (Vo, Vo and Cantoni 2007), with any reduction."""
+"""The Gaussian-mixture cardinalised PHD filter, with any reduction (Vo, Vo and Cantoni 2007)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,51 +17,77 @@ from gmr_gym.reduction.registry import reduction_named
 
 
 class CphdBelief(NamedTuple):
-    """An intensity, and the probability of each number of targets."""
+    """An intensity and a cardinality distribution.
+
+    Attributes
+    ----------
+    targets : LabelledIntensity
+    cardinality : ndarray, shape (N + 1,)
+        Probability of each number of targets.
+    """
 
     targets: LabelledIntensity
-    cardinality: np.ndarray  # (N + 1,)
+    cardinality: np.ndarray
 
 
 @dataclass(frozen=True)
 class GmCphd:
-    """As the GM-PHD filter, with the distribution of the number of targets beside the intensity. As many
-    targets are named as is most probable, from the heaviest components (Vo, Vo and Cantoni 2007).
+    """GM-CPHD filter: the GM-PHD filter with the distribution of the number of targets.
 
-    The expected number of an account is the intensity's weight: the mean of the distribution, less what was
-    pruned."""
+    The most probable number of targets is declared, from the heaviest components. The expected number in a
+    report is the weight of the intensity: the mean of the distribution less what was pruned.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+        The filter model.
+    reduce : callable
+        Reduction of the intensity.
+    prune_weight : float
+        Components of less weight, an expected number of targets, are pruned.
+    targets : int
+        N, most targets; the cardinality distribution is truncated there and normalised.
+    max_components : int
+        Most components that enter `reduce`, the heaviest, to bound the memory of a huge scan.
+
+    References
+    ----------
+    Vo, Vo and Cantoni 2007.
+    """
 
     model: MultiTargetModel
     reduce: Callable[[Mixture], Reduced]
-    prune_weight: float = 1e-5  # an expected number of targets
-    targets: int = 50  # N, the most there may be; beyond, the distribution is cut off and rescaled
-    most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
+    prune_weight: float = 1e-5
+    targets: int = 50
+    max_components: int = 2000
 
     def __post_init__(self):
-        phd.check_filter(self.model, self.reduce, self.prune_weight, self.most)
+        phd.check_filter(self.model, self.reduce, self.prune_weight, self.max_components)
         if not self.targets >= 1 or self.targets != int(self.targets):
             raise ValueError(f"targets must be a whole number, at least 1, got {self.targets}")
 
     def init(self) -> CphdBelief:
+        """Belief one period before the first scan."""
         return CphdBelief(phd.no_targets(self.model), np.eye(1, self.targets + 1)[0])
 
     def step(self, belief: CphdBelief, z: np.ndarray) -> tuple[CphdBelief, MultiTargetReport]:
-        told = self.model
-        z = check_scan(z, len(told.sensor.H))
-        moves = cardinality.cardinality_transition(
-            told.survival_probability,
-            told.spawn_weight,
-            float(told.births.w.sum()),
+        """Belief after the scan `z` (k, p) one period later, and its report."""
+        model = self.model
+        z = check_scan(z, len(model.sensor.H))
+        transition = cardinality.cardinality_transition(
+            model.survival_probability,
+            model.spawn_weight,
+            float(model.births.w.sum()),
             len(belief.cardinality) - 1,
         )
-        predicted = moves @ belief.cardinality
+        predicted = transition @ belief.cardinality
         posterior, number = cardinality.update(
-            phd.predict(belief.targets, told), predicted / predicted.sum(), told.sensor, z,
-            told.detection_probability, told.clutter.density(z), self.prune_weight,
+            phd.predict(belief.targets, model), predicted / predicted.sum(), model.sensor, z,
+            model.detection_probability, model.clutter.density(z), self.prune_weight,
         )  # fmt: skip
-        kept = phd.reduce_intensity(posterior, self.reduce, self.most)
-        labelled, said = phd.report(kept, told.clutter, int(number.argmax()))
-        return CphdBelief(labelled, number), said
+        kept = phd.reduce_intensity(posterior, self.reduce, self.max_components)
+        labelled, report = phd.report(kept, model.clutter, int(number.argmax()))
+        return CphdBelief(labelled, number), report
 
 
 def gm_cphd(
@@ -72,8 +98,30 @@ def gm_cphd(
     reduction: str = "vo-ma",
     targets: int = 50,
 ) -> GmCphd:
-    """GM-CPHD filter of at most `targets` targets, reduced to `components`: by Vo and Ma's merging of what
-    lies within the squared distance `merging` (U), or by any reduction that the single-target trackers
-    take, such as "runnalls" or "adaptive", which do not heed `merging`."""
+    """GM-CPHD filter of at most `targets` targets, reduced to `components`.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+        The filter model.
+    components : int
+        Most components after the reduction.
+    merging : float
+        U, squared Mahalanobis distance of Vo and Ma's merging; other reductions ignore it.
+    prune_weight : float
+        Components of less weight, an expected number of targets, are pruned.
+    reduction : str
+        "vo-ma", or a reduction of the single-target trackers such as "runnalls" or "adaptive".
+    targets : int
+        N, most targets; the cardinality distribution is truncated there and normalised.
+
+    Returns
+    -------
+    GmCphd
+
+    References
+    ----------
+    Vo, Vo and Cantoni 2007.
+    """
     reduce = reduction_named(reduction, components, merging)
     return GmCphd(model, reduce, prune_weight, targets)

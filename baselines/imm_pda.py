@@ -1,4 +1,4 @@
-"""Interacting multiple models with probabilistic data association, on sensors linear or not."""
+"""Interacting multiple models with probabilistic data association, for linear sensors and radars."""
 
 from dataclasses import dataclass, field
 
@@ -18,21 +18,41 @@ from gmr_gym.models.model import Model, with_radar_update
 
 @dataclass(frozen=True)
 class ImmPda:
-    """A Gaussian for each motion, mixed before each scan; every detection in the gate of any of them moves
-    all by its probability (Blom and Bar-Shalom 1988; Zhang, IMM+PDA; Li, section 3). With one motion it is
-    PDA, without clutter IMM. A prior of several Gaussians is merged at the start. Motions of unlike state are
-    mixed as `mixing` says, "augmented" or "unbiased" (see `borrowed_states`).
+    """IMM whose filters are PDA filters with one common list of detections.
 
-    Departs: Li's eq. 14 is the covariance of a certain association, his likelihoods weigh motions by gates of
-    their own; this is PDA's covariance, and one list of detections for all motions.
+    With one motion model it is PDA, without clutter it is the IMM. A prior of several Gaussians is merged at
+    the start.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+    mixing : {"augmented", "unbiased"}
+        Mixing of motions of different state, see `gmr_gym.filters.mixing.borrowed_states`.
+
+    Attributes
+    ----------
+    give_up_limit : float
+        Expected false alarms within one sigma at which the track is given up.
+
+    Notes
+    -----
+    Departs: Li's eq. 14 is the covariance of a certain association, and his likelihoods weigh models by
+    gates of their own. Here the covariance is that of PDA, and all models share one list of detections.
+
+    References
+    ----------
+    Blom and Bar-Shalom 1988; Zhang, IMM+PDA; Li, section 3.
     """
 
     model: Model
-    # times the false detections expected within a deviation at first, and one, at which it gives up
     give_up_ratio: float = 20.0
     mixing: str = MIXINGS[0]
-    _moves: Motion = field(init=False, repr=False)  # all motions, on a first axis
-    _logs: tuple[float, float] = field(init=False, repr=False)  # of a miss, and of a detection for clutter
+    _moves: Motion = field(init=False, repr=False)
+    _logs: tuple[float, float] = field(init=False, repr=False)
     give_up_limit: float = field(init=False, repr=False)
     _borrowed: np.ndarray = field(init=False, repr=False)
 
@@ -44,41 +64,103 @@ class ImmPda:
         logs = np.log(miss) if miss > 0 else -np.inf, np.log(hit)
         object.__setattr__(self, "_moves", Motion(*map(np.array, zip(*model.motions, strict=True))))
         object.__setattr__(self, "_logs", logs)
-        object.__setattr__(self, "_given_up", give_up_limit(model, self.give_up_ratio))
+        object.__setattr__(self, "give_up_limit", give_up_limit(model, self.give_up_ratio))
         object.__setattr__(self, "_borrowed", borrowed_states(model.motions, self.mixing))
 
     def init(self) -> FilterBank:
+        """Belief one period before the first scan."""
         return initial_bank(self.model.mode_prior, collapsed(self.model.prior))
 
     def step(self, belief: FilterBank, z: np.ndarray) -> tuple[FilterBank, Report]:
+        """Belief after the scan `z` (k, p) one period later, and its report."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         w, m, P = belief.w[:, 0], belief.m[:, 0], belief.P[:, 0]
         predicted = Mixture(*mix_and_predict(w, m, P, model.switching, self._borrowed, *self._moves))
-        at, S = model.sensor.gates(predicted)
-        size = gate_threshold(model.gate_probability, at.shape[1])
+        z_hat, S = model.sensor.gates(predicted)
+        threshold = gate_threshold(model.gate_probability, z_hat.shape[1])
         w, m, P, mean, covariance, alive = pda_every_mode(
-            *predicted, S, model.sensor.density(model.clutter_density, at), unit_ball(at.shape[1]),
-            *model.sensor.predict_detections(predicted, at, S, z), size, *self._logs, self.give_up_limit,
+            *predicted, S, model.sensor.density(model.clutter_density, z_hat), unit_ball(z_hat.shape[1]),
+            *model.sensor.predict_detections(predicted, z_hat, S, z), threshold, *self._logs,
+            self.give_up_limit,
         )  # fmt: skip
-        possible = predicted.w > 0  # an impossible mode looks nowhere
-        looked = Gates(at, S, size) if possible.all() else Gates(at[possible], S[possible], size)
+        possible = predicted.w > 0  # an impossible mode has no gate
+        gates_used = (
+            Gates(z_hat, S, threshold) if possible.all() else Gates(z_hat[possible], S[possible], threshold)
+        )
         fused = Mixture(np.ones(1), mean, covariance)
         return FilterBank(w[:, None], m[:, None], P[:, None]), Report(
-            mean, covariance, looked, fused, alive, w
+            mean, covariance, gates_used, fused, alive, w
         )
 
 
 def imm(model: Model, give_up_ratio: float = 20.0, mixing: str = MIXINGS[0]) -> ImmPda:
-    """Interacting multiple models (Blom and Bar-Shalom 1988); in clutter it is IMM+PDA."""
+    """Interacting multiple models; in clutter, IMM+PDA.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+    mixing : {"augmented", "unbiased"}
+        Mixing of motions of different state, see `gmr_gym.filters.mixing.borrowed_states`.
+
+    Returns
+    -------
+    ImmPda
+
+    References
+    ----------
+    Blom and Bar-Shalom 1988.
+    """
     return ImmPda(model, give_up_ratio, mixing)
 
 
 def imm_dcm_pda(model: Model, give_up_ratio: float = 20.0, mixing: str = MIXINGS[0]) -> ImmPda:
-    """IMM+PDA of a radar's debiased converted measurements (Li, IMMDCMPDA)."""
+    """IMM+PDA with the debiased converted measurements of a radar.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+    mixing : {"augmented", "unbiased"}
+        Mixing of motions of different state, see `gmr_gym.filters.mixing.borrowed_states`.
+
+    Returns
+    -------
+    ImmPda
+
+    References
+    ----------
+    Li, IMMDCMPDA.
+    """
     return ImmPda(with_radar_update(model, "debiased"), give_up_ratio, mixing)
 
 
 def imm_ekf_pda(model: Model, give_up_ratio: float = 20.0, mixing: str = MIXINGS[0]) -> ImmPda:
-    """IMM+PDA of extended Kalman filters, the radar linearised about each prediction (Li, IMMEKFPDA)."""
+    """IMM+PDA of extended Kalman filters, the radar linearised at each prediction.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+    mixing : {"augmented", "unbiased"}
+        Mixing of motions of different state, see `gmr_gym.filters.mixing.borrowed_states`.
+
+    Returns
+    -------
+    ImmPda
+
+    References
+    ----------
+    Li, IMMEKFPDA.
+    """
     return ImmPda(with_radar_update(model, "extended"), give_up_ratio, mixing)

@@ -1,4 +1,4 @@
-"""The adaptive MHT whose thresholds a trained network sets, scan by scan."""
+"""The adaptive MHT whose thresholds are set by a trained network at every scan."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +23,13 @@ SHIPPED = Path(gmr_gym.__file__).parent / "data" / "policies" / "thresholds.npz"
 
 
 class Belief(NamedTuple):
-    """The hypotheses, and what a policy remembers of the scan that left them."""
+    """Hypotheses, and the features that carry over to the next scan.
+
+    Attributes
+    ----------
+    mixture : Mixture
+    memory : Memory
+    """
 
     mixture: Mixture
     memory: Memory
@@ -31,20 +37,34 @@ class Belief(NamedTuple):
 
 @dataclass(frozen=True)
 class LearnedThresholds:
-    """As D'Ortenzio's Adaptive, with the thresholds that the network says for the full posterior of the scan;
-    those it does not set are of `rest`."""
+    """D'Ortenzio's Adaptive with thresholds that a network computes from the full posterior of every scan.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    network : Network
+        The policy.
+    rest : Thresholds
+        Values of the thresholds that the network does not set.
+
+    Raises
+    ------
+    ValueError
+        For a sensor that is not linear, and for a threshold out of range.
+    """
 
     model: Model
     network: Network
     rest: Thresholds = DORTENZIO
-    # the same at every scan: what the model says, the network, which thresholds it sets, and the rest
+    # constant arguments of `_scan`: the model, the network, which thresholds it sets, and the rest
     _same: tuple[Any, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self):
         model = self.model
         if not isinstance(model.sensor, Sensor):
-            raise ValueError("learned thresholds need a linear sensor of positions, and here it is a radar")
-        to_action(self.rest, ("components",))  # a limit out of range is an error here, not in a scan
+            raise ValueError("learned thresholds need a linear sensor of positions; the model has a radar")
+        to_action(self.rest, ("components",))  # a limit out of range fails here rather than at a scan
         same = (
             *model.motion, *model.sensor, *gate_and_log_weights(model), model_features(model),
             *self.network.packed(), threshold_index(self.network.parameters), np.array(self.rest, float),
@@ -52,9 +72,11 @@ class LearnedThresholds:
         object.__setattr__(self, "_same", same)
 
     def init(self) -> Belief:
+        """Belief one period before the first scan."""
         return Belief(self.model.prior, at_start(self.model))
 
     def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
+        """Belief after the scan `z` (k, p) one period later, and its report."""
         z = check_scan(z, len(self.model.sensor.H))
         gates, w, m, P, mean, covariance, given_up, work = _scan(
             *belief.mixture, *belief.memory, z, *self._same
@@ -67,28 +89,43 @@ class LearnedThresholds:
 @kernel
 def _scan(
     w, m, P, kept, given_up, work, z,
-    F, Q, offset, H, R, size, log_miss, log_detect, known, layout, numbers, set_by, rest,
+    F, Q, offset, H, R, threshold, log_miss, log_detect, known, layout, numbers, set_by, rest,
 ):  # fmt: skip
-    """A whole scan in one call: the fields of the gates, and what `adapt` returns for the thresholds that a
-    packed network says."""
-    centres, S, w, m, P, _, detection, log_density = expand_scan(
-        w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z
+    """A scan in one call: the fields of the gates, and what `adapt` returns for the network's thresholds."""
+    z_hat, S, w, m, P, _, detection, log_density = expand_scan(
+        w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z
     )
-    seen, cost, gated = observe(
+    features, cost, gated = observe(
         w, m, P, detection, log_density, S, H, R, log_detect, known, kept, given_up, work
     )
-    single = seen.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
+    single = features.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
     thresholds = from_actions(forward(single, layout, numbers), set_by, rest)[0]
     w, m, P, mean, covariance, given_up, work = adapt(w, m, P, thresholds, cost, gated)
-    return (centres, S, size), w, m, P, mean, covariance, given_up, work
+    return (z_hat, S, threshold), w, m, P, mean, covariance, given_up, work
 
 
 def learned_thresholds(
     model: Model, policy: str | Path | None = None, components: int = DORTENZIO.components
 ) -> LearnedThresholds:
-    """MHT of up to `components` hypotheses whose thresholds are set by a network: that which comes with
-    gmr_gym, or that in the file `policy`, as agents/export.py writes it. For one motion and a linear sensor.
-    Raises ValueError for a file that is none, see `gmr_gym.tuning.network.load`, and for a model of another
-    kind."""
+    """MHT of up to `components` hypotheses whose thresholds are set by a network.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model, of one motion and a linear sensor.
+    policy : str or Path, optional
+        File of the network as agents/export.py writes it; by default the one shipped with gmr_gym.
+    components : int
+        Most hypotheses after the reduction.
+
+    Returns
+    -------
+    LearnedThresholds
+
+    Raises
+    ------
+    ValueError
+        For an invalid file, see `gmr_gym.tuning.network.load`, and for a model of another kind.
+    """
     network = load(SHIPPED if policy is None else policy, FEATURES, Thresholds._fields)
     return LearnedThresholds(model, network, DORTENZIO._replace(components=check_count(components)))

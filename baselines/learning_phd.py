@@ -1,4 +1,4 @@
-"""A GM-PHD filter that learns the clutter it is in."""
+"""A GM-PHD filter that estimates the clutter intensity."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,41 +22,65 @@ from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reduction_named
 
 
-class Learning(NamedTuple):
-    """What is believed of the targets, and of the clutter."""
+class LearningPhdBelief(NamedTuple):
+    """Belief of targets and state of the clutter estimator.
+
+    Attributes
+    ----------
+    targets : LabelledIntensity
+    estimate : ClutterEstimate
+    """
 
     targets: LabelledIntensity
-    lessons: ClutterEstimate
+    estimate: ClutterEstimate
 
 
 @dataclass(frozen=True)
 class LearningPhd:
-    """A GM-PHD filter whose intensity of clutter is fitted to the scans so far, every detection counted by
-    the probability that no target accounts for it. The scan is judged by what was learned before it."""
+    """GM-PHD filter whose clutter intensity is estimated from past scans.
+
+    Every detection is weighted by its probability of being a false alarm. A scan is processed with the
+    clutter estimated before it.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+        The filter model.
+    reduce : callable
+        Reduction of the intensity.
+    options : EstimatorOptions
+        Options of the clutter estimator.
+    prune_weight : float
+        Components of less weight, an expected number of targets, are pruned.
+    max_components : int
+        Most components that enter `reduce`, the heaviest, to bound the memory of a huge scan.
+    """
 
     model: MultiTargetModel
     reduce: Callable[[Mixture], Reduced]
-    how: EstimatorOptions
-    prune_weight: float = 1e-5  # an expected number of targets
-    most: int = 2000  # components that enter `reduce`, the heaviest, lest a huge scan fill memory
+    options: EstimatorOptions
+    prune_weight: float = 1e-5
+    max_components: int = 2000
 
     def __post_init__(self):
-        phd.check_filter(self.model, self.reduce, self.prune_weight, self.most)
+        phd.check_filter(self.model, self.reduce, self.prune_weight, self.max_components)
 
-    def init(self) -> Learning:
-        return Learning(phd.no_targets(self.model), initial_estimate(self.model.clutter))
+    def init(self) -> LearningPhdBelief:
+        """Belief one period before the first scan."""
+        return LearningPhdBelief(phd.no_targets(self.model), initial_estimate(self.model.clutter))
 
-    def step(self, belief: Learning, z: np.ndarray) -> tuple[Learning, MultiTargetReport]:
-        told, lessons = self.model, belief.lessons
-        z = check_scan(z, len(told.sensor.H))
-        posterior, false = phd.update(
-            phd.predict(belief.targets, told), told.sensor, z,
-            told.detection_probability, lessons.clutter.density(z), self.prune_weight,
+    def step(self, belief: LearningPhdBelief, z: np.ndarray) -> tuple[LearningPhdBelief, MultiTargetReport]:
+        """Belief after the scan `z` (k, p) one period later, and its report."""
+        model, estimate = self.model, belief.estimate
+        z = check_scan(z, len(model.sensor.H))
+        posterior, p_clutter = phd.update(
+            phd.predict(belief.targets, model), model.sensor, z,
+            model.detection_probability, estimate.clutter.density(z), self.prune_weight,
         )  # fmt: skip
-        lessons = update_estimate(told.clutter, lessons, z, false, self.how)
-        reduced = phd.reduce_intensity(posterior, self.reduce, self.most)
-        targets, account = phd.report(reduced, lessons.clutter)
-        return Learning(targets, lessons), account
+        estimate = update_estimate(model.clutter, estimate, z, p_clutter, self.options)
+        reduced = phd.reduce_intensity(posterior, self.reduce, self.max_components)
+        targets, report = phd.report(reduced, estimate.clutter)
+        return LearningPhdBelief(targets, estimate), report
 
 
 def learning_phd(
@@ -67,10 +91,40 @@ def learning_phd(
     reduction: str = "vo-ma",
     memory: int = 20,
     deviation: float = 15.0,
-    most: int = 12,
+    max_gaussians: int = 12,
     iterations: int = 2,
 ) -> LearningPhd:
-    """GM-PHD filter of up to `components`, with clutter learned as a uniform and up to `most` Gaussians no
-    narrower than `deviation` (m), which forgets within `memory` scans."""
+    """GM-PHD filter with estimated clutter: uniform and up to `max_gaussians` Gaussians.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+        The filter model.
+    components : int
+        Most components after the reduction.
+    merging : float
+        U, squared Mahalanobis distance of Vo and Ma's merging; other reductions ignore it.
+    prune_weight : float
+        Components of less weight, an expected number of targets, are pruned.
+    reduction : str
+        "vo-ma", or a reduction of the single-target trackers such as "runnalls" or "adaptive".
+    memory : int
+        Scans after which a detection counts 1 / e in the clutter estimate.
+    deviation : float
+        Least standard deviation of a Gaussian of clutter, m.
+    max_gaussians : int
+        Most Gaussians of clutter.
+    iterations : int
+        Steps of expectation maximisation per scan.
+
+    Returns
+    -------
+    LearningPhd
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter that is out of range.
+    """
     reduce = reduction_named(reduction, components, merging)
-    return LearningPhd(model, reduce, options(memory, deviation, most, iterations), prune_weight)
+    return LearningPhd(model, reduce, options(memory, deviation, max_gaussians, iterations), prune_weight)

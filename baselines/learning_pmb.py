@@ -1,5 +1,4 @@
-"""Track-oriented Poisson multi-Bernoulli trackers (Williams 2015, TOMB/P), one of which learns the clutter it
-is in."""
+"""Track-oriented Poisson multi-Bernoulli trackers (Williams 2015, TOMB/P), in known or estimated clutter."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,24 +19,65 @@ from gmr_gym.filters.tracker import MultiTargetReport, check_scan
 from gmr_gym.models.multi_target import MultiTargetModel
 
 
-class Learning(NamedTuple):
-    """What is believed of the targets, and of the clutter."""
+class LearningPmbBelief(NamedTuple):
+    """Belief of targets and state of the clutter estimator.
+
+    Attributes
+    ----------
+    targets : MultiBernoulli
+    estimate : ClutterEstimate
+    """
 
     targets: MultiBernoulli
-    lessons: ClutterEstimate
+    estimate: ClutterEstimate
 
 
-class Limits(NamedTuple):
-    """What is kept and what is named; `limits` checks one."""
+class PmbLimits(NamedTuple):
+    """Which tracks are kept and which are declared; `pmb_limits` makes a checked one.
 
-    prune_existence: float  # a track less probable goes
-    prune_weight: float  # expected number, of a component of the undetected
-    tracks: int  # at most, and as many components of the undetected
-    report_threshold: float  # a track more probable is named
+    Attributes
+    ----------
+    prune_existence : float
+        Tracks of less existence are dropped; less than `report_threshold`.
+    prune_weight : float
+        Undetected components of less weight, an expected number of targets, are dropped.
+    tracks : int
+        Most tracks, and most undetected components.
+    report_threshold : float
+        Tracks of more existence are declared.
+    """
+
+    prune_existence: float
+    prune_weight: float
+    tracks: int
+    report_threshold: float
 
 
-def limits(prune_existence: float, prune_weight: float, tracks: int, report_threshold: float) -> Limits:
-    """Checked Limits; ValueError naming the one that is none."""
+def pmb_limits(
+    prune_existence: float, prune_weight: float, tracks: int, report_threshold: float
+) -> PmbLimits:
+    """Make checked limits.
+
+    Parameters
+    ----------
+    prune_existence : float
+        Tracks of less existence are dropped; less than `report_threshold`.
+    prune_weight : float
+        Undetected components of less weight, an expected number of targets, are dropped.
+    tracks : int
+        Most tracks, and most undetected components.
+    report_threshold : float
+        Tracks of more existence are declared.
+
+    Returns
+    -------
+    PmbLimits
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter that is out of range.
+    """
     check_limits(prune_weight, 1)
     if not tracks >= 1 or tracks != int(tracks):
         raise ValueError(f"tracks must be a whole number, at least 1, got {tracks}")
@@ -47,45 +87,67 @@ def limits(prune_existence: float, prune_weight: float, tracks: int, report_thre
             f"prune_existence must be a probability less than report_threshold {report_threshold}, got "
             f"{prune_existence}"
         )
-    return Limits(float(prune_existence), float(prune_weight), int(tracks), float(report_threshold))
+    return PmbLimits(float(prune_existence), float(prune_weight), int(tracks), float(report_threshold))
 
 
 @dataclass(frozen=True)
 class Pmb:
-    """Bernoulli tracks over a Poisson intensity of undetected targets, in the clutter it was told of."""
+    """Poisson multi-Bernoulli tracker in known clutter.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+        The filter model.
+    limits : PmbLimits
+    """
 
     model: MultiTargetModel
-    limits: Limits
+    limits: PmbLimits
 
     def init(self) -> MultiBernoulli:
+        """Belief one period before the first scan."""
         return multi_bernoulli.no_targets(self.model)
 
     def step(self, belief: MultiBernoulli, z: np.ndarray) -> tuple[MultiBernoulli, MultiTargetReport]:
-        told = self.model
-        z = check_scan(z, len(told.sensor.H))
-        targets, _ = _scanned(belief, told, z, told.clutter.density(z), self.limits)
-        return targets, multi_bernoulli.report(targets, told.clutter, self.limits.report_threshold)
+        """Belief after the scan `z` (k, p) one period later, and its report."""
+        model = self.model
+        z = check_scan(z, len(model.sensor.H))
+        targets, _ = _scanned(belief, model, z, model.clutter.density(z), self.limits)
+        return targets, multi_bernoulli.report(targets, model.clutter, self.limits.report_threshold)
 
 
 @dataclass(frozen=True)
 class LearningPmb:
-    """As Pmb, but the intensity of clutter is fitted to the scans so far, every detection counted by the
-    probability that it is of no track, old or new. The scan is judged by what was learned before it."""
+    """Poisson multi-Bernoulli tracker whose clutter intensity is estimated from past scans.
+
+    Every detection is weighted by the probability that it belongs to no track, old or new. A scan is
+    processed with the clutter estimated before it.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+        The filter model.
+    options : EstimatorOptions
+        Options of the clutter estimator.
+    limits : PmbLimits
+    """
 
     model: MultiTargetModel
-    how: EstimatorOptions
-    limits: Limits
+    options: EstimatorOptions
+    limits: PmbLimits
 
-    def init(self) -> Learning:
-        return Learning(multi_bernoulli.no_targets(self.model), initial_estimate(self.model.clutter))
+    def init(self) -> LearningPmbBelief:
+        """Belief one period before the first scan."""
+        return LearningPmbBelief(multi_bernoulli.no_targets(self.model), initial_estimate(self.model.clutter))
 
-    def step(self, belief: Learning, z: np.ndarray) -> tuple[Learning, MultiTargetReport]:
-        told, lessons = self.model, belief.lessons
-        z = check_scan(z, len(told.sensor.H))
-        targets, false = _scanned(belief.targets, told, z, lessons.clutter.density(z), self.limits)
-        lessons = update_estimate(told.clutter, lessons, z, false, self.how)
-        account = multi_bernoulli.report(targets, lessons.clutter, self.limits.report_threshold)
-        return Learning(targets, lessons), account
+    def step(self, belief: LearningPmbBelief, z: np.ndarray) -> tuple[LearningPmbBelief, MultiTargetReport]:
+        """Belief after the scan `z` (k, p) one period later, and its report."""
+        model, estimate = self.model, belief.estimate
+        z = check_scan(z, len(model.sensor.H))
+        targets, p_clutter = _scanned(belief.targets, model, z, estimate.clutter.density(z), self.limits)
+        estimate = update_estimate(model.clutter, estimate, z, p_clutter, self.options)
+        report = multi_bernoulli.report(targets, estimate.clutter, self.limits.report_threshold)
+        return LearningPmbBelief(targets, estimate), report
 
 
 def pmb(
@@ -95,9 +157,35 @@ def pmb(
     tracks: int = 200,
     report_threshold: float = 0.5,
 ) -> Pmb:
-    """Poisson multi-Bernoulli tracker of up to `tracks` tracks, which names those that exist with more than
-    `report_threshold`."""
-    return Pmb(model, limits(prune_existence, prune_weight, tracks, report_threshold))
+    """Poisson multi-Bernoulli tracker of up to `tracks` tracks.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+        The filter model.
+    prune_existence : float
+        Tracks of less existence are dropped; less than `report_threshold`.
+    prune_weight : float
+        Undetected components of less weight, an expected number of targets, are dropped.
+    tracks : int
+        Most tracks, and most undetected components.
+    report_threshold : float
+        Tracks of more existence are declared.
+
+    Returns
+    -------
+    Pmb
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter that is out of range.
+
+    References
+    ----------
+    Williams 2015, TOMB/P.
+    """
+    return Pmb(model, pmb_limits(prune_existence, prune_weight, tracks, report_threshold))
 
 
 def learning_pmb(
@@ -108,22 +196,54 @@ def learning_pmb(
     report_threshold: float = 0.5,
     memory: int = 20,
     deviation: float = 15.0,
-    most: int = 12,
+    max_gaussians: int = 12,
     iterations: int = 2,
 ) -> LearningPmb:
-    """As `pmb`, of up to `tracks`, with clutter learned as a uniform and up to `most` Gaussians no narrower
-    than `deviation` (m), which forgets within `memory` scans."""
+    """Poisson multi-Bernoulli tracker with estimated clutter: uniform and up to `max_gaussians` Gaussians.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+        The filter model.
+    prune_existence : float
+        Tracks of less existence are dropped; less than `report_threshold`.
+    prune_weight : float
+        Undetected components of less weight, an expected number of targets, are dropped.
+    tracks : int
+        Most tracks, and most undetected components.
+    report_threshold : float
+        Tracks of more existence are declared.
+    memory : int
+        Scans after which a detection counts 1 / e in the clutter estimate.
+    deviation : float
+        Least standard deviation of a Gaussian of clutter, m.
+    max_gaussians : int
+        Most Gaussians of clutter.
+    iterations : int
+        Steps of expectation maximisation per scan.
+
+    Returns
+    -------
+    LearningPmb
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter that is out of range.
+    """
     return LearningPmb(
         model,
-        options(memory, deviation, most, iterations),
-        limits(prune_existence, prune_weight, tracks, report_threshold),
+        options(memory, deviation, max_gaussians, iterations),
+        pmb_limits(prune_existence, prune_weight, tracks, report_threshold),
     )
 
 
-def _scanned(belief, told, z, kappa, limits):
-    """The targets after a scan, and the probability (k,) that each detection is false."""
-    targets, false = multi_bernoulli.update(
-        multi_bernoulli.predict(belief, told), told.sensor, z,
-        told.detection_probability, kappa, limits.prune_existence,
+def _scanned(belief, model, z, kappa, limits):
+    """Targets after a scan, and the probability (k,) that each detection is a false alarm."""
+    targets, p_clutter = multi_bernoulli.update(
+        multi_bernoulli.predict(belief, model), model.sensor, z,
+        model.detection_probability, kappa, limits.prune_existence,
     )  # fmt: skip
-    return multi_bernoulli.prune(targets, limits.prune_existence, limits.prune_weight, limits.tracks), false
+    return multi_bernoulli.prune(
+        targets, limits.prune_existence, limits.prune_weight, limits.tracks
+    ), p_clutter

@@ -1,5 +1,7 @@
-"""The Gaussian-mixture MHT of one target: expand, prune, reduce, prune again
-(D'Ortenzio, sections 2.1, 3 and 4)."""
+"""The Gaussian-mixture MHT of one target: expand, prune, reduce, prune again.
+
+D'Ortenzio, sections 2.1, 3 and 4.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,14 +22,34 @@ from gmr_gym.reduction.runnalls import Greedy, greedy
 
 @dataclass(frozen=True)
 class Mht:
-    """Every hypothesis with every gated detection, then SP, `reduce`, NWP, renormalised after
-    each (D'Ortenzio, section 4)."""
+    """Gaussian-mixture MHT: every hypothesis with every gated detection, then SP, `reduce` and NWP.
+
+    Weights are normalised after each step.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    reduce : callable
+        A reduction of a Mixture.
+    prune_weight : float
+        gamma: hypotheses of less weight are pruned before the reduction.
+    prune_density : float
+        gamma~: hypotheses whose weight over the square root of the determinant is less are pruned after it;
+        in s^2/m^4 for a planar position and velocity.
+    max_hypotheses : int
+        Most hypotheses that enter `reduce`; the heaviest are kept.
+
+    References
+    ----------
+    D'Ortenzio, section 4.
+    """
 
     model: Model
     reduce: Callable[[Mixture], Reduced]
-    prune_weight: float = 5e-4  # gamma
-    prune_density: float = 1e-10  # gamma~, s^2/m^4 for a planar position and velocity
-    max_hypotheses: int = MAX_HYPOTHESES  # hypotheses that enter `reduce`, the heaviest
+    prune_weight: float = 5e-4
+    prune_density: float = 1e-10
+    max_hypotheses: int = MAX_HYPOTHESES
 
     def __post_init__(self):
         check_one_motion(self.model)
@@ -35,23 +57,27 @@ class Mht:
         if not 0 <= self.prune_density < np.inf:
             raise ValueError(f"prune_density must be non-negative and finite, got {self.prune_density}")
         if not isinstance(self.reduce, Greedy):
-            # a wrong parameter is an error here, not in a scan
+            # wrong parameters fail here rather than at a scan
             check_reduced(self.reduce(collapsed(self.model.prior)), 1)
 
     @property
     def limits(self) -> tuple | None:
-        """What a compiled loop over many runs has to know besides the model, see
-        `gmr_gym.evaluation.batch`: gamma, the most that enter a reduction, the two numbers of Greedy, gamma~;
-        None where it cannot reduce so."""
+        """Limits for the compiled loop of `gmr_gym.evaluation.batch`; None if it cannot run this tracker.
+
+        They are gamma, the most hypotheses that enter a reduction, `components` and `loss_bound` of Greedy,
+        and gamma~.
+        """
         if type(self) is not Mht or not isinstance(self.reduce, Greedy):
             return None
         merging = self.reduce.components, self.reduce.loss_bound
         return float(self.prune_weight), int(self.max_hypotheses), *merging, float(self.prune_density)
 
     def init(self) -> Mixture:
+        """Belief one period before the first scan."""
         return self.model.prior
 
     def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
+        """Belief after the scan `z` (k, p) one period later, and its report."""
         full = predict_and_update(belief, self.model, check_scan(z, len(self.model.sensor.H)))
         posterior = prune_and_reduce(
             full.posterior.mixture, self.reduce, self.prune_weight, self.prune_density, self.max_hypotheses
@@ -61,18 +87,75 @@ class Mht:
 
 
 def capping(model: Model, components: int = 30, prune_weight: float = 0.0, prune_density: float = 0.0) -> Mht:
-    """MHT that keeps the heaviest `components` hypotheses and does not prune otherwise
-    (D'Ortenzio, Capping: the paper's capping takes no part in its change of gamma)."""
+    """MHT that keeps the heaviest `components` hypotheses and does not prune otherwise.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Most hypotheses after the reduction.
+    prune_weight : float
+        gamma: hypotheses of less weight are pruned before the reduction.
+    prune_density : float
+        gamma~: hypotheses whose weight over the square root of the determinant is less are pruned after it;
+        in s^2/m^4 for a planar position and velocity.
+
+    Returns
+    -------
+    Mht
+
+    Notes
+    -----
+    Pruning is off by default: the paper's changes of gamma do not apply to its capping.
+
+    References
+    ----------
+    D'Ortenzio, Capping.
+    """
     max_hypotheses = min(check_count(components), MAX_HYPOTHESES)
     return Mht(
         model, Greedy(UNLIMITED), prune_weight, prune_density, max_hypotheses
-    )  # there is nothing to merge
+    )  # Greedy without a limit merges nothing
 
 
 def runnalls(
     model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10
 ) -> Mht:
-    """MHT reduced to `components` by Runnalls' greedy merging (D'Ortenzio, Runnalls)."""
+    """MHT reduced to `components` by Runnalls' greedy merging.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Most hypotheses after the reduction.
+    prune_weight : float
+        gamma: hypotheses of less weight are pruned before the reduction.
+    prune_density : float
+        gamma~: hypotheses whose weight over the square root of the determinant is less are pruned after it;
+        in s^2/m^4 for a planar position and velocity.
+
+    Returns
+    -------
+    Mht
+
+    References
+    ----------
+    D'Ortenzio, Runnalls.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gmr_gym.mixture import gaussian
+    >>> from gmr_gym.models import constant_velocity, model, position_sensor
+    >>> prior = gaussian(np.zeros(4), np.diag([100.0, 100.0, 25.0, 25.0]))
+    >>> assumed = model(constant_velocity(1.0, 0.5), position_sensor(10.0), 0.9, 0.99, 1e-5, prior)
+    >>> tracker = runnalls(assumed, components=5)
+    >>> belief, report = tracker.step(tracker.init(), np.array([[10.0, 0.0]]))
+    >>> report.x.round(1).tolist()
+    [[5.5, 0.0, 1.1, 0.0]]
+    """
     return Mht(model, Greedy(check_count(components)), prune_weight, prune_density)
 
 
@@ -83,13 +166,52 @@ def adaptive(
     prune_weight: float = 5e-4,
     prune_density: float = 1e-10,
 ) -> Mht:
-    """MHT merged while the relative loss stays within `loss_bound` (alpha) and on to `components`
-    at most, None for no such limit (D'Ortenzio, Adaptive)."""
+    """MHT merged while the relative loss stays within `loss_bound`, and further down to `components`.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int or None
+        Most hypotheses after the reduction; None for no limit.
+    loss_bound : float
+        alpha, in [0, 1].
+    prune_weight : float
+        gamma: hypotheses of less weight are pruned before the reduction.
+    prune_density : float
+        gamma~: hypotheses whose weight over the square root of the determinant is less are pruned after it;
+        in s^2/m^4 for a planar position and velocity.
+
+    Returns
+    -------
+    Mht
+
+    References
+    ----------
+    D'Ortenzio, Adaptive.
+    """
     return Mht(model, greedy(components, loss_bound), prune_weight, prune_density)
 
 
 def ise(model: Model, components: int = 15, prune_weight: float = 5e-4, prune_density: float = 1e-10) -> Mht:
-    """MHT reduced to `components` by Williams' integral squared error, merging and deleting."""
+    """MHT reduced to `components` by Williams' integral squared error, merging and deleting.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Most hypotheses after the reduction.
+    prune_weight : float
+        gamma: hypotheses of less weight are pruned before the reduction.
+    prune_density : float
+        gamma~: hypotheses whose weight over the square root of the determinant is less are pruned after it;
+        in s^2/m^4 for a planar position and velocity.
+
+    Returns
+    -------
+    Mht
+    """
     merging = partial(williams.integral_squared_error, components=components)
     return Mht(model, merging, prune_weight, prune_density)
 
@@ -97,10 +219,44 @@ def ise(model: Model, components: int = 15, prune_weight: float = 5e-4, prune_de
 def salmond(
     model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10
 ) -> Mht:
-    """MHT reduced to `components` by Salmond's joining."""
+    """MHT reduced to `components` by Salmond's joining.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Most hypotheses after the reduction.
+    prune_weight : float
+        gamma: hypotheses of less weight are pruned before the reduction.
+    prune_density : float
+        gamma~: hypotheses whose weight over the square root of the determinant is less are pruned after it;
+        in s^2/m^4 for a planar position and velocity.
+
+    Returns
+    -------
+    Mht
+    """
     return Mht(model, partial(salmond_west.salmond, components=components), prune_weight, prune_density)
 
 
 def west(model: Model, components: int = 30, prune_weight: float = 5e-4, prune_density: float = 1e-10) -> Mht:
-    """MHT reduced to `components` by West's merging of the lightest into its nearest."""
+    """MHT reduced to `components` by West's merging of the lightest into its nearest.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Most hypotheses after the reduction.
+    prune_weight : float
+        gamma: hypotheses of less weight are pruned before the reduction.
+    prune_density : float
+        gamma~: hypotheses whose weight over the square root of the determinant is less are pruned after it;
+        in s^2/m^4 for a planar position and velocity.
+
+    Returns
+    -------
+    Mht
+    """
     return Mht(model, partial(salmond_west.west, components=components), prune_weight, prune_density)

@@ -1,5 +1,7 @@
-"""A bank of filters in every hypothesis, one for each motion: IMM+MHT and MMAE+MHT, and MMAE with one
-hypothesis (Zhang and Liu, section 6.3; Maybeck et al., section IV, architectures 3 and 4)."""
+"""MHTs with a bank of filters, one per motion model, in every hypothesis: IMM+MHT, MMAE+MHT, MMAE.
+
+Zhang and Liu, section 6.3; Maybeck et al., section IV, architectures 3 and 4.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -31,43 +33,66 @@ from gmr_gym.reduction.registry import reducer
 
 @dataclass(frozen=True)
 class MhtOfBanks:
-    """Every hypothesis, a bank of filters, with every detection gated by any of them; hypotheses are pruned
-    and reduced by what their filters fuse to, and merged model by model. What the filters of a bank have to
-    do with each other is `before`, ahead of the prediction, and `after`, past the update.
+    """MHT whose hypotheses are banks of filters, with the detections in the gate of any filter.
 
-    Departs: Maybeck gates each bank apart. One list of detections weighs all of them by the same scan.
+    Hypotheses are pruned and reduced by the output of their banks and merged mode by mode.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    reduce : callable
+        Reduction of the outputs of the banks.
+    before : callable
+        Interaction of the filters before the prediction, of the bank and the transition matrix.
+    after : callable
+        Interaction after the update, of the bank and the log densities (r, n) of its residuals.
+    prune_weight : float
+        Hypotheses of less weight are pruned before the reduction.
+    max_hypotheses : int
+        Most hypotheses that enter the reduction, whose work may grow as their square; the heaviest are kept.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+
+    Attributes
+    ----------
+    give_up_limit : float
+        Expected false alarms within one sigma at which the track is given up.
+
+    Notes
+    -----
+    Departs: Maybeck gates each bank on its own. Here all share one list of detections, so that their weights
+    account for the same scan.
     """
 
     model: Model
     reduce: Callable[[Mixture], Reduced]
-    before: Callable[[FilterBank, np.ndarray], FilterBank]  # of the bank and the switching matrix
-    after: Callable[
-        [FilterBank, np.ndarray], FilterBank
-    ]  # of the bank and its residuals' log densities (r, n)
+    before: Callable[[FilterBank, np.ndarray], FilterBank]
+    after: Callable[[FilterBank, np.ndarray], FilterBank]
     prune_weight: float = 1e-5
-    max_hypotheses: int = (
-        500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
-    )
-    # times the false detections expected within a deviation at first, and one, at which it gives up
+    max_hypotheses: int = 500
     give_up_ratio: float = 20.0
     give_up_limit: float = field(init=False, repr=False)
 
     def __post_init__(self):
         check_limits(self.prune_weight, self.max_hypotheses, self.give_up_ratio)
-        object.__setattr__(self, "_given_up", give_up_limit(self.model, self.give_up_ratio))
-        # a wrong parameter is an error here, not in a scan
+        object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.give_up_ratio))
+        # wrong parameters fail here rather than at a scan
         check_reduced(self.reduce(collapsed(self.model.prior)), 1)
         bank = self.init()
         self.after(bank, np.zeros(bank.w.shape))
 
     def init(self) -> FilterBank:
+        """Belief one period before the first scan."""
         return initial_bank(self.model.mode_prior, self.model.prior)
 
     def step(self, belief: FilterBank, z: np.ndarray) -> tuple[FilterBank, Report]:
+        """Belief after the scan `z` (k, p) one period later, and its report."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         predicted = predict_bank(self.before(belief, model.switching), model.motions)
-        expansion, looked, alive = expand_jointly(predicted, model, z, self.give_up_limit)
+        expansion, gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
         posterior = as_bank(expansion.mixture, len(model.motions))
         posterior = self.after(posterior, expansion.log_density.reshape(posterior.w.shape))
         hypotheses, kept = entering(imm_output(posterior), self.prune_weight, self.max_hypotheses)
@@ -76,8 +101,8 @@ class MhtOfBanks:
         belief = belief._replace(w=belief.w / belief.w.sum())
         mixture = normalised(reduced)
         mean, covariance = mean_and_covariance(mixture)
-        chances = belief.w.sum(axis=1)
-        return belief, Report(mean[None], covariance[None], looked, mixture, alive, chances)
+        mode_probabilities = belief.w.sum(axis=1)
+        return belief, Report(mean[None], covariance[None], gates_used, mixture, alive, mode_probabilities)
 
 
 def imm_mht(
@@ -89,8 +114,34 @@ def imm_mht(
     give_up_ratio: float = 20.0,
     mixing: str = MIXINGS[0],
 ) -> MhtOfBanks:
-    """MHT with an IMM in each hypothesis, reduced to `components` by any `reduction` of what the IMMs
-    fuse to (Zhang, IMM+MHT)."""
+    """MHT with an IMM in each hypothesis, reduced to `components` by a reduction of the IMMs' outputs.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Most hypotheses after the reduction.
+    reduction : str
+        Name of a reduction, see `gmr_gym.reduction.registry`.
+    prune_weight : float
+        Hypotheses of less weight are pruned before the reduction.
+    max_hypotheses : int
+        Most hypotheses that enter the reduction, whose work may grow as their square; the heaviest are kept.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+    mixing : {"augmented", "unbiased"}
+        Mixing of motions of different state, see `gmr_gym.filters.mixing.borrowed_states`.
+
+    Returns
+    -------
+    MhtOfBanks
+
+    References
+    ----------
+    Zhang, IMM+MHT.
+    """
     mix = partial(imm_mix, borrowed=borrowed_states(model.motions, mixing))
     return MhtOfBanks(
         model,
@@ -106,10 +157,29 @@ def imm_mht(
 def mmae_pda(
     model: Model, floor: float = 1e-3, restart: float = 1e-5, give_up_ratio: float = 20.0
 ) -> MhtOfBanks:
-    """Multiple model adaptive estimation: filters that never mix, their probabilities kept above `floor`,
-    one whose residual is less dense than `restart` begun anew from the others; in clutter with a PDA in
-    place of each Kalman filter (Maybeck, section III). The density is per unit of the sensor's space: at
-    the paper's sensor 1e-5 per m^2 is a squared residual of 8 to 9."""
+    """Multiple model adaptive estimation: filters that never mix, with a PDA in place of each Kalman filter.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    floor : float
+        Least probability of a motion model, in [0, 1 / r).
+    restart : float
+        Density of its residual, per unit of the sensor's space, below which a filter is reset to the others;
+        0 for never. At the paper's sensor 1e-5 per m^2 is a squared residual of 8 to 9.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+
+    Returns
+    -------
+    MhtOfBanks
+
+    References
+    ----------
+    Maybeck, section III.
+    """
     after = partial(restart_and_floor, floor=floor, restart=restart)
     return MhtOfBanks(
         model,
@@ -132,8 +202,37 @@ def mmae_mht(
     max_hypotheses: int = 500,
     give_up_ratio: float = 20.0,
 ) -> MhtOfBanks:
-    """MHT with an MMAE in each hypothesis, reduced to `components` by any `reduction` of what the MMAEs
-    fuse to (Maybeck; with reduction="ise" the ISE of MMAEs)."""
+    """MHT with an MMAE in each hypothesis, reduced to `components` by a reduction of the MMAEs' outputs.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Most hypotheses after the reduction.
+    reduction : str
+        Name of a reduction, see `gmr_gym.reduction.registry`. "ise" gives the ISE of MMAEs.
+    prune_weight : float
+        Hypotheses of less weight are pruned before the reduction.
+    floor : float
+        Least probability of a motion model, in [0, 1 / r).
+    restart : float
+        Density of its residual, per unit of the sensor's space, below which a filter is reset to the others;
+        0 for never.
+    max_hypotheses : int
+        Most hypotheses that enter the reduction, whose work may grow as their square; the heaviest are kept.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+
+    Returns
+    -------
+    MhtOfBanks
+
+    References
+    ----------
+    Maybeck, section IV.
+    """
     after = partial(restart_and_floor, floor=floor, restart=restart)
     return MhtOfBanks(
         model,

@@ -1,5 +1,7 @@
-"""MMG: models and associations expanded together and reduced together (Zhang and Liu, Table 1); and the
-multiple model filters that differ from it in what they merge."""
+"""MMG: models and associations expanded and reduced jointly; GPB1, GPB2 and B-Best, which merge otherwise.
+
+Zhang and Liu, Table 1.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -21,47 +23,77 @@ from gmr_gym.reduction.registry import reducer
 
 @dataclass(frozen=True)
 class Mmg:
-    """Every component under every model with every detection gated by any of them, then pruned by
-    weight and given to `reduce`, the mode probabilities riding along (Zhang, Table 1, eqs. 4-8).
+    """Every component under every motion model with every detection in any gate, pruned and reduced.
 
-    Departs: the paper neither prunes before the reduction nor bounds what enters it, and gives no gates.
+    The reduction merges the mode probabilities too, see
+    `gmr_gym.filters.mode_mixture.merge_mode_probabilities`.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    reduce : callable
+        Reduction, of the posterior and the mode of each component.
+    prune_weight : float
+        Hypotheses of less weight are pruned before the reduction.
+    max_hypotheses : int
+        Most hypotheses that enter the reduction, whose work may grow as their square; the heaviest are kept.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+
+    Attributes
+    ----------
+    give_up_limit : float
+        Expected false alarms within one sigma at which the track is given up.
+
+    Notes
+    -----
+    Departs: the paper neither prunes before the reduction nor limits what enters it, and has no gates.
+
+    References
+    ----------
+    Zhang, Table 1, eqs. 4-8.
     """
 
     model: Model
-    reduce: Callable[[Mixture, np.ndarray], Reduced]  # of the posterior and the mode of each component
+    reduce: Callable[[Mixture, np.ndarray], Reduced]
     prune_weight: float = 1e-5
-    max_hypotheses: int = (
-        500  # hypotheses that enter `reduce`, the heaviest, whose work may grow as their square
-    )
-    # times the false detections expected within a deviation at first, and one, at which it gives up
+    max_hypotheses: int = 500
     give_up_ratio: float = 20.0
     give_up_limit: float = field(init=False, repr=False)
 
     def __post_init__(self):
         check_limits(self.prune_weight, self.max_hypotheses, self.give_up_ratio)
-        object.__setattr__(self, "_given_up", give_up_limit(self.model, self.give_up_ratio))
+        object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.give_up_ratio))
         prior = self.model.prior
-        # a wrong parameter is an error here, not in a scan
+        # wrong parameters fail here rather than at a scan
         check_reduced(self.reduce(prior, np.zeros(len(prior.w), int)), len(prior.w))
 
     def init(self) -> MixtureWithModes:
-        """Departs: Table 1 starts all modes alike; they are model.mode_prior, alike unless told."""
+        """Belief one period before the first scan.
+
+        Departs: Table 1 starts with equal mode probabilities; here they are those of the model, equal by
+        default."""
         prior = self.model.prior
         return MixtureWithModes(prior, np.tile(self.model.mode_prior, (len(prior.w), 1)))
 
     def step(self, belief: MixtureWithModes, z: np.ndarray) -> tuple[MixtureWithModes, Report]:
+        """Belief after the scan `z` (k, p) one period later, and its report."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         predicted, mode = predict_every_mode(belief, model.motions, model.switching)
-        (posterior, parent, *_), looked, alive = expand_jointly(predicted, model, z, self.give_up_limit)
+        (posterior, parent, *_), gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
         posterior, kept = entering(posterior, self.prune_weight, self.max_hypotheses)
         mode = mode[parent][kept >= 0]
         reduced = self.reduce(posterior, mode)
         mixture, shares = merge_mode_probabilities(posterior, mode, reduced, len(model.motions))
         belief = MixtureWithModes(normalised(mixture), shares)
         mean, covariance = mean_and_covariance(belief.mixture)
-        chances = belief.mixture.w @ shares
-        return belief, Report(mean[None], covariance[None], looked, belief.mixture, alive, chances)
+        mode_probabilities = belief.mixture.w @ shares
+        return belief, Report(
+            mean[None], covariance[None], gates_used, belief.mixture, alive, mode_probabilities
+        )
 
 
 def mmg(
@@ -72,30 +104,101 @@ def mmg(
     max_hypotheses: int = 500,
     give_up_ratio: float = 20.0,
 ) -> Mmg:
-    """Multiple models and multiple hypotheses reduced jointly to `components` by any `reduction` (Zhang,
-    MMG; without clutter, MM by Gaussian mixture reduction)."""
+    """Multiple models and multiple hypotheses reduced jointly to `components`.
+
+    Without clutter it is the multiple-model filter by Gaussian mixture reduction.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Most hypotheses after the reduction.
+    reduction : str
+        Name of a reduction, see `gmr_gym.reduction.registry`.
+    prune_weight : float
+        Hypotheses of less weight are pruned before the reduction.
+    max_hypotheses : int
+        Most hypotheses that enter the reduction, whose work may grow as their square; the heaviest are kept.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+
+    Returns
+    -------
+    Mmg
+
+    References
+    ----------
+    Zhang, MMG.
+    """
     reduce = partial(_whatever_mode, reduce=reducer(reduction, components))
     return Mmg(model, reduce, prune_weight, max_hypotheses, give_up_ratio)
 
 
 def gpb1(model: Model, give_up_ratio: float = 20.0) -> Mmg:
-    """First-order generalised pseudo-Bayesian filter: one Gaussian; in clutter every filter is a PDA."""
+    """First-order generalised pseudo-Bayesian filter: one Gaussian; in clutter every filter is a PDA.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+
+    Returns
+    -------
+    Mmg
+    """
     return Mmg(
         model, mode_mixture.gpb1, prune_weight=0.0, max_hypotheses=UNLIMITED, give_up_ratio=give_up_ratio
     )
 
 
 def gpb2(model: Model, give_up_ratio: float = 20.0) -> Mmg:
-    """Second-order generalised pseudo-Bayesian filter: one Gaussian per model, each moved by every model;
-    in clutter every filter is a PDA."""
+    """Second-order generalised pseudo-Bayesian filter: one Gaussian per mode; in clutter all are PDAs.
+
+    Each Gaussian is predicted by every motion model.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+
+    Returns
+    -------
+    Mmg
+    """
     return Mmg(
         model, mode_mixture.gpb2, prune_weight=0.0, max_hypotheses=UNLIMITED, give_up_ratio=give_up_ratio
     )
 
 
 def b_best(model: Model, components: int = 15, give_up_ratio: float = 20.0) -> Mmg:
-    """Keeps the `components` likeliest sequences of models, in clutter of models and associations, and
-    drops the rest (Zhang, section 4, B-Best)."""
+    """Keeps the `components` most probable sequences of models (in clutter, of models and associations).
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Number of sequences kept.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+
+    Returns
+    -------
+    Mmg
+
+    References
+    ----------
+    Zhang, section 4, B-Best.
+    """
     best = partial(capping, components=components)
     return Mmg(model, partial(_whatever_mode, reduce=best), 0.0, give_up_ratio=give_up_ratio)
 

@@ -1,4 +1,4 @@
-"""Nearest neighbour: the gated detection closest to the prediction is taken for the target's."""
+"""Nearest neighbour: the gated detection closest to the prediction is taken as target-originated."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,13 @@ from gmr_gym.models.model import Model, check_one_motion
 
 @dataclass(frozen=True)
 class NearestNeighbour:
-    """Kalman filter fed the gated detection of least Mahalanobis distance; an empty gate coasts."""
+    """Kalman filter updated with the gated detection of least Mahalanobis distance; an empty gate coasts.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model, of one motion.
+    """
 
     model: Model
 
@@ -22,15 +28,17 @@ class NearestNeighbour:
         check_one_motion(self.model)
 
     def init(self) -> Mixture:
+        """Belief one period before the first scan."""
         return collapsed(self.model.prior)
 
     def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
+        """Belief after the scan `z` (k, p) one period later, and its report."""
         z = check_scan(z, len(self.model.sensor.H))
         belief = predict(belief, self.model.motion)
-        looked = gates(belief, self.model.sensor, self.model.gate_probability)
-        distance = gated_distances(belief, looked, self.model.sensor, z)[0]
+        gates_used = gates(belief, self.model.sensor, self.model.gate_probability)
+        distance = gated_distances(belief, gates_used, self.model.sensor, z)[0]
         if len(z) and np.isfinite(distance.min()):
             nearest = z[[distance.argmin()]]
-            # sure of it
-            belief = expand(belief, looked, self.model.sensor, nearest, 1.0, 1.0, 1.0).mixture
-        return belief, Report(belief.m, belief.P, looked, belief)
+            # certain association
+            belief = expand(belief, gates_used, self.model.sensor, nearest, 1.0, 1.0, 1.0).mixture
+        return belief, Report(belief.m, belief.P, gates_used, belief)

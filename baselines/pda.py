@@ -1,4 +1,4 @@
-"""Probabilistic data association: the whole posterior of a scan merged into one Gaussian."""
+"""Probabilistic data association: the full posterior of a scan merged into one Gaussian."""
 
 from dataclasses import dataclass
 
@@ -12,8 +12,19 @@ from gmr_gym.models.model import Model, check_one_motion
 
 @dataclass(frozen=True)
 class Pda:
-    """Probabilistic data association filter: every gated detection, weighted by its probability,
-    moves one Gaussian (Bar-Shalom and Tse 1975; an MHT merged down to one hypothesis)."""
+    """Probabilistic data association: all gated detections, weighted by probability, update one Gaussian.
+
+    It is an MHT merged down to one hypothesis; the formulas stand at `gmr_gym.filters.mht.pda_update`.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model, of one motion.
+
+    References
+    ----------
+    Bar-Shalom and Tse 1975.
+    """
 
     model: Model
 
@@ -21,8 +32,10 @@ class Pda:
         check_one_motion(self.model)
 
     def init(self) -> Mixture:
+        """Belief one period before the first scan."""
         return collapsed(self.model.prior)
 
     def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
+        """Belief after the scan `z` (k, p) one period later, and its report."""
         merged, gates = pda_update(belief, self.model, check_scan(z, len(self.model.sensor.H)))
         return merged, Report(merged.m, merged.P, gates, merged)

@@ -385,12 +385,12 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         (("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "pdx"), "unknown tracker 'pdx'"),
         (
             ("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "runnalls-30"),
-            "tracker 'runnalls-30' is for one target, and here there are many",
+            "tracker 'runnalls-30' is for one target, the model for many",
         ),
         (("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "runnalls"), "'runnalls' is for one target"),
         (
             ("evaluate", TURNING, "--tracker", "gm-phd"),
-            "'gm-phd' is for many targets, and here there is one",
+            "'gm-phd' is for many targets, the model for one",
         ),
         (
             ("evaluate", "gmr_gym/UnknownClutter-v0", "--tracker", "fmm-em:repaired=no"),

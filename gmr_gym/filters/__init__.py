@@ -1,7 +1,6 @@
-"""Belief and scan to posterior: the recursions that trackers are made of.
+"""Filters: from belief and scan to posterior, the recursions of the trackers.
 
-Stands on `reduction` and `models`, and knows no simulated world. Open `tracker.py` first, then
-`association.py`.
+Stands on `reduction` and `models`, and knows no simulation. Open `tracker.py` first, then `association.py`.
 """
 
 from gmr_gym.filters.association import Expansion, expand

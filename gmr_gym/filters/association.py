@@ -1,4 +1,4 @@
-"""Which detection came from the target: gates, and the full single-target posterior."""
+"""Data association of one target: gated measurements, and the full posterior of a scan."""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -14,12 +14,23 @@ from gmr_gym.models.update import posterior_into
 
 
 class Expansion(NamedTuple):
-    """The full posterior of one scan, and how each hypothesis came about."""
+    """The full posterior of one scan, and the association that made each hypothesis.
 
-    mixture: Mixture  # N hypotheses, weights sum to 1
-    parent: np.ndarray  # (N,), index of the predicted component
-    detection: np.ndarray  # (N,), index of the detection it takes for the target's, -1 for a miss
-    # (N,), log N(z; H m, S) of that detection per unit of the sensor's own space, infinite for a miss
+    Attributes
+    ----------
+    mixture : Mixture
+        N hypotheses; weights sum to 1.
+    parent : ndarray, shape (N,)
+        Index of the predicted component.
+    detection : ndarray, shape (N,)
+        Index of the detection taken as target-originated, -1 for a missed detection.
+    log_density : ndarray, shape (N,)
+        log N(z; H m, S) of that detection per unit of the sensor's own space; infinite for a miss.
+    """
+
+    mixture: Mixture
+    parent: np.ndarray
+    detection: np.ndarray
     log_density: np.ndarray
 
 
@@ -32,17 +43,47 @@ def expand(
     gate_probability: float,
     clutter_density: float,
 ) -> Expansion:
-    """Every predicted component with every detection z (k, p) in its gate, and with none
-    (D'Ortenzio, eqs. 3-5). Weights are formed in logarithms:
+    r"""Update every predicted component with every detection in its gate, and with a missed detection.
 
-        missed    w (1 - P_D P_G)           detected    w P_D N(z; H m, S) / clutter_density
+    Parameters
+    ----------
+    predicted : Mixture
+        Predicted hypotheses.
+    gates : Gates
+        Their gates.
+    sensor : MeasurementModel
+    z : ndarray, shape (k, p)
+        Detections of the scan.
+    detection_probability, gate_probability : float
+        P_D and P_G.
+    clutter_density : float
+        False alarms per unit of the sensor's space.
 
-    P_G stands in the miss because a detection outside the gate is a miss too. A scan that the
-    model calls impossible (P_D P_G = 1 and every gate empty) leaves the prediction as it was.
+    Returns
+    -------
+    Expansion
+        All hypotheses, their weights normalised.
+
+    Notes
+    -----
+    Component :math:`i` with a missed detection and with detection :math:`z_j` in its gate has the weights
+
+    .. math::
+
+        w_{i0} \propto w_i (1 - P_D P_G), \qquad
+        w_{ij} \propto w_i P_D \frac{\mathcal{N}(z_j; H m_i, S_i)}{\lambda}
+
+    where :math:`\lambda` is the clutter density. They are formed in logarithms. P_G stands in the miss
+    because a detection outside the gate is a miss too. A scan that is impossible under the model
+    (P_D P_G = 1 and every gate empty) leaves the prediction unchanged.
+
+    References
+    ----------
+    D'Ortenzio, eqs. 3-5.
     """
-    look = sensor.predict_detections(predicted, gates.z, gates.S, z)
+    predicted_z = sensor.predict_detections(predicted, gates.z, gates.S, z)
     w, m, P, parent, detection, log_density = expand_into_hypotheses(
-        *predicted, *look, gates.threshold,
+        *predicted, *predicted_z, gates.threshold,
         *log_weights(detection_probability, gate_probability, clutter_density),
     )  # fmt: skip
     return Expansion(Mixture(w, m, P), parent, detection, log_density)
@@ -52,21 +93,37 @@ def expand(
 def log_weights(
     detection_probability: float, gate_probability: float, clutter_density: float
 ) -> tuple[float, float]:
-    """Logarithms of the weights of a miss, 1 - P_D P_G, and of a detection, P_D / clutter_density."""
+    """Logarithms of the association weights 1 - P_D P_G of a miss and P_D / clutter density of a detection.
+
+    Parameters
+    ----------
+    detection_probability, gate_probability : float
+        P_D and P_G.
+    clutter_density : float
+        False alarms per unit of the sensor's space.
+
+    Returns
+    -------
+    log_miss, log_detect : float
+        The weight of a detection is without its likelihood.
+    """
     miss = 1.0 - detection_probability * gate_probability
     log_miss = float(np.log(miss)) if miss > 0 else -np.inf
     return log_miss, float(np.log(detection_probability) - np.log(clutter_density))
 
 
 @kernel(inline="always")
-def expand_into_hypotheses(w, m, P, z_hat, S, C, z, R, log_jacobian, H, noise, size, log_miss, log_detect):
+def expand_into_hypotheses(
+    w, m, P, z_hat, S, C, z, R, log_jacobian, H, noise, threshold, log_miss, log_detect
+):
+    """Compiled form of `expand`: the arrays of an Expansion from those of a PredictedDetections."""
     n, d = m.shape
-    seen, p = len(z), z.shape[2]
-    first, near, d2 = gated_pairs(z_hat, S, z, R, size)
+    lists, p = len(z), z.shape[2]
+    first, near, d2 = gated_pairs(z_hat, S, z, R, threshold)
     hits = first[n]
     misses = n if log_miss > -np.inf or hits == 0 else 0
-    # logarithms of the weights at first
-    w_out, top, whole = np.empty(hits + misses), -np.inf, 0.0
+    # w_out holds logarithms until the last two loops
+    w_out, top, total = np.empty(hits + misses), -np.inf, 0.0
     m_out, P_out = np.empty((hits + misses, d)), np.empty((hits + misses, d, d))
     parent, detection = np.empty(hits + misses, np.int64), np.empty(hits + misses, np.int64)
     log_density = np.full(hits + misses, np.inf)
@@ -83,7 +140,7 @@ def expand_into_hypotheses(w, m, P, z_hat, S, C, z, R, log_jacobian, H, noise, s
                 for c in range(d):
                     P_out[at, r, c] = P[i, r, c]
             at += 1
-        own = i if seen > 1 else 0
+        own = i if lists > 1 else 0
         conditioned = False
         log_peak = 0.0
         for h in range(first[i], first[i + 1]):
@@ -93,13 +150,13 @@ def expand_into_hypotheses(w, m, P, z_hat, S, C, z, R, log_jacobian, H, noise, s
                     for c in range(p):
                         pair[r, c] = S[i, r, c] + (R[j, r, c] if len(R) else 0.0)
                 cholesky_into(L, pair)
-                alike = 0 if len(noise) == 1 else i
+                noise_row = 0 if len(noise) == 1 else i
                 for r in range(p):
                     for c in range(p):
-                        pair[r, c] = noise[alike, r, c] + (R[j, r, c] if len(R) else 0.0)
+                        pair[r, c] = noise[noise_row, r, c] + (R[j, r, c] if len(R) else 0.0)
                 posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H[0 if len(H) == 1 else i], pair)
                 log_peak = log_gaussian_scale(L)
-                conditioned = len(R) == 0  # else the next detection has a noise of its own
+                conditioned = len(R) == 0  # otherwise every detection has its own noise
             log_density[at] = log_peak - 0.5 * d2[h] + log_jacobian[j]
             w_out[at] = np.log(w[i]) + log_detect + log_density[at]
             top = max(top, w_out[at])
@@ -113,7 +170,7 @@ def expand_into_hypotheses(w, m, P, z_hat, S, C, z, R, log_jacobian, H, noise, s
             at += 1
     for h in range(len(w_out)):
         w_out[h] = np.exp(w_out[h] - top)
-        whole += w_out[h]
+        total += w_out[h]
     for h in range(len(w_out)):
-        w_out[h] /= whole
+        w_out[h] /= total
     return w_out, m_out, P_out, parent, detection, log_density

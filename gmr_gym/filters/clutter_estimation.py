@@ -1,9 +1,9 @@
-"""Clutter learned from scan to scan: a uniform and Gaussians, fitted to the detections of the past, each
-counted by its probability of being false and by its age.
+"""Clutter estimated recursively: a uniform density and Gaussians, fitted to the detections of past scans.
 
-The fit is expectation maximisation that takes from every Gaussian what its own description costs, so that
-those which explain too little vanish (Figueiredo and Jain 2002); where the uniform part has to explain too
-many detections, a Gaussian is added.
+Every detection is weighted by its probability of being a false alarm and by its age. The fit is expectation
+maximisation in which every Gaussian is charged the cost of its own parameters, so that a Gaussian with too
+few detections vanishes (Figueiredo and Jain 2002). A Gaussian is added where detections assigned to the
+uniform density cluster.
 """
 
 from numbers import Real
@@ -16,32 +16,79 @@ from gmr_gym.linalg import cholesky_into, log_gaussian_scale
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import Clutter, no_components
 
-NEIGHBOURHOOD = 12  # a new Gaussian is looked for in squares of so many to a side of the box
+NEIGHBOURHOOD = 12  # squares along a side of the box; a new Gaussian must stand out in one
 
 
 class EstimatorOptions(NamedTuple):
-    """How clutter is learned; `options` checks one."""
+    """Options of the clutter estimator; `options` makes a checked one.
 
-    memory: int  # scans, after which a detection counts 1 / e of what it did; after twice as many, nothing
-    deviation: float  # m, on each axis: no Gaussian is narrower
-    max_gaussians: int  # Gaussians
-    iterations: int  # of expectation maximisation, a scan
+    Attributes
+    ----------
+    memory : int
+        Scans after which a detection counts 1 / e; after twice as many it is forgotten.
+    deviation : float
+        Least standard deviation of a Gaussian on each axis, m.
+    max_gaussians : int
+        Most Gaussians.
+    iterations : int
+        Steps of expectation maximisation per scan.
+    """
+
+    memory: int
+    deviation: float
+    max_gaussians: int
+    iterations: int
 
 
 class ClutterEstimate(NamedTuple):
-    """What has been learned, and the detections that it was learned from."""
+    """State of the clutter estimator: the estimate, and the detections it is fitted to.
 
-    z: np.ndarray  # (n, p), detections of the scans remembered
-    p_clutter: np.ndarray  # (n,), probability that each was false
-    age: np.ndarray  # (n,), scans since
-    scans: int  # remembered
+    Attributes
+    ----------
+    z : ndarray, shape (n, p)
+        Detections of the scans in memory.
+    p_clutter : ndarray, shape (n,)
+        Probability that each was a false alarm.
+    age : ndarray, shape (n,)
+        Scans since then.
+    scans : int
+        Number of scans in memory.
+    clutter : Clutter
+        The estimated clutter.
+    """
+
+    z: np.ndarray
+    p_clutter: np.ndarray
+    age: np.ndarray
+    scans: int
     clutter: Clutter
 
 
 def options(
     memory: int = 20, deviation: float = 15.0, max_gaussians: int = 12, iterations: int = 2
 ) -> EstimatorOptions:
-    """Checked Learner; ValueError naming the parameter."""
+    """Make checked options of the clutter estimator.
+
+    Parameters
+    ----------
+    memory : int
+        Scans after which a detection counts 1 / e.
+    deviation : float
+        Least standard deviation of a Gaussian, m.
+    max_gaussians : int
+        Most Gaussians.
+    iterations : int
+        Steps of expectation maximisation per scan.
+
+    Returns
+    -------
+    EstimatorOptions
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter that is out of range.
+    """
     if not 0 < deviation < np.inf:
         raise ValueError(f"deviation must be positive, got {deviation}")
     for name, value in (("memory", memory), ("max_gaussians", max_gaussians), ("iterations", iterations)):
@@ -51,8 +98,18 @@ def options(
 
 
 def initial_estimate(clutter: Clutter) -> ClutterEstimate:
-    """Nothing has been seen; `clutter` is what was told. Its box stays; all that it expects counts as one
-    scan of uniform clutter, its Gaussians are where the fit begins, its ellipses are for the fit to find."""
+    """State of the estimator before the first scan.
+
+    Parameters
+    ----------
+    clutter : Clutter
+        Assumed clutter. Its box is kept. Its expected number counts as one scan of uniform clutter, its
+        Gaussians start the fit, its ellipses are left for the fit to find.
+
+    Returns
+    -------
+    ClutterEstimate
+    """
     p = len(clutter.low)
     return ClutterEstimate(np.empty((0, p)), np.empty(0), np.empty(0, int), 0, clutter)
 
@@ -64,9 +121,31 @@ def update_estimate(
     p_clutter: np.ndarray,
     options: EstimatorOptions,
 ) -> ClutterEstimate:
-    """The lessons after a scan z (k, p) whose detections are false with probabilities `false` (k,).
+    r"""Update the clutter estimate with a scan.
 
-    `told` is what was believed at first, see `initial_estimate`."""
+    Parameters
+    ----------
+    prior_clutter : Clutter
+        Clutter assumed at the start, see `initial_estimate`.
+    estimate : ClutterEstimate
+        State before the scan.
+    z : ndarray, shape (k, p)
+        Detections of the scan.
+    p_clutter : ndarray, shape (k,)
+        Probability that each is a false alarm.
+    options : EstimatorOptions
+
+    Returns
+    -------
+    ClutterEstimate
+        State after the scan.
+
+    Notes
+    -----
+    A detection of age :math:`t` scans counts :math:`p_j e^{-t / \tau}`, where :math:`\tau` is the memory. The
+    expected number per scan of every part is its weighted count over the sum of :math:`e^{-t / \tau}` and
+    one; the one is a scan of uniform prior clutter, so that the density is nowhere zero.
+    """
     kept = estimate.age + 1 < 2 * options.memory
     points = np.concatenate([estimate.z[kept], z])
     probability = np.concatenate([estimate.p_clutter[kept], p_clutter])
@@ -90,7 +169,7 @@ def update_estimate(
         a, m, P = fit_gaussians(
             points, weight, responsibilities(points, a, m, P, uniform_density), options.deviation
         )
-    # one scan's worth of what was told, uniform, so that no place is without clutter
+    # one scan of uniform prior clutter keeps the density positive everywhere
     w = a / (scans + 1.0)
     uniform = w[0] + prior_clutter.expected / (scans + 1.0)
     learned = prior_clutter._replace(
@@ -101,13 +180,15 @@ def update_estimate(
 
 @kernel
 def responsibilities(z, a, m, P, uniform_density):
-    """Which part each point z (n, p) is of: probabilities (n, 1 + k), the first that of the uniform part of
-    density `flat`, by numbers a (1 + k,) of points, means m (k, p) and covariances P (k, p, p)."""
+    """Probability (n, 1 + k) that each point z (n, p) belongs to each part, the uniform part first.
+
+    a (1 + k,) are the numbers of points of the parts, m (k, p) and P (k, p, p) the Gaussians.
+    """
     (n, p), k = z.shape, len(m)
     share, total = np.zeros((1 + k, n)), np.full(n, a[0] * uniform_density)
     share[0] = total
     L, y = np.zeros((p, p)), np.empty((p, n))
-    # Gaussian by Gaussian: all but the exponential is then done to several points at once
+    # Gaussian by Gaussian: everything but the exponential is then vectorised over points
     for i in range(k):
         if not cholesky_into(L, P[i]):
             raise ValueError("a covariance of the clutter is not positive definite")
@@ -131,12 +212,25 @@ def responsibilities(z, a, m, P, uniform_density):
     return share.T
 
 
-@kernel(fastmath={"reassoc"})  # sums in any order, several terms at once
+@kernel(fastmath={"reassoc"})  # lets sums be vectorised
 def fit_gaussians(z, weight, share, deviation):
-    """What explains best the points z (n, p), each counted `weight` (n,) times, of which the parts have those
-    shares (n, 1 + k): numbers (1 + k,) of points, means (k, p) and covariances (k, p, p), each with
-    deviation^2 more along every axis. A Gaussian is charged half its parameters (Figueiredo and Jain, eq. 17)
-    and goes when nothing is left of it; what it loses the uniform part has."""
+    r"""One step of expectation maximisation: numbers (1 + k,), means (k, p) and covariances (k, p, p).
+
+    z (n, p) are the points, weight (n,) their weights, share (n, 1 + k) the responsibilities.
+
+    Notes
+    -----
+    With :math:`r_j` the weight of point j times its responsibility, a Gaussian has
+
+    .. math::
+
+        a = \max\Big(0, \sum_j r_j - \tfrac12 \big(p + \tfrac{p (p + 1)}{2}\big)\Big), \quad
+        m = \frac{\sum_j r_j z_j}{\sum_j r_j}, \quad
+        P = \frac{\sum_j r_j (z_j - m) (z_j - m)^T}{\sum_j r_j} + \sigma^2 I
+
+    where :math:`\sigma` is `deviation`. Half the number of its parameters is subtracted (Figueiredo and Jain,
+    eq. 17); a Gaussian of :math:`a = 0` is deleted. What is subtracted goes to the uniform part.
+    """
     (n, p), k = z.shape, share.shape[1] - 1
     cost = (p + p * (p + 1) / 2) / 2
     number, m, P = np.zeros(1 + k), np.zeros((k, p)), np.zeros((k, p, p))
@@ -168,8 +262,27 @@ def fit_gaussians(z, weight, share, deviation):
 def new_gaussian(
     candidates: np.ndarray, z: np.ndarray, left: np.ndarray, uniform_density: float, deviation: float
 ) -> Mixture:
-    """A new Gaussian, or none: where of all the candidates (c, p) most of the points z (n, p) lie about, if
-    these are more than there would be by chance. left (n,) is what of each point no Gaussian explains."""
+    """Start a new Gaussian about the candidate with the most detections around it, or none.
+
+    Parameters
+    ----------
+    candidates : ndarray, shape (c, p)
+        Possible means.
+    z : ndarray, shape (n, p)
+        Detections in memory.
+    left : ndarray, shape (n,)
+        Weight of each that no Gaussian accounts for.
+    uniform_density : float
+        Density of the uniform part.
+    deviation : float
+        Least standard deviation, m.
+
+    Returns
+    -------
+    Mixture
+        One Gaussian whose weight is the excess over uniform clutter; no component where the excess is within
+        three standard deviations of the expected number plus the cost of a Gaussian's parameters.
+    """
     p = z.shape[1]
     width = (1 / uniform_density) ** (1 / p) / NEIGHBOURHOOD
     about = _about(candidates, z, left, np.argsort(z[:, 0]), width / 2)
@@ -177,15 +290,17 @@ def new_gaussian(
     excess = about.max(initial=0.0) - expected
     if excess < 3 * np.sqrt(expected) + (p + p * (p + 1) / 2) / 2:
         return no_components(p)
-    # where two places tie, the order of detections is not to decide
+    # ties are broken by position, not by the order of detections
     place = candidates[np.lexsort((*candidates.T, -about.round(9)))[0]]
     return Mixture(np.array([excess]), place[None], (width**2 / 12 + deviation**2) * np.eye(p)[None])
 
 
 @kernel
 def _about(candidates, z, left, order, half):
-    """What is left (c,) of the points within `half` of each candidate along every axis; `order` (n,) is that
-    of the points along the first."""
+    """Sum (c,) of `left` over the points within `half` of each candidate on every axis.
+
+    order (n,) sorts the points by the first axis.
+    """
     x, left = z[order].T.copy(), left[order]
     first = np.searchsorted(x[0], candidates[:, 0] - half)
     last = np.searchsorted(x[0], candidates[:, 0] + half, side="right")

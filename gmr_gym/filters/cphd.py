@@ -1,16 +1,8 @@
-"""The distribution of the number of targets, p(n) for n = 0..N, ahead and through a scan (Vo, Vo and
-Cantoni 2007).
+"""Cardinalised PHD filter: prediction and update of the cardinality distribution p(n), n = 0..N.
 
-With clutter a Poisson process the paper's sums (its eqs. 13-19) come down to one polynomial. Let q = 1 - P_D,
-V the weight of the intensity and, of each detection, l(z) = P_D sum_i w_i N(z; H m_i, S_i) / (V kappa(z)).
-With e_j the elementary symmetric functions of all l(z),
-
-    D = sum_j a_j e_j       a_j = sum_n p(n) n! / (n - j)! q^(n - j)
-
-and the scan leaves p(n) with p(n) sum_j n! / (n - j)! q^(n - j) e_j / D, a miss with w_i q M / (V D), where
-M = sum_j a_(j+1) e_j, and a detection with w_i P_D N / (V kappa) times the derivative of D by l(z), over D.
-That derivative is the paper's sum without z. All terms are positive and are added as logarithms; one
-sweep back and one forth give all derivatives, in time proportional to detections times N.
+With Poisson clutter the sums of Vo, Vo and Cantoni (2007, eqs. 13-19) reduce to one polynomial, given in
+`update`. All terms are positive and are added as logarithms. One backward and one forward sweep give all
+derivatives, in time proportional to the number of detections times N.
 """
 
 from functools import lru_cache
@@ -28,11 +20,34 @@ from gmr_gym.models.kalman import Sensor
 def cardinality_transition(
     survival_probability: float, spawned: float, born: float, max_targets: int
 ) -> np.ndarray:
-    """Probability (N + 1, N + 1) of n targets after m, N = `most`: each survives or not and spawns a Poisson
-    number of expectation `spawned`, and as many are born of expectation `born`. Columns lose what
-    goes beyond N.
+    """Transition matrix of the cardinality: the probability of n targets after m.
 
-    Departs: nothing spawns in the paper."""
+    Each target survives or not and spawns a Poisson number of targets; a Poisson number is born.
+
+    Parameters
+    ----------
+    survival_probability : float
+        P_S.
+    spawned : float
+        Expected number of targets spawned by each.
+    born : float
+        Expected number of births.
+    max_targets : int
+        N.
+
+    Returns
+    -------
+    ndarray, shape (N + 1, N + 1)
+        Read-only. A column sums to less than 1 by the probability of more than N targets.
+
+    Notes
+    -----
+    Departs: the paper has no spawning.
+
+    References
+    ----------
+    Vo, Vo and Cantoni 2007.
+    """
     from scipy.stats import binom, poisson
 
     n = np.arange(max_targets + 1)
@@ -53,8 +68,61 @@ def update(
     kappa: np.ndarray,
     prune_weight: float,
 ) -> tuple[LabelledIntensity, np.ndarray]:
-    """The intensity and p(n) (N + 1,) after the scan z (k, p), as `phd.update` otherwise. A scan that p(n)
-    calls impossible leaves both as they were."""
+    r"""Update the intensity and the cardinality distribution with a scan.
+
+    Parameters
+    ----------
+    predicted : LabelledIntensity
+        Predicted intensity.
+    cardinality : ndarray, shape (N + 1,)
+        Predicted p(n).
+    sensor : Sensor
+    z : ndarray, shape (k, p)
+        Detections.
+    detection_probability : float
+        P_D.
+    kappa : ndarray, shape (k,)
+        Intensity of clutter at the detections.
+    prune_weight : float
+        Components below this weight are dropped.
+
+    Returns
+    -------
+    posterior : LabelledIntensity
+    cardinality : ndarray, shape (N + 1,)
+        Both unchanged for a scan that is impossible under p(n).
+
+    Notes
+    -----
+    Let :math:`q = 1 - P_D`, :math:`V = \sum_i w_i`, and let :math:`e_j` be the elementary symmetric
+    functions of
+
+    .. math::
+
+        l(z) = \frac{P_D \sum_i w_i \mathcal{N}(z; H m_i, S_i)}{V \kappa(z)}
+
+    over all detections. With
+
+    .. math::
+
+        D = \sum_j a_j e_j, \qquad M = \sum_j a_{j+1} e_j, \qquad
+        a_j = \sum_n p(n) \frac{n!}{(n - j)!} q^{n - j}
+
+    the update is
+
+    .. math::
+
+        p(n) \leftarrow \frac{p(n)}{D} \sum_j \frac{n!}{(n - j)!} q^{n - j} e_j, \qquad
+        w_{i0} = w_i \frac{q M}{V D}, \qquad
+        w_i(z) = \frac{w_i P_D \mathcal{N}(z; H m_i, S_i)}{V \kappa(z)}
+                 \frac{1}{D} \frac{\partial D}{\partial l(z)}
+
+    The derivative is the paper's sum over the other detections.
+
+    References
+    ----------
+    Vo, Vo and Cantoni 2007, eqs. 13-20.
+    """
     p = predicted.intensity
     if len(p.w) == 0 or not p.w.sum() > 0:
         return predicted, cardinality
@@ -79,7 +147,7 @@ def _updated(w, m, P, log_p, z_hat, S, C, H, R, z, log_kappa, detection_probabil
         for j in range(k):
             if table[i, j] > -np.inf:
                 log_l[j] = log_sum(log_l[j], table[i, j] - log_V)
-    near, log_slope = log_l > -np.inf, np.full(k, -np.inf)  # the rest changes no e_j
+    near, log_slope = log_l > -np.inf, np.full(k, -np.inf)  # the others leave every e_j unchanged
     log_e, log_D, log_M, log_slope[near] = elementary_symmetric(log_l[near], log_tails(log_p, log_q))
     if log_D == -np.inf:
         return *posteriors(w, np.zeros((n, k)), m, P, z_hat, S, C, H, R, z, least), np.exp(log_p)
@@ -89,7 +157,7 @@ def _updated(w, m, P, log_p, z_hat, S, C, H, R, z, log_kappa, detection_probabil
     missed = w * np.exp(log_q - log_V + log_M - log_D)
     after = log_p.copy()
     for count in range(len(log_p)):
-        after[count] += _log_chance(count, log_e, log_q)
+        after[count] += _log_scan_likelihood(count, log_e, log_q)
     found = posteriors(missed, table, m, P, z_hat, S, C, H, R, z, least)
     after = np.exp(after - after.max())
     return *found, after / after.sum()
@@ -97,10 +165,12 @@ def _updated(w, m, P, log_p, z_hat, S, C, H, R, z, log_kappa, detection_probabil
 
 @kernel
 def elementary_symmetric(log_l, log_a):
-    """Logarithms of e_j (N + 1,) for j = 0..N, of D = sum_j a_j e_j, of M = sum_j a_(j+1) e_j and of the
-    derivatives of D by each l (k,)."""
+    """Logarithms of e_j (N + 1,), D, M and the derivatives of D by each l (k,), see `update`.
+
+    log_l (k,) are the l, log_a (N + 1,) the a_j.
+    """
     k, orders = len(log_l), len(log_a)
-    # back[t, j]: what e_j of the first t of them counts for in D
+    # back[t, j]: the factor of e_j of the first t detections in D
     back = np.empty((k + 1, orders + 1))
     back[k, :orders], back[:, orders] = log_a, -np.inf
     for t in range(k - 1, -1, -1):
@@ -123,7 +193,7 @@ def elementary_symmetric(log_l, log_a):
 
 @kernel
 def log_tails(log_p, log_q):
-    """Logarithm of a_j (N + 1,)."""
+    """Logarithms of a_j (N + 1,), see `update`."""
     orders = len(log_p)
     log_a = np.full(orders, -np.inf)
     for n in range(orders):
@@ -142,8 +212,8 @@ def log_sum(a, b):
 
 
 @kernel
-def _log_chance(n, log_e, log_q):
-    """log of the scan's likelihood, but for a factor, were there n targets."""
+def _log_scan_likelihood(n, log_e, log_q):
+    """Log-likelihood of the scan given n targets, up to a constant."""
     total, falling = -np.inf, 0.0
     for j in range(n + 1):
         falling += np.log(n - j + 1) if j > 0 else 0.0

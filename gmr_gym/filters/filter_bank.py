@@ -1,7 +1,7 @@
-"""Targets that switch between motions: Markov modes carried by a mixture, or by a bank of filters.
+"""Banks of filters, one per motion model, in every hypothesis: IMM and MMAE.
 
-A switching matrix holds in row q and column p the probability of mode q now, given mode p one scan
-before (Zhang's pi(q, p)): every column sums to 1, which is the transpose of much other code.
+Row q and column p of a transition matrix hold the probability of mode q now given mode p one scan before
+(Zhang's pi(q, p)). Every column sums to 1: the transpose of the convention in much other code.
 """
 
 from typing import NamedTuple
@@ -14,46 +14,126 @@ from gmr_gym.models.kalman import Motion, predict
 
 
 class FilterBank(NamedTuple):
-    """n hypotheses with a filter for each of r modes: w[p, j] is the joint probability of mode p and
-    hypothesis j, and N(m[p, j], P[p, j]) the state given both. An IMM is a bank of one hypothesis."""
+    """n hypotheses with one filter for each of r modes; an IMM is a bank of one hypothesis.
 
-    w: np.ndarray  # (r, n)
-    m: np.ndarray  # (r, n, d)
-    P: np.ndarray  # (r, n, d, d)
+    Attributes
+    ----------
+    w : ndarray, shape (r, n)
+        Joint probability of mode and hypothesis.
+    m : ndarray, shape (r, n, d)
+        Mean of the state given both.
+    P : ndarray, shape (r, n, d, d)
+        Its covariance.
+    """
 
-
-# ---- a bank of filters in every hypothesis ----
+    w: np.ndarray
+    m: np.ndarray
+    P: np.ndarray
 
 
 def initial_bank(mode_prior: np.ndarray, prior: Mixture) -> FilterBank:
-    """Every component of the prior with a filter for each of r modes, all of which begin as it does; the
-    modes are as likely as mode_prior (r,)."""
+    """Start every filter of every hypothesis from the prior.
+
+    Parameters
+    ----------
+    mode_prior : ndarray, shape (r,)
+        Prior mode probabilities.
+    prior : Mixture
+        n components, one hypothesis each.
+
+    Returns
+    -------
+    FilterBank
+    """
     r = len(mode_prior)
     w = mode_prior[:, None] * prior.w
     return FilterBank(w, np.repeat(prior.m[None], r, axis=0), np.repeat(prior.P[None], r, axis=0))
 
 
 def as_mixture(bank: FilterBank) -> Mixture:
-    """The r n Gaussians of a bank as one mixture, mode by mode."""
+    """The r n Gaussians of a bank as one mixture, ordered by mode.
+
+    Parameters
+    ----------
+    bank : FilterBank
+
+    Returns
+    -------
+    Mixture
+    """
     r, n, d = bank.m.shape
     return Mixture(bank.w.reshape(-1), bank.m.reshape(r * n, d), bank.P.reshape(r * n, d, d))
 
 
 def as_bank(p: Mixture, modes: int) -> FilterBank:
-    """Undoes `flat`: as many hypotheses as there are components for each mode."""
+    """The bank of a mixture whose components are ordered by mode; undoes `as_mixture`.
+
+    Parameters
+    ----------
+    p : Mixture
+        r n components.
+    modes : int
+        r.
+
+    Returns
+    -------
+    FilterBank
+    """
     d = p.m.shape[1]
     return FilterBank(p.w.reshape(modes, -1), p.m.reshape(modes, -1, d), p.P.reshape(modes, -1, d, d))
 
 
 def predict_bank(bank: FilterBank, motions: tuple[Motion, ...]) -> Mixture:
-    """Every filter carried forward by the motion of its mode; flat, mode by mode."""
+    """Predict every filter by the motion model of its mode.
+
+    Parameters
+    ----------
+    bank : FilterBank
+    motions : tuple of Motion
+        r motion models.
+
+    Returns
+    -------
+    Mixture
+        r n components, ordered by mode.
+    """
     parts = [predict(Mixture(*filters), motion) for *filters, motion in zip(*bank, motions, strict=True)]
     return joined(parts)
 
 
 def imm_mix(bank: FilterBank, switching: np.ndarray, borrowed: np.ndarray | None = None) -> FilterBank:
-    """IMM mixing: the mode probabilities one scan on, and for each mode the Gaussian that matches all
-    the modes it may have come from (Blom and Bar-Shalom 1988); with `borrowed_states` unbiased."""
+    r"""Mix the filters of every hypothesis as the IMM does before its prediction.
+
+    Parameters
+    ----------
+    bank : FilterBank
+    switching : ndarray, shape (r, r)
+        Transition matrix; columns sum to 1.
+    borrowed : ndarray of bool, shape (r, r, d), optional
+        States lent in unbiased mixing, see `gmr_gym.filters.mixing.borrowed_states`.
+
+    Returns
+    -------
+    FilterBank
+        Predicted mode probabilities, and for each mode the moment-matched Gaussian.
+
+    Notes
+    -----
+    With :math:`\mu_p` the probability of mode p and :math:`\pi_{qp}` the transition matrix
+
+    .. math::
+
+        \bar\mu_q = \sum_p \pi_{qp} \mu_p, \qquad \mu_{p|q} = \pi_{qp} \mu_p / \bar\mu_q, \qquad
+        \bar m_q = \sum_p \mu_{p|q} m_p,
+
+    .. math::
+
+        \bar P_q = \sum_p \mu_{p|q} \left( P_p + (m_p - \bar m_q) (m_p - \bar m_q)^T \right)
+
+    References
+    ----------
+    Blom and Bar-Shalom 1988.
+    """
     r, n = bank.w.shape
     joint = switching[:, :, None] * bank.w  # mode now, mode before, hypothesis
     into = np.tile(np.arange(r * n).reshape(r, 1, n), (1, r, 1))
@@ -61,18 +141,44 @@ def imm_mix(bank: FilterBank, switching: np.ndarray, borrowed: np.ndarray | None
 
 
 def imm_output(bank: FilterBank) -> Mixture:
-    """One Gaussian per hypothesis, its modes matched in weight, mean and covariance: the IMM's output
-    (n hypotheses)."""
+    """Merge the filters of every hypothesis into their moment-matched Gaussian: the output of an IMM.
+
+    Parameters
+    ----------
+    bank : FilterBank
+
+    Returns
+    -------
+    Mixture
+        n hypotheses.
+    """
     r, n = bank.w.shape
     return match_groups(as_mixture(bank), np.tile(np.arange(n), r), n)
 
 
 def merge_hypotheses(bank: FilterBank, origin: np.ndarray, count: int) -> FilterBank:
-    """Hypotheses merged mode by mode into `count`, origin (n,) as a reducer returns it, with the joint
-    weights of hypothesis and mode, so that the grand mean and covariance stay.
+    """Merge hypotheses mode by mode, as a reduction of their outputs decided.
 
-    Departs: how two filter banks merge is not said in Zhang, section 6.3 ("approximated by the fusion
-    output of IMM"); fused output alone would lose the modes.
+    Joint weights of hypothesis and mode are used, so the overall mean and covariance are preserved.
+
+    Parameters
+    ----------
+    bank : FilterBank
+        n hypotheses.
+    origin : ndarray, shape (n,)
+        Index of the merged hypothesis, -1 for one that is pruned, as a reduction returns it.
+    count : int
+        Number of merged hypotheses.
+
+    Returns
+    -------
+    FilterBank
+        `count` hypotheses.
+
+    Notes
+    -----
+    Departs: Zhang, section 6.3, does not say how two filter banks merge ("approximated by the fusion output
+    of IMM"); the output alone would lose the modes.
     """
     r = len(bank.w)
     group = np.where(origin < 0, -1, origin + count * np.arange(r)[:, None]).ravel()
@@ -80,16 +186,59 @@ def merge_hypotheses(bank: FilterBank, origin: np.ndarray, count: int) -> Filter
 
 
 def no_interaction(bank: FilterBank, _: np.ndarray) -> FilterBank:
-    """The bank as it is: filters that have nothing to do with each other before, or after, an update."""
+    """Return the bank unchanged: its filters do not interact.
+
+    Parameters
+    ----------
+    bank : FilterBank
+
+    Returns
+    -------
+    FilterBank
+    """
     return bank
 
 
 def restart_and_floor(bank: FilterBank, log_density: np.ndarray, floor: float, restart: float) -> FilterBank:
-    """An MMAE after its update: filters to which the log density (r, n) of their residual is below that of
-    `restart` begin anew from what the others of their hypothesis fuse to, and mode probabilities are kept
-    above `floor` (Maybeck, sections III and V). Where all filters of a hypothesis diverge none is restarted.
+    r"""Restart diverged filters of an MMAE and floor its mode probabilities.
 
-    Raises ValueError unless restart is a density, 0 for never, and floor as in `floored`.
+    A filter whose residual has log density below log(restart) is reset to the moment match of the other
+    filters of its hypothesis. Where all filters of a hypothesis diverge none is restarted.
+
+    Parameters
+    ----------
+    bank : FilterBank
+        Bank after its update.
+    log_density : ndarray, shape (r, n)
+        Log density of each filter's residual.
+    floor : float
+        Least mode probability, see `floored`.
+    restart : float
+        Density below which a filter is restarted, 0 for never.
+
+    Returns
+    -------
+    FilterBank
+
+    Raises
+    ------
+    ValueError
+        If `restart` is negative or not finite, or `floor` outside [0, 1 / r).
+
+    Notes
+    -----
+    With :math:`L = \{p : \mathcal{N}(r_p; 0, A_p) < \text{restart}\}` the diverged filters of a hypothesis,
+    those of :math:`L` take the mean and covariance of
+
+    .. math::
+
+        \sum_{p \notin L} \mu_p \mathcal{N}(x; m_p, P_p) \Big/ \sum_{p \notin L} \mu_p
+
+    and the mode probabilities are floored as in `floored`.
+
+    References
+    ----------
+    Maybeck, sections III and V.
     """
     diverged = diverging(log_density, restart)
     if diverged.any():
@@ -97,14 +246,31 @@ def restart_and_floor(bank: FilterBank, log_density: np.ndarray, floor: float, r
         m = np.where(diverged[..., None], rest.m, bank.m)
         bank = FilterBank(bank.w, m, np.where(diverged[..., None, None], rest.P, bank.P))
     total = bank.w.sum(axis=0)
-    chances = np.full(bank.w.shape, 1 / len(bank.w))
-    chances[:, total > 0] = floored(bank.w[:, total > 0], floor)
-    return bank._replace(w=total * chances)
+    mode_probabilities = np.full(bank.w.shape, 1 / len(bank.w))
+    mode_probabilities[:, total > 0] = floored(bank.w[:, total > 0], floor)
+    return bank._replace(w=total * mode_probabilities)
 
 
 def diverging(log_density: np.ndarray, restart: float) -> np.ndarray:
-    """Which filters, (r,) or (r, n), have residuals less dense than `restart`, per unit volume of the
-    sensor's space, in hypotheses of which not all do; ValueError for a restart that is no density."""
+    """Which filters have a residual less dense than `restart`, in hypotheses where not all have.
+
+    Parameters
+    ----------
+    log_density : ndarray, shape (r,) or (r, n)
+        Log density of the residuals per unit volume of the sensor's space.
+    restart : float
+        Density, 0 for never.
+
+    Returns
+    -------
+    ndarray of bool
+        Of the shape of `log_density`.
+
+    Raises
+    ------
+    ValueError
+        If `restart` is negative or not finite.
+    """
     if not 0 <= restart < np.inf:
         raise ValueError(f"restart must be a density, 0 for never, got {restart}")
     with np.errstate(divide="ignore"):
@@ -113,17 +279,51 @@ def diverging(log_density: np.ndarray, restart: float) -> np.ndarray:
 
 
 def floored(probabilities: np.ndarray, floor: float) -> np.ndarray:
-    """Mode probabilities (r,) or (r, n), each column raised to at least `floor` and still summing to 1,
-    so that no filter of an MMAE is ever shut out (Maybeck and Smith 2005). What the raised ones need
-    is taken from the others in proportion.
+    r"""Floor mode probabilities, so that no filter of an MMAE is excluded for good.
 
-    Raises ValueError unless floor lies in [0, 1 / r).
+    Parameters
+    ----------
+    probabilities : ndarray, shape (r,) or (r, n)
+        Non-negative; each column is normalised.
+    floor : float
+        Least probability, in [0, 1 / r).
+
+    Returns
+    -------
+    ndarray
+        Of the same shape; columns sum to 1.
+
+    Raises
+    ------
+    ValueError
+        If `floor` lies outside [0, 1 / r).
+
+    Notes
+    -----
+    With :math:`L` the set of floored modes
+
+    .. math::
+
+        \mu_p = f \quad (p \in L), \qquad
+        \mu_p \leftarrow \mu_p \frac{1 - f |L|}{\sum_{q \notin L} \mu_q} \quad (p \notin L)
+
+    repeated until no other mode falls below :math:`f`.
+
+    References
+    ----------
+    Maybeck and Smith 2005.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> floored(np.array([0.999, 0.001, 0.0]), 0.1).round(3).tolist()
+    [0.8, 0.1, 0.1]
     """
     r = len(probabilities)
     if not 0 <= floor < 1 / r:
         raise ValueError(f"floor must lie in [0, 1 / {r}) for {r} modes, got {floor}")
     out = probabilities / probabilities.sum(axis=0)
-    for _ in range(r):  # scaling the others down may bring one more of them to the floor
+    for _ in range(r):  # scaling may bring another mode down to the floor
         low = out <= floor
         rest = np.where(low, 0.0, out)
         out = np.where(low, floor, rest * (1 - floor * low.sum(axis=0)) / rest.sum(axis=0))
@@ -131,12 +331,39 @@ def floored(probabilities: np.ndarray, floor: float) -> np.ndarray:
 
 
 def mmae_weights(probabilities: np.ndarray, log_likelihood: np.ndarray, floor: float = 0.0) -> np.ndarray:
-    """Mode probabilities (r,) or (r, n) after a scan that mode p explains with log_likelihood[p]: Bayes'
-    rule without switching, floored (Maybeck's multiple model adaptive estimation)."""
+    r"""Mode probabilities of an MMAE after a scan: Bayes' rule without switching, then floored.
+
+    Parameters
+    ----------
+    probabilities : ndarray, shape (r,) or (r, n)
+        Mode probabilities before the scan.
+    log_likelihood : ndarray, shape (r,) or (r, n)
+        Log-likelihood of the scan under each mode.
+    floor : float
+        Least mode probability.
+
+    Returns
+    -------
+    ndarray
+        Of the same shape; columns sum to 1.
+
+    Raises
+    ------
+    ValueError
+        If every mode is impossible, or for a floor outside [0, 1 / r).
+
+    Notes
+    -----
+    .. math:: \mu_p \leftarrow \frac{\mu_p \Lambda_p}{\sum_q \mu_q \Lambda_q}
+
+    References
+    ----------
+    Maybeck, section III.
+    """
     with np.errstate(divide="ignore"):
         log_w = np.log(probabilities) + log_likelihood
     if np.isneginf(log_w).all(axis=0).any():
-        raise ValueError("log_likelihood calls every mode impossible")
+        raise ValueError("every mode is impossible by log_likelihood")
     return floored(np.exp(log_w - log_w.max(axis=0)), floor)
 
 

@@ -1,6 +1,8 @@
-"""The detections of one scan as a finite mixture, fitted by expectation maximisation (Lv, Lian and Han 2014;
-by Gibbs in `gibbs.py`): clutter is a uniform part and Gaussians, targets are Gaussians of known covariance,
-and the weights of all of them sum to 1. What a part's weight comes to in detections is n times it.
+"""The detections of one scan as a finite mixture, fitted by expectation maximisation.
+
+Clutter is a uniform part and Gaussians, targets are Gaussians of known covariance. All weights sum to 1; a
+part of weight w accounts for n w of the n detections (Lv, Lian and Han 2014). `gibbs.py` fits the same
+mixture by Gibbs sampling.
 """
 
 from typing import NamedTuple
@@ -13,34 +15,66 @@ from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, mahalanobis_squared
 from gmr_gym.mixture import Mixture, match
 
-ROUNDING = 1e-14  # a covariance with a smaller ratio of eigenvalues may not be positive definite
-LEAST_UNIFORM = 1e-12  # weight; a detection far from all Gaussians must have an explanation
+ROUNDING = 1e-14  # below this ratio of eigenvalues a covariance may be indefinite by rounding
+LEAST_UNIFORM = (
+    1e-12  # least weight of the uniform part, which accounts for detections far from all Gaussians
+)
 
 
 class ScanMixture(NamedTuple):
-    """A finite mixture of detections, in that order: uniform, Gaussians of clutter, targets."""
+    """A finite mixture of detections: the uniform part, Gaussians of clutter, then targets.
 
-    w: np.ndarray  # (1 + c + t,), one simplex
-    m: np.ndarray  # (c + t, p), m
-    P: np.ndarray  # (c + t, p, p), m^2, those of targets known
-    origin: np.ndarray  # (t,), the number each target began with: when targets merge, the least is kept
+    Attributes
+    ----------
+    w : ndarray, shape (1 + c + t,)
+        Weights; they sum to 1.
+    m : ndarray, shape (c + t, p)
+        Means, m.
+    P : ndarray, shape (c + t, p, p)
+        Covariances, m^2; those of targets are known.
+    origin : ndarray, shape (t,)
+        Number of the predicted target that each came from. When targets merge, the least is kept.
+    """
+
+    w: np.ndarray
+    m: np.ndarray
+    P: np.ndarray
+    origin: np.ndarray
 
     @property
     def gaussians(self) -> int:
-        """Number of the clutter's Gaussians, c."""
+        """Number of Gaussians of clutter, c."""
         return len(self.m) - len(self.origin)
 
 
 class EmOptions(NamedTuple):
-    """How parts come to be merged and pruned, and when a fit ends; `em_options` checks one."""
+    """When parts merge, when they are pruned and when a fit ends; `em_options` makes a checked one.
 
-    merging: float  # U, squared distance, eq. 23
-    clutter_least: float  # D_c, detections
-    target_least: float  # D_t, detections
-    deviation: float  # m, in no direction is a Gaussian of clutter narrower
-    tolerance: float  # epsilon, of the log-likelihood
-    iterations: int  # at most
-    repaired: bool  # of targets, see `fit_em` and `gibbs.fit_gibbs`
+    Attributes
+    ----------
+    merging : float
+        U of eq. 23, squared Mahalanobis distance.
+    clutter_least : float
+        D_c: a Gaussian of clutter with fewer detections is pruned.
+    target_least : float
+        D_t: a target with fewer detections is pruned.
+    deviation : float
+        Least standard deviation of a Gaussian of clutter in any direction, m.
+    tolerance : float
+        epsilon, relative change of the log-likelihood.
+    iterations : int
+        Most steps.
+    repaired : bool
+        Whether targets are treated as repaired, see `fit_em` and `gibbs.fit_gibbs`.
+    """
+
+    merging: float
+    clutter_least: float
+    target_least: float
+    deviation: float
+    tolerance: float
+    iterations: int
+    repaired: bool
 
 
 def em_options(
@@ -52,10 +86,39 @@ def em_options(
     iterations: int = 100,
     repaired: bool = False,
 ) -> EmOptions:
-    """Checked Management, by default of Lv, section 7.2; deviation, tolerance and iterations are not printed.
+    """Make checked options of a fit.
 
-    Departs: a Gaussian of clutter has a floor, `deviation`. Without one it collapses on a detection, where
-    the likelihood is infinite, whether the rest is as printed or repaired. ValueError names the parameter."""
+    Parameters
+    ----------
+    merging : float
+        U of eq. 23.
+    clutter_least, target_least : float
+        D_c and D_t, detections.
+    deviation : float
+        Least standard deviation of a Gaussian of clutter, m.
+    tolerance : float
+        Relative change of the log-likelihood that ends the fit.
+    iterations : int
+        Most steps.
+    repaired : bool
+        Whether targets are treated as repaired rather than as printed.
+
+    Returns
+    -------
+    EmOptions
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter that is out of range.
+
+    Notes
+    -----
+    Defaults are those of Lv, section 7.2; `deviation`, `tolerance` and `iterations` are not printed.
+
+    Departs: the covariance of a Gaussian of clutter has a floor, `deviation`. Without one it collapses on a
+    detection, where the likelihood is infinite, as printed or repaired.
+    """
     for name, value in (
         ("merging", merging), ("clutter_least", clutter_least), ("target_least", target_least),
         ("tolerance", tolerance),
@@ -74,9 +137,29 @@ def em_options(
 def initial(
     clutter: Mixture, places: np.ndarray, z: np.ndarray, targets: Mixture, deviation: float
 ) -> ScanMixture:
-    """The mixture that a fit begins with, all weights alike (eq. 15): the last scan's Gaussians of clutter
-    (eq. 8), one more about each of the places (g0, p) as wide as eq. 9 says but for the floor `deviation`,
-    and the targets."""
+    """Mixture from which a fit starts, all weights equal.
+
+    Parameters
+    ----------
+    clutter : Mixture
+        Gaussians of clutter of the last scan (eq. 8).
+    places : ndarray, shape (g0, p)
+        Means of new Gaussians of clutter; their variance is that of eq. 9, at least deviation^2.
+    z : ndarray, shape (k, p)
+        Detections.
+    targets : Mixture
+        Predicted detections of the targets.
+    deviation : float
+        Least standard deviation of a Gaussian of clutter, m.
+
+    Returns
+    -------
+    ScanMixture
+
+    References
+    ----------
+    Lv, eqs. 8, 9 and 15.
+    """
     p = z.shape[1]
     wide = np.tile(variance(z, deviation) * np.eye(p), (len(places), 1, 1))
     m = np.concatenate([clutter.m, places, targets.m])
@@ -85,20 +168,72 @@ def initial(
 
 
 def variance(z: np.ndarray, deviation: float) -> float:
-    """sigma^2, m^2, a tenth of the mean variance of the detections z (k, p) (eq. 9), at least deviation^2."""
+    """Variance of a new Gaussian of clutter, m^2: a tenth of the mean variance of the detections.
+
+    Parameters
+    ----------
+    z : ndarray, shape (k, p)
+        Detections.
+    deviation : float
+        The result is at least deviation^2.
+
+    Returns
+    -------
+    float
+
+    References
+    ----------
+    Lv, eq. 9.
+    """
     return max(float(z.var(axis=0).mean()) / 10, deviation**2) if len(z) else deviation**2
 
 
 def fit_em(
     z: np.ndarray, parts: ScanMixture, uniform_density: float, options: EmOptions
 ) -> tuple[ScanMixture, float]:
-    """The mixture fitted to the scan z (k, p), and its log-likelihood (Lv, Algorithm 1); `flat` is the
-    density of the uniform part. Nothing changes, likelihood 1, where there are no detections.
+    r"""Fit the mixture to a scan by expectation maximisation.
 
-    Departs: epsilon is of the log-likelihood and not of the likelihood, which is beyond floating point; a
-    fit does not end on a step that merged or pruned. After pruning the weights are made to sum to 1. If
-    `repaired`, a target is pruned only in a step in which no Gaussian of clutter goes: as printed, one that
-    is about to vanish takes a target's only detection with it."""
+    Parameters
+    ----------
+    z : ndarray, shape (k, p)
+        Detections. An empty scan leaves the mixture unchanged.
+    parts : ScanMixture
+        Start of the fit, see `initial`.
+    uniform_density : float
+        Density of the uniform part.
+    options : EmOptions
+
+    Returns
+    -------
+    mixture : ScanMixture
+    log_likelihood : float
+        0 for an empty scan.
+
+    Notes
+    -----
+    E step, with :math:`N_i` the density of part i:
+
+    .. math:: \rho_{ji} = \frac{w_i N_i(z_j)}{\sum_l w_l N_l(z_j)}
+
+    M step; covariances of targets are known and kept:
+
+    .. math::
+
+        w_i = \frac1k \sum_j \rho_{ji}, \qquad
+        m_i = \frac{\sum_j \rho_{ji} z_j}{\sum_j \rho_{ji}}, \qquad
+        P_i = \frac{\sum_j \rho_{ji} (z_j - m_i) (z_j - m_i)^T}{\sum_j \rho_{ji}}
+
+    Then parts are merged and pruned, see `merge_and_prune`.
+
+    Departs: epsilon bounds the relative change of the log-likelihood; the likelihood itself underflows. A fit
+    does not end on a step that merged or pruned. After pruning the weights are normalised. If `repaired`, a
+    target is pruned only in a step in which no Gaussian of clutter is: as printed, a Gaussian of clutter
+    about to be pruned takes a target's only detection with it.
+
+    References
+    ----------
+    Lv, Algorithm 1 and eqs. 18-22.
+    """
     if len(z) == 0:
         return parts, 0.0
     floored = floor_eigenvalues(parts.P, parts.gaussians, options.deviation)
@@ -140,8 +275,11 @@ def _em(
 
 @kernel
 def log_likelihood(share, uniform):
-    """Log-likelihood of the scan (eq. 7): the share of the uniform part, whose weighted density is `uniform`,
-    tells what it was divided by."""
+    """Log-likelihood of the scan (eq. 7) from the responsibilities (n, 1 + g) of its parts.
+
+    uniform is the weight of the uniform part times its density, which over its responsibility is the density
+    of the whole mixture.
+    """
     total = 0.0
     for j in range(len(share)):
         total += np.log(uniform) - np.log(share[j, 0])
@@ -150,8 +288,10 @@ def log_likelihood(share, uniform):
 
 @kernel
 def maximised(z, share, m, P, c, deviation):
-    """Weights, means and covariances that maximise eq. 19 given shares (n, 1 + c + t) (eqs. 20-22); the
-    first c covariances, of clutter, no less than deviation^2 in any direction, the others as they were."""
+    """M step: weights, means and covariances given responsibilities (n, 1 + c + t) (eqs. 19-22).
+
+    The first c covariances, of clutter, have no eigenvalue below deviation^2; the others are kept.
+    """
     (n, p), g = z.shape, len(m)
     w, m_out, P_out = np.zeros(g + 1), m.copy(), P.copy()
     for i in range(g + 1):
@@ -179,8 +319,10 @@ def maximised(z, share, m, P, c, deviation):
 
 @kernel
 def floor_eigenvalues(P, c, deviation):
-    """The first c of P (g, p, p) with no eigenvalue below deviation^2: of all such matrices the likeliest. No
-    eigenvalue is so far below the largest that rounding would lose it."""
+    """P (g, p, p) with the eigenvalues of the first c raised to deviation^2: the likeliest such matrices.
+
+    Eigenvalues are also kept within 1 / ROUNDING of the largest, so that a Cholesky factor exists.
+    """
     out = P.copy()
     p = P.shape[1]
     L = np.zeros((p, p))
@@ -200,11 +342,11 @@ def floor_eigenvalues(P, c, deviation):
 
 @kernel
 def merge_and_prune(w, m, P, origin, n, clutter_merging, target_merging, clutter_least, target_least):
-    """The parts merged and pruned (section 4.3): clutter with clutter, targets with targets. The uniform
-    part is never pruned.
+    """Merge and prune the parts, clutter and targets apart; the uniform part is never pruned (section 4.3).
 
-    Departs: eq. 24 has brackets about the deviation. Of targets that merge the one that began first keeps
-    its number and its known covariance, for survivors come before births and those before the spawned."""
+    Departs: eq. 24 has brackets around the deviation. Targets that merge keep the number and known
+    covariance of the first, since survivors are listed before births and births before spawned targets.
+    """
     t = len(origin)
     c = len(m) - t
     groups, count = _groups(w[1 : c + 1], m[:c], P[:c], clutter_merging)
@@ -214,7 +356,7 @@ def merge_and_prune(w, m, P, origin, n, clutter_merging, target_merging, clutter
     first = np.full(count, t)
     for i in range(t):
         first[groups[i]] = min(first[groups[i]], i)
-    order = np.argsort(first)  # numbers ascend, so that the first of a group has the least
+    order = np.argsort(first)  # numbers ascend: the first of a group has the least
     first = first[order]
     w_t, m_t, P_t, number = w_t[order], m_t[order], P[c:][first], origin[first]
     keep_c, keep_t = n * w_c >= clutter_least, n * w_t >= target_least
@@ -226,8 +368,11 @@ def merge_and_prune(w, m, P, origin, n, clutter_merging, target_merging, clutter
 
 @kernel
 def _groups(w, m, P, merging):
-    """Groups (n,) that merge: about the heaviest part j all i with (m_i - m_j)' P_j^-1 (m_i - m_j) <= U
-    (eq. 23), then so with the rest; their number."""
+    """Groups (n,) of parts to merge, and their number.
+
+    Around the heaviest part j all i with (m_i - m_j)' P_j^-1 (m_i - m_j) <= U (eq. 23) merge; then the same
+    among the rest.
+    """
     n, p = m.shape
     group, count = np.full(n, -1), 0
     L, y = np.zeros((p, p)), np.empty(p)

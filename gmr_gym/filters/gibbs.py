@@ -1,4 +1,4 @@
-"""The finite mixture of one scan drawn by Gibbs sampling (Lv, Lian and Han 2014, section 5)."""
+"""The finite mixture of one scan fitted by Gibbs sampling (Lv, Lian and Han 2014, section 5)."""
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from gmr_gym.filters.finite_mixture import (
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into
 
-DIRICHLET = 1.0  # a_j of eq. 25, for every part
-PRIOR_MEANS, PRIOR_SPREADS = 0.01, 2  # detections that the priors of a mean and of a covariance count as
+DIRICHLET = 1.0  # a_j of eq. 25, the same for every part
+PRIOR_MEANS, PRIOR_SPREADS = 0.01, 2  # prior counts, in detections, of a mean and of a covariance
 
 
 def fit_gibbs(
@@ -27,20 +27,69 @@ def fit_gibbs(
     burn: int = 20,
     sweeps: int = 40,
 ) -> ScanMixture:
-    """Average of `sweeps` draws of the mixture given the scan z (k, p), after `burn` of them (Lv, section 5).
+    r"""Fit the mixture to a scan by Gibbs sampling: the average of `sweeps` draws after `burn` draws.
 
-    Departs: labels are drawn, where eqs. 26 and 29 take their probabilities; a Gaussian of clutter has the
-    conjugate normal-inverse-Wishart prior, about the mean of the scan and as wide as eq. 9 says, where eq. 27
-    has a Wishart of a variance; the mean of a target is drawn about that of its detections with its known
-    covariance over their number, where eqs. 28-29 have all of it and swap two symbols, and is back where it
-    began when it has no detection, lest it be lost between two. Management (section 5.3) is by the number of
-    labels, before the weights are drawn, and in the burn-in alone, so that draws can be averaged, and once
-    more at the end; targets are pruned at the end only, by their average, because a target with one detection
-    is without it in many a draw.
+    Parameters
+    ----------
+    z : ndarray, shape (k, p)
+        Detections. An empty scan leaves the mixture unchanged.
+    parts : ScanMixture
+        Start of the chain.
+    uniform_density : float
+        Density of the uniform part.
+    options : EmOptions
+    rng : Generator
+    burn : int
+        Sweeps before the average.
+    sweeps : int
+        Sweeps averaged.
 
-    If `how.repaired` the mean of a target stays where it began, for H P H' + R is already the covariance of a
-    detection about the place where it is expected; and targets merge at the end only, where those that shared
-    a detection have the same mean."""
+    Returns
+    -------
+    ScanMixture
+
+    Notes
+    -----
+    One sweep draws, with :math:`n_i` the number of detections with label i and :math:`\bar z_i` their mean,
+
+    .. math::
+
+        \ell_j \sim \mathrm{Categorical}(\rho_{j0}, \dots, \rho_{jg}), \qquad
+        w \sim \mathrm{Dirichlet}(1 + n_0, \dots, 1 + n_g)
+
+    .. math::
+
+        (m_i, P_i) \sim \mathrm{NIW}\left(
+            \frac{\kappa_0 \bar z + n_i \bar z_i}{\kappa_0 + n_i},\; \kappa_0 + n_i,\; \nu_0 + n_i,\; \Psi_i
+            \right)
+        \quad \text{(clutter)}, \qquad
+        m_i \sim \mathcal{N}(\bar z_i, P_i / n_i) \quad \text{(targets)}
+
+    where :math:`\rho` are the responsibilities of the E step, :math:`\bar z` is the mean of the scan,
+    :math:`\kappa_0 = 0.01`, :math:`\nu_0 = p + 3` and, with the variance :math:`\sigma^2` of eq. 9,
+
+    .. math::
+
+        \Psi_i = 2 \sigma^2 I + \sum_{\ell_j = i} (z_j - \bar z_i) (z_j - \bar z_i)^T
+            + \frac{\kappa_0 n_i}{\kappa_0 + n_i} (\bar z_i - \bar z) (\bar z_i - \bar z)^T
+
+    Departs: labels are drawn, where eqs. 26 and 29 use their probabilities. A Gaussian of clutter has the
+    conjugate normal-inverse-Wishart prior, about the mean of the scan and with the variance of eq. 9, where
+    eq. 27 has a Wishart of a variance. The mean of a target is drawn about that of its detections with its
+    known covariance over their number, where eqs. 28-29 use the whole covariance and swap two symbols;
+    without a detection it returns to its predicted value, so that a target between two detections is not
+    lost. Parts are merged and pruned (section 5.3) by the number of labels, before the weights are drawn,
+    during the burn-in only, so that draws can be averaged, and once more at the end. Targets are pruned only
+    at the end, by their average, because a target with one detection lacks it in many draws.
+
+    If `options.repaired` the mean of a target stays at its predicted value, since H P H' + R is already the
+    covariance of a detection about its prediction. Targets then merge only at the end, where those that
+    shared a detection have the same mean.
+
+    References
+    ----------
+    Lv, section 5.
+    """
     if len(z) == 0:
         return parts
     floored = floor_eigenvalues(parts.P, parts.gaussians, options.deviation)
@@ -76,7 +125,7 @@ def _gibbs(
         centre += z[j] / n
     began = np.zeros((origin.max() + 1 if len(origin) else 0, p))
     began[origin] = m[len(m) - len(origin) :]
-    m_sum, P_sum, w_sum, z_sum = m, P, w, m  # of the draws that are kept
+    m_sum, P_sum, w_sum, z_sum = m, P, w, m  # sums over the draws after the burn-in
     for sweep in range(burn + sweeps):
         share = responsibilities(z, w, m, P, uniform_density)
         if sweep == burn:
@@ -122,7 +171,7 @@ def _gibbs(
         else:
             m_sum += m
             P_sum += P
-        # eq. 25: gamma variates over their sum are a draw of a Dirichlet
+        # eq. 25: normalised gamma variates are a Dirichlet draw
         w = np.empty(len(number))
         for i in range(len(w)):
             w[i] = rng.standard_gamma(DIRICHLET + number[i])
@@ -140,7 +189,7 @@ def _gibbs(
 
 @kernel
 def _labels(share, rng):
-    """A part (n,) for each detection, drawn with probabilities share (n, g)."""
+    """Label (n,) of each detection, drawn with probabilities share (n, g)."""
     n, g = share.shape
     label = np.zeros(n, np.int64)
     for j in range(n):
@@ -169,24 +218,26 @@ def _drawn_mean(mean, P, rng):
 
 
 @kernel
-def _drawn_gaussian(z, mine, number, centre, spread, rng):
-    """A draw of the mean (p,) and covariance (p, p) of the `number` detections of z (n, p) that are `mine`
-    (n,): normal-inverse-Wishart about the centre (p,) and `spread` I."""
+def _drawn_gaussian(z, members, number, centre, spread, rng):
+    """A draw of the mean (p,) and covariance (p, p) given the `number` points of z (n, p) in members (n,).
+
+    The prior is normal-inverse-Wishart about centre (p,) and spread I.
+    """
     n, p = z.shape
     mean = np.zeros(p)
     for j in range(n):
-        if mine[j]:
+        if members[j]:
             mean += z[j] / number
     scatter = PRIOR_SPREADS * spread * np.eye(p)
     scaled = PRIOR_MEANS + number
     for r in range(p):
         for s in range(p):
             for j in range(n):
-                if mine[j]:
+                if members[j]:
                     scatter[r, s] += (z[j, r] - mean[r]) * (z[j, s] - mean[s])
             off = PRIOR_MEANS * number / scaled
             scatter[r, s] += off * (mean[r] - centre[r]) * (mean[s] - centre[s])
-    # with scatter = L L' and A of Bartlett's decomposition, L A'^-1 A^-1 L' is a draw of the inverse Wishart
+    # with scatter = L L' and A of Bartlett's decomposition, L A'^-1 A^-1 L' is inverse Wishart
     L = np.zeros((p, p))
     if not cholesky_into(L, scatter):
         raise ValueError("the scatter of a scan is not positive definite")

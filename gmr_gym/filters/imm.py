@@ -1,5 +1,7 @@
-"""Interacting multiple models with one Gaussian each, a scan in three calls: what `modes` and `association`
-say of banks of many hypotheses, put together in loops for one."""
+"""Compiled IMM with one Gaussian per mode: a scan in a few calls.
+
+The same recursion as `filter_bank` and `association` give for banks of many hypotheses, for one hypothesis.
+"""
 
 import numpy as np
 
@@ -14,8 +16,12 @@ from gmr_gym.models.kalman import predict_all
 
 @kernel
 def mix_and_predict(w, m, P, switching, borrowed, F, Q, offset):
-    """Probabilities (r,), means (r, d) and covariances (r, d, d) of r modes, mixed by the switching
-    matrix, with `borrowed_states` (r, r, d), and carried forward by F, Q (r, d, d) and offset (r, d)."""
+    """Mix r modes (see `filter_bank.imm_mix`) and predict each by its motion model.
+
+    w (r,), m (r, d) and P (r, d, d) are mode probabilities, means and covariances, switching (r, r) is the
+    transition matrix, borrowed (r, r, d) comes from `borrowed_states`, and F, Q (r, d, d) and offset (r, d)
+    are the motion models. Returns the predicted w, m and P.
+    """
     r, d = m.shape
     one = np.zeros(r, np.int64)
     w_out, m_out, P_out = np.zeros(r), np.empty((r, d)), np.empty((r, d, d))
@@ -35,16 +41,34 @@ def mix_and_predict(w, m, P, switching, borrowed, F, Q, offset):
 @kernel
 def pda_every_mode(
     w, m, P, gate_S, density, ball, z_hat, S, C, z, R, log_jacobian, H, noise,
-    size, log_miss, log_detect, give_up_limit,
+    threshold, log_miss, log_detect, give_up_limit,
 ):  # fmt: skip
-    """The scan taken in by all modes, one list of detections for all, and merged to one Gaussian each; their
-    probabilities; what they fuse to; and whether there was hope. ball is the volume of the unit ball in the
-    space of the gates, whose innovation covariances are gate_S; the rest is a `PredictedDetections`."""
+    r"""Update every mode by PDA with one common list of detections.
+
+    Returns mode probabilities, means and covariances, the IMM output's mean and covariance, and False where
+    the track is to be given up. `ball` is the volume of the unit ball in the gates' space, `gate_S` are the
+    innovation covariances there, `density` is the clutter density at each gate; the other arrays are a
+    `PredictedDetections`.
+
+    Notes
+    -----
+    With the association weights of `association.expand` mode :math:`q` has the likelihood and PDA update
+
+    .. math::
+
+        \Lambda_q \propto 1 - P_D P_G + \sum_j \frac{P_D}{\lambda} \mathcal{N}(z_j; \hat z_q, S_q), \qquad
+        \mu_q \propto \bar\mu_q \Lambda_q
+
+    .. math::
+
+        m_q = \bar m_q + K_q \sum_j \beta_{qj} \nu_{qj}, \qquad
+        P_q = \beta_{q0} \bar P_q + \sum_j \beta_{qj} (I - K_q H) \bar P_q + \text{spread of the means}
+    """
     n, k = len(w), len(log_jacobian)
     alive = ball * (w * density * root_determinants(gate_S)).sum() / w.sum() <= give_up_limit
     near = np.zeros(k, np.bool_)
     if alive:
-        d2 = gated_distances_kernel(z_hat, S, z, R, size)
+        d2 = gated_distances_kernel(z_hat, S, z, R, threshold)
         for j in range(k):
             for i in range(n):
                 near[j] |= w[i] > 0 and d2[i, j] < np.inf

@@ -1,4 +1,4 @@
-"""What filters of an intensity share: likelihood ratios of components and detections, and posteriors."""
+"""Updates that the PHD, CPHD and PMB filters share: likelihood ratios and posterior components."""
 
 import numpy as np
 
@@ -6,14 +6,18 @@ from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, log_gaussian_scale, mahalanobis_squared
 from gmr_gym.models.update import posterior_into
 
-# a pair of component and detection that would weigh less, were there clutter alone beside it, is beyond
-# the gate: all such pairs together are the rounding error of 1
+# pairs of component and detection with a smaller ratio to the clutter lie beyond the gate: their sum is of
+# the order of the rounding error of 1
 LOG_NEGLIGIBLE = float(np.log(1e-18))
 
 
 @kernel
 def log_ratios(w, z_hat, S, z, log_kappa, detection_probability):
-    """log of w P_D N(z; H m, S) / kappa(z) (n, k), minus infinity where that is negligible."""
+    """log of w P_D N(z; H m, S) / kappa(z) (n, k), minus infinity where it is negligible.
+
+    w (n,), z_hat (n, p) and S (n, p, p) are of the components, z (k, p) are detections, log_kappa (k,) is
+    the log clutter intensity there.
+    """
     n, (k, p) = len(w), z.shape
     out = np.full((n, k), -np.inf)
     L, y = np.zeros((p, p)), np.empty(p)
@@ -23,22 +27,25 @@ def log_ratios(w, z_hat, S, z, log_kappa, detection_probability):
         log_w = np.log(w[i] * detection_probability) if w[i] > 0.0 else -np.inf
         log_peak = log_w + log_gaussian_scale(L)
         for j in range(k):
-            size = 2.0 * (log_peak - log_kappa[j] - LOG_NEGLIGIBLE)
-            within = size > 0.0
+            threshold = 2.0 * (log_peak - log_kappa[j] - LOG_NEGLIGIBLE)
+            within = threshold > 0.0
             for r in range(p):
-                # a gate is never wider than this along any axis: most clutter ends here
-                within &= (z[j, r] - z_hat[i, r]) ** 2 <= size * S[i, r, r]
+                # bounding box of the gate: rejects most clutter cheaply
+                within &= (z[j, r] - z_hat[i, r]) ** 2 <= threshold * S[i, r, r]
             if within:
                 d2 = mahalanobis_squared(L, z[j], z_hat[i], y)
-                if d2 <= size:
+                if d2 <= threshold:
                     out[i, j] = log_peak - log_kappa[j] - 0.5 * d2
     return out
 
 
 @kernel
 def posteriors(missed, found, m, P, z_hat, S, C, H, R, z, least):
-    """The components that weigh anything, and at least `least`, of those of weights missed (n,), as they
-    are, and found (n, k), each conditioned on its detection; then the parent of each."""
+    """Posterior components of weight at least `least`, and the parent of each.
+
+    missed (n,) are the weights of components with a missed detection, unchanged otherwise; found (n, k)
+    those of components conditioned on each detection.
+    """
     n, d = m.shape
     k, p = z.shape
     count = 0
@@ -53,7 +60,7 @@ def posteriors(missed, found, m, P, z_hat, S, C, H, R, z, least):
     at = 0
     for i in range(n):
         conditioned = False
-        for j in range(-1, k):  # -1 for none
+        for j in range(-1, k):  # -1: missed detection
             weight = found[i, j] if j >= 0 else missed[i]
             if not (weight >= least and weight > 0.0):
                 continue

@@ -1,4 +1,4 @@
-"""One list of detections for components of unlike motions, and when to give a target up."""
+"""Joint gating of components of different motion models, and when to give a track up."""
 
 import numpy as np
 
@@ -12,48 +12,112 @@ from gmr_gym.models.model import Model
 def expand_jointly(
     predicted: Mixture, model: Model, z: np.ndarray, give_up_limit: float
 ) -> tuple[Expansion, Gates, bool]:
-    """`expand` of components of unlike motions, which are to be weighed against each other and so have one
-    list of detections to explain, that of `gate_jointly`; the gates looked through, and whether there is
-    hope."""
-    own, listed, looked, alive = gate_jointly(predicted, model, z, give_up_limit)
+    """Expand components of different motion models with one common list of detections.
+
+    Components whose likelihoods are compared must account for the same detections; see
+    `association.expand`.
+
+    Parameters
+    ----------
+    predicted : Mixture
+        Components of all modes.
+    model : Model
+    z : ndarray, shape (k, p)
+        Detections.
+    give_up_limit : float
+        See `gate_jointly`.
+
+    Returns
+    -------
+    expansion : Expansion
+    gates_used : Gates
+    alive : bool
+        False where the track is to be given up.
+    """
+    own, listed, gates_used, alive = gate_jointly(predicted, model, z, give_up_limit)
     posterior = expand(
         predicted, own, model.sensor, listed,
         model.detection_probability, model.gate_probability, model.clutter_density,
     )  # fmt: skip
-    return posterior, looked, alive
+    return posterior, gates_used, alive
 
 
 def gate_jointly(
     predicted: Mixture, model: Model, z: np.ndarray, give_up_limit: float
 ) -> tuple[Gates, np.ndarray, Gates, bool]:
-    """Unbounded gates for every component, the detections of z (k, p) that lie in any component's gate, the
-    gates used, and False where the track is to be given up: where more than `give_up_limit` false alarms are
-    expected within one standard deviation of the predictions nothing is gated, which bounds the work on a
-    track that is lost."""
+    """Collect the detections in any component's gate.
+
+    Where more than `give_up_limit` false alarms are expected within one standard deviation of the
+    predictions the track is to be given up: nothing is gated, which bounds the work on a lost track.
+
+    Parameters
+    ----------
+    predicted : Mixture
+        Components of all modes.
+    model : Model
+    z : ndarray, shape (k, p)
+        Detections.
+    give_up_limit : float
+        Expected false alarms, see `give_up_limit`.
+
+    Returns
+    -------
+    unbounded : Gates
+        Gates without a threshold for every component.
+    listed : ndarray, shape (l, p)
+        Detections in the gate of any component of positive weight.
+    gates_used : Gates
+        Gates of the components of positive weight.
+    alive : bool
+        False where the track is to be given up.
+    """
     own = gates(predicted, model.sensor, model.gate_probability)
-    possible = predicted.w > 0  # an impossible mode looks nowhere
-    looked = own if possible.all() else Gates(own.z[possible], own.S[possible], own.threshold)
+    possible = predicted.w > 0  # an impossible mode has no gate
+    gates_used = own if possible.all() else Gates(own.z[possible], own.S[possible], own.threshold)
     density = model.sensor.density(model.clutter_density, own.z)
     alive = expected_false_alarms(own, predicted.w, density) <= give_up_limit
     near = np.zeros(len(z), bool)
     if alive:
-        seen = gated_distances(take(predicted, possible), looked, model.sensor, z)
-        near = np.isfinite(seen).any(axis=0)
-    return own._replace(threshold=np.inf), z[near], looked, alive
+        distances = gated_distances(take(predicted, possible), gates_used, model.sensor, z)
+        near = np.isfinite(distances).any(axis=0)
+    return own._replace(threshold=np.inf), z[near], gates_used, alive
 
 
-def give_up_limit(model: Model, times: float) -> float:
-    """False detections expected within one deviation of its predictions at which a tracker gives up:
-    `times` as many as at the first scan, and as one."""
+def give_up_limit(model: Model, ratio: float) -> float:
+    """Expected false alarms within one standard deviation at which a tracker gives up.
+
+    Parameters
+    ----------
+    model : Model
+    ratio : float
+        Multiple of max(1, the expected number at the first scan).
+
+    Returns
+    -------
+    float
+    """
     moved = joined([predict(model.prior, motion) for motion in model.motions])
     w = np.outer(model.switching @ model.mode_prior, model.prior.w).ravel()
-    looked = gates(moved, model.sensor, 1.0)
-    density = model.sensor.density(model.clutter_density, looked.z)
-    return times * max(1.0, expected_false_alarms(looked, w, density))
+    gates_used = gates(moved, model.sensor, 1.0)
+    density = model.sensor.density(model.clutter_density, gates_used.z)
+    return ratio * max(1.0, expected_false_alarms(gates_used, w, density))
 
 
 def expected_false_alarms(gates: Gates, w: np.ndarray, clutter_density: float | np.ndarray) -> float:
-    """False detections expected within one standard deviation of a prediction, on average over
-    components of weights w (n,): how unsure of its target a tracker is, whatever the size of its gates.
-    The density is one for all, or (n,), that at each gate."""
+    """Expected false alarms within one standard deviation of a prediction: a measure of uncertainty.
+
+    It does not depend on the gate threshold.
+
+    Parameters
+    ----------
+    gates : Gates
+    w : ndarray, shape (n,)
+        Weights of the components, by which the number is averaged.
+    clutter_density : float or ndarray of shape (n,)
+        Clutter density everywhere, or at each gate.
+
+    Returns
+    -------
+    float
+    """
     return float((w * clutter_density) @ volumes(gates._replace(threshold=1.0)) / w.sum())

@@ -1,5 +1,8 @@
-"""One scan of a Gaussian-mixture MHT in two halves, so that whoever sets the thresholds of the reduction may
-first look at the full posterior (D'Ortenzio, sections 2.1 and 4)."""
+"""One scan of a Gaussian-mixture MHT in two halves: predict and update, then prune and reduce.
+
+Between them the thresholds of the reduction may be set from the full posterior (D'Ortenzio, sections 2.1
+and 4).
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -17,39 +20,92 @@ from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
 from gmr_gym.reduction.runnalls import Greedy, merge_by_cost
 
-MAX_HYPOTHESES = 2000  # hypotheses that enter a reduction, the heaviest, lest a huge scan fill memory
+MAX_HYPOTHESES = 2000  # that enter a reduction; bounds the memory of a huge scan
 
 
 class ScanUpdate(NamedTuple):
-    """A scan after the update and before any reduction."""
+    """A scan after the update and before any reduction.
 
-    posterior: Expansion  # every hypothesis with every gated detection
-    gates: Gates  # about the predicted hypotheses
+    Attributes
+    ----------
+    posterior : Expansion
+        Every hypothesis with every gated detection.
+    gates : Gates
+        Gates of the predicted hypotheses.
+    """
+
+    posterior: Expansion
+    gates: Gates
 
 
 def predict_and_update(belief: Mixture, model: Model, z: np.ndarray) -> ScanUpdate:
-    """The first half: the belief carried forward one period and expanded by the scan z (k, p)."""
+    """Predict the belief by one period and update it with a scan.
+
+    Parameters
+    ----------
+    belief : Mixture
+        Posterior of the last scan.
+    model : Model
+    z : ndarray, shape (k, p)
+        Detections.
+
+    Returns
+    -------
+    ScanUpdate
+    """
     if isinstance(model.sensor, Sensor):
-        size, log_miss, log_detect = gate_and_log_weights(model)
-        centres, S, w, m, P, *how = expand_scan(
-            *belief, *model.motion, *model.sensor, size, log_miss, log_detect, z
+        threshold, log_miss, log_detect = gate_and_log_weights(model)
+        z_hat, S, w, m, P, *origin = expand_scan(
+            *belief, *model.motion, *model.sensor, threshold, log_miss, log_detect, z
         )
-        return ScanUpdate(Expansion(Mixture(w, m, P), *how), Gates(centres, S, size))
+        return ScanUpdate(Expansion(Mixture(w, m, P), *origin), Gates(z_hat, S, threshold))
     predicted = predict(belief, model.motion)
-    looked = gates(predicted, model.sensor, model.gate_probability)
+    gates_used = gates(predicted, model.sensor, model.gate_probability)
     posterior = expand(
-        predicted, looked, model.sensor, z,
+        predicted, gates_used, model.sensor, z,
         model.detection_probability, model.gate_probability, model.clutter_density,
     )  # fmt: skip
-    return ScanUpdate(posterior, looked)
+    return ScanUpdate(posterior, gates_used)
 
 
 def pda_update(belief: Mixture, model: Model, z: np.ndarray) -> tuple[Mixture, Gates]:
-    """`predict_and_update` with the whole posterior merged into one Gaussian; and the gates."""
+    r"""Predict and update by probabilistic data association: the full posterior merged into one Gaussian.
+
+    Parameters
+    ----------
+    belief : Mixture
+        One Gaussian.
+    model : Model
+    z : ndarray, shape (k, p)
+        Detections.
+
+    Returns
+    -------
+    posterior : Mixture
+        One Gaussian.
+    gates : Gates
+
+    Notes
+    -----
+    With innovations :math:`\nu_j`, gain :math:`K`, association probabilities :math:`\beta_j` (of a miss
+    :math:`\beta_0`, see `association.expand`) and :math:`\nu = \sum_j \beta_j \nu_j`
+
+    .. math::
+
+        m \leftarrow m + K \nu, \qquad
+        P \leftarrow \beta_0 P + (1 - \beta_0) (P - K S K^T)
+            + K \Big( \sum_j \beta_j \nu_j \nu_j^T - \nu \nu^T \Big) K^T
+
+    References
+    ----------
+    Bar-Shalom and Tse 1975.
+    """
     if isinstance(model.sensor, Sensor):
-        size, log_miss, log_detect = gate_and_log_weights(model)
-        centres, S, w, m, P = pda_scan(*belief, *model.motion, *model.sensor, size, log_miss, log_detect, z)
-        return Mixture(w, m, P), Gates(centres, S, size)
+        threshold, log_miss, log_detect = gate_and_log_weights(model)
+        z_hat, S, w, m, P = pda_scan(
+            *belief, *model.motion, *model.sensor, threshold, log_miss, log_detect, z
+        )
+        return Mixture(w, m, P), Gates(z_hat, S, threshold)
     full = predict_and_update(belief, model, z)
     return match_all(full.posterior.mixture), full.gates
 
@@ -61,8 +117,29 @@ def prune_and_reduce(
     density: float,
     max_hypotheses: int = MAX_HYPOTHESES,
 ) -> Mixture:
-    """The second half: SP pruning of what weighs less than `prune_weight` (gamma), of the rest the `most`
-    heaviest through `reduce`, NWP pruning below `density` (gamma~), renormalised after each."""
+    """Prune by weight (SP), reduce, prune by density (NWP); weights are normalised after each step.
+
+    Parameters
+    ----------
+    posterior : Mixture
+        Full posterior.
+    reduce : callable
+        A reduction of a Mixture.
+    prune_weight : float
+        gamma: hypotheses of less weight are pruned.
+    density : float
+        gamma~: hypotheses whose weight over the square root of the determinant is less are pruned.
+    max_hypotheses : int
+        Most hypotheses that enter `reduce`; the heaviest are kept.
+
+    Returns
+    -------
+    Mixture
+
+    References
+    ----------
+    D'Ortenzio, section 4.
+    """
     if isinstance(reduce, Greedy):
         *left, _, _ = reduce_scan(
             *posterior, prune_weight, max_hypotheses, reduce.components, reduce.loss_bound, density
@@ -73,38 +150,50 @@ def prune_and_reduce(
 
 
 def gate_and_log_weights(model: Model) -> tuple[float, float, float]:
-    """The size of a gate, and the log weights of a miss and, but for the density of the innovation, of a
-    detection, as `expand` puts them together."""
-    size = gate_threshold(model.gate_probability, len(model.sensor.H))
-    return size, *log_weights(model.detection_probability, model.gate_probability, model.clutter_density)
+    """Gate threshold, log(1 - P_D P_G), and log(P_D / clutter density).
+
+    The last is the weight of a detection without its likelihood.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    threshold, log_miss, log_detect : float
+    """
+    threshold = gate_threshold(model.gate_probability, len(model.sensor.H))
+    return threshold, *log_weights(model.detection_probability, model.gate_probability, model.clutter_density)
 
 
 @kernel
-def expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
-    """Centres and innovation covariances of the gates, then what makes an Expansion, of a scan z (k, p) by a
-    linear sensor."""
+def expand_scan(w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z):
+    """Gate centres, innovation covariances, and the fields of an Expansion, by a linear sensor."""
     m, P = predict_all(m, P, F, Q, offset)
-    centres, S, C = innovation(m, P, H, R)
+    z_hat, S, C = innovation(m, P, H, R)
     k, p = z.shape
     w, m, P, parent, detection, log_density = expand_into_hypotheses(
-        w, m, P, centres, S, C, z.reshape(1, k, p), np.empty((0, p, p)), np.zeros(k),
+        w, m, P, z_hat, S, C, z.reshape(1, k, p), np.empty((0, p, p)), np.zeros(k),
         np.ascontiguousarray(H).reshape(1, p, len(F)), np.ascontiguousarray(R).reshape(1, p, p),
-        size, log_miss, log_detect,
+        threshold, log_miss, log_detect,
     )  # fmt: skip
-    return centres, S, w, m, P, parent, detection, log_density
+    return z_hat, S, w, m, P, parent, detection, log_density
 
 
 @kernel
-def pda_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z):
-    """Centres and innovation covariances of the gates, and the w, m, P of the one Gaussian."""
-    centres, S, w, m, P, _, _, _ = expand_scan(w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z)
+def pda_scan(w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z):
+    """Gate centres, innovation covariances, and the w, m, P of the merged Gaussian."""
+    z_hat, S, w, m, P, _, _, _ = expand_scan(w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z)
     _, m, P = match(w, m, P, np.zeros(len(w), np.int64), ONE)
-    return centres, S, np.full(1, pairwise_sum(w)), m, P
+    return z_hat, S, np.full(1, pairwise_sum(w)), m, P
 
 
 @kernel
 def reduce_scan(w, m, P, prune_weight, max_hypotheses, components, loss_bound, density):
-    """w, m, P of what is kept, and how many hypotheses entered the merging and came out of it."""
+    """Prune by weight, merge and prune by density (see `prune_and_reduce`), with Runnalls' greedy merging.
+
+    Returns the reduced w, m and P, and the numbers of hypotheses that entered and left the merging.
+    """
     w, m, P = prune_by_weight(w, m, P, prune_weight, max_hypotheses)
     entered = len(w)
     w, m, P, _ = merge_by_cost(w, m, P, components, loss_bound)
@@ -115,6 +204,7 @@ def reduce_scan(w, m, P, prune_weight, max_hypotheses, components, loss_bound, d
 
 @kernel(inline="always")
 def prune_by_weight(w, m, P, prune_weight, max_hypotheses):
+    """SP: the heaviest hypotheses of weight at least prune_weight, normalised."""
     kept = heaviest_mask(w, max_hypotheses) & above_threshold(w, w, prune_weight)
     w, m, P, _ = select(w, m, P, kept)
     return rescaled(w), m, P
@@ -122,6 +212,7 @@ def prune_by_weight(w, m, P, prune_weight, max_hypotheses):
 
 @kernel(inline="always")
 def prune_by_density(w, m, P, density):
+    """NWP: hypotheses whose weight over the root of the determinant is at least density, normalised."""
     w = rescaled(w)
     w, m, P, _ = select(w, m, P, above_threshold(w, w / root_determinants(P), density))
     return rescaled(w), m, P
@@ -129,10 +220,13 @@ def prune_by_density(w, m, P, density):
 
 @kernel
 def merge_costs(entered, left):
-    """Evaluations of the cost B of a pair that greedy merging needs on its way from n = `entered` to
-    r = `left` hypotheses: one for each of the n (n - 1) / 2 pairs at first, then, after each merge, one for
-    the new hypothesis with each of the others,
+    r"""Number of pairwise costs B that greedy merging evaluates from n = `entered` to r = `left` hypotheses.
 
-        n (n - 1) / 2 + (r - 1) + r + ... + (n - 2) = (n - 1)^2 - (r - 1) (r - 2) / 2
+    Notes
+    -----
+    One for each of the n (n - 1) / 2 pairs at first, then, after each merge, one for the new hypothesis with
+    each of the others:
+
+    .. math:: \frac{n (n - 1)}{2} + (r - 1) + r + \dots + (n - 2) = (n - 1)^2 - \frac{(r - 1) (r - 2)}{2}
     """
     return (entered - 1) ** 2 - (left - 1) * (left - 2) // 2

@@ -1,7 +1,7 @@
-"""The probability hypothesis density as a Gaussian mixture (Vo and Ma 2006): an intensity carried ahead,
-updated with a whole scan, merged, and asked where its targets are.
+"""The Gaussian-mixture PHD filter: predict, update, reduce, and report targets (Vo and Ma 2006).
 
-Weights are expected numbers: only detections, survival, births and pruning change their sum.
+The intensity's weights are expected numbers of targets. Only detections, survival, births, spawning and
+pruning change their sum.
 """
 
 from collections.abc import Callable
@@ -23,21 +23,55 @@ from gmr_gym.reduction.pruning import capping
 
 
 class LabelledIntensity(NamedTuple):
-    """An intensity whose components know which target they take theirs for."""
+    """An intensity whose components have labels of targets.
+
+    Attributes
+    ----------
+    intensity : Mixture
+        n components.
+    label : ndarray, shape (n,)
+        Label of each; several components may share one.
+    next_label : int
+        Next unused label.
+    """
 
     intensity: Mixture
-    label: np.ndarray  # (n,), several components may share one
-    next_label: int  # the next label to give
+    label: np.ndarray
+    next_label: int
 
 
 def no_targets(model: MultiTargetModel) -> LabelledIntensity:
-    """The intensity of no target."""
+    """The intensity of no target.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+
+    Returns
+    -------
+    LabelledIntensity
+    """
     return LabelledIntensity(no_components(len(model.motion.F)), np.empty(0, np.int64), 0)
 
 
 def predict(belief: LabelledIntensity, model: MultiTargetModel) -> LabelledIntensity:
-    """One period later: those who survive, what they spawn and births (Vo and Ma 2006, eqs. 24-29). The
-    spawned scatter about where their parent moves, and they and the born get labels of their own."""
+    """Predict the intensity by one period: surviving, spawned and born targets.
+
+    Spawned targets are distributed around their parent's prediction. They and the born have new labels.
+
+    Parameters
+    ----------
+    belief : LabelledIntensity
+    model : MultiTargetModel
+
+    Returns
+    -------
+    LabelledIntensity
+
+    References
+    ----------
+    Vo and Ma 2006, eqs. 24-29.
+    """
     moved = predict_components(belief.intensity, model.motion)
     parts = [moved._replace(w=model.survival_probability * moved.w)]
     if model.spawn_weight > 0:
@@ -56,13 +90,44 @@ def update(
     kappa: np.ndarray,
     prune_weight: float,
 ) -> tuple[LabelledIntensity, np.ndarray]:
-    """After a scan z (k, p), and the probability (k,) that each of its detections is false: every component
-    with every detection, and with none (Vo and Ma 2006, eqs. 30-35):
+    r"""Update the intensity with a scan.
 
-        missed    w (1 - P_D)       detected    w P_D N(z; H m, S) / (kappa(z) + the same over all components)
+    Parameters
+    ----------
+    predicted : LabelledIntensity
+    sensor : Sensor
+    z : ndarray, shape (k, p)
+        Detections.
+    detection_probability : float
+        P_D.
+    kappa : ndarray, shape (k,)
+        Intensity of clutter at the detections.
+    prune_weight : float
+        Components below `prune_weight` are dropped; the weights of the rest are not rescaled.
 
-    kappa (k,) is the intensity of clutter at the detections; its own share of that sum is false. What comes
-    to less than `prune_weight` is left out, without a word to the others. Labels are the parents'."""
+    Returns
+    -------
+    posterior : LabelledIntensity
+        Every component with a missed detection and with every detection; labels are the parents'.
+    p_clutter : ndarray, shape (k,)
+        Probability that each detection is a false alarm.
+
+    Notes
+    -----
+    .. math::
+
+        w_{i0} = (1 - P_D) w_i, \qquad
+        w_i(z) = \frac{P_D w_i \mathcal{N}(z; H m_i, S_i)}
+                      {\kappa(z) + P_D \sum_l w_l \mathcal{N}(z; H m_l, S_l)}
+
+    and a detection is a false alarm with probability
+
+    .. math:: \frac{\kappa(z)}{\kappa(z) + P_D \sum_l w_l \mathcal{N}(z; H m_l, S_l)}
+
+    References
+    ----------
+    Vo and Ma 2006, eqs. 30-35.
+    """
     p = predicted.intensity
     z_hat, S = sensor.gates(p)
     C = sensor.predict_detections(p, z_hat, S, z).C
@@ -75,7 +140,20 @@ def update(
 def reduce_intensity(
     belief: LabelledIntensity, reduce: Callable[[Mixture], Reduced], max_components: int
 ) -> LabelledIntensity:
-    """`reduce` of the `most` heaviest components; what is merged has the label of its heaviest part."""
+    """Reduce the intensity; a merged component keeps the label of its heaviest part.
+
+    Parameters
+    ----------
+    belief : LabelledIntensity
+    reduce : callable
+        A reduction of a Mixture.
+    max_components : int
+        Most components that enter `reduce`; the heaviest are kept.
+
+    Returns
+    -------
+    LabelledIntensity
+    """
     p, label, next_label = belief
     if len(p.w) == 0:
         return belief
@@ -86,41 +164,73 @@ def reduce_intensity(
     heaviest_last = np.argsort(-p.w, kind="stable")[::-1]
     heaviest_last = heaviest_last[origin[heaviest_last] >= 0]
     merged = np.full(len(q.w), -1)
-    merged[origin[heaviest_last]] = label[heaviest_last]  # the last written stays
+    merged[origin[heaviest_last]] = label[heaviest_last]  # the last write wins: the heaviest
     return LabelledIntensity(q, merged, next_label)
 
 
 def report(
     belief: LabelledIntensity, clutter: Clutter, number: int | None = None
 ) -> tuple[LabelledIntensity, MultiTargetReport]:
-    """The targets that the intensity names, the surest first, and the belief with their labels.
+    """Declare targets, by decreasing existence.
 
-    A component of weight w names one target with existence min(w, 1), one more with min(w - 1, 1) and so
-    on; those above 1/2 are named, round(w) in all (Vo and Ma 2006, Table III), or the `number` surest. A
-    second target of one component has no label, -1; of components that share one the heaviest keeps it,
-    and the others are given fresh ones."""
+    A component of weight w stands for one target of existence min(w, 1), a second of min(w - 1, 1) and so on.
+    Those above 1/2 are declared, round(w) in all, or the `number` most certain. A second target of one
+    component has no label, -1. Of components that share a label the heaviest keeps it, and the others get
+    new ones.
+
+    Parameters
+    ----------
+    belief : LabelledIntensity
+    clutter : Clutter
+        Clutter to report.
+    number : int, optional
+        Number of targets to declare.
+
+    Returns
+    -------
+    belief : LabelledIntensity
+        With the labels of the declared targets.
+    report : MultiTargetReport
+
+    References
+    ----------
+    Vo and Ma 2006, Table III.
+    """
     p, label, next_label = belief
     copies = np.ceil(p.w - (0.5 if number is None else 0.0)).clip(0).astype(int)
     at = np.repeat(np.arange(len(p.w)), copies)
     copy = np.arange(len(at)) - np.repeat(np.cumsum(copies) - copies, copies)
     existence = np.minimum(p.w[at] - copy, 1.0)
-    surest = np.lexsort((-p.w[at], -existence))[:number]
-    at, copy, existence = at[surest], copy[surest], existence[surest]
+    order = np.lexsort((-p.w[at], -existence))[:number]
+    at, copy, existence = at[order], copy[order], existence[order]
     first = at[copy == 0]  # heaviest first
     _, keeps = np.unique(label[first], return_index=True)
     others = np.delete(first, keeps)
     label = label.copy()
     label[others] = next_label + np.arange(len(others))
-    said = MultiTargetReport(
+    out = MultiTargetReport(
         p.m[at], existence, np.where(copy == 0, label[at], -1), float(p.w.sum()), p, clutter
     )
-    return LabelledIntensity(p, label, next_label + len(others)), said
+    return LabelledIntensity(p, label, next_label + len(others)), out
 
 
 def check_filter(
     model: MultiTargetModel, reduce: Callable[[Mixture], Reduced], prune_weight: float, max_components: int
 ) -> None:
-    """Raise ValueError naming the parameter that is wrong, here rather than in a scan."""
+    """Check the parameters of a PHD filter when it is made rather than at a scan.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+    reduce : callable
+    prune_weight : float
+    max_components : int
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter that is out of range.
+    """
     check_limits(prune_weight, max_components)
     d = len(model.motion.F)
     check_reduced(reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
@@ -130,7 +240,7 @@ def check_filter(
 def _updated(w, m, P, z_hat, S, C, H, R, z, log_kappa, detection_probability, least):
     table = log_ratios(w, z_hat, S, z, log_kappa, detection_probability)
     n, k = table.shape
-    top = np.zeros(k)  # the logarithm of clutter over itself
+    top = np.zeros(k)  # log ratio of the clutter to itself
     for i in range(n):
         for j in range(k):
             top[j] = max(top[j], table[i, j])

@@ -1,7 +1,7 @@
-"""Targets as Bernoulli tracks over a Poisson intensity of those not yet detected (Williams 2015): which
-detection is whose is a matter of marginal probabilities, by belief propagation (Williams and Lau 2014).
+"""Poisson multi-Bernoulli filter: Bernoulli tracks, and a Poisson intensity of undetected targets.
 
-A track is there or is not; if it is, it is one Gaussian. Existences are no shares: each lies in [0, 1].
+Marginal association probabilities are found by belief propagation (Williams 2015; Williams and Lau 2014).
+A track is one Gaussian and a probability of existence in [0, 1]; existences do not sum to 1.
 """
 
 from typing import NamedTuple
@@ -20,31 +20,71 @@ from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.models.update import posterior_into
 from gmr_gym.reduction.pruning import capping
 
-TOLERANCE = 1e-6  # relative, of the messages of one round to those of the next
-ROUNDS = 1000  # of messages, at most
-# a track that is certain to be detected is missed with this probability: something must explain an empty gate
+TOLERANCE = 1e-6  # largest change of a log message at which rounds end
+ROUNDS = 1000  # most rounds of messages
+# probability of a miss where P_D = 1 and a track is certain to exist: an empty gate needs an explanation
 LEAST_MISS = 1e-100
 
 
 class MultiBernoulli(NamedTuple):
-    """Tracks, each of one target or of none, and the intensity of the targets that no scan has shown."""
+    """Bernoulli tracks, and the intensity of undetected targets.
 
-    tracks: Mixture  # weights (n,) are probabilities of existence
-    label: np.ndarray  # (n,), no two alike
-    undetected: Mixture  # an intensity
-    next_label: int  # the next label to give
+    Attributes
+    ----------
+    tracks : Mixture
+        n tracks; weights are probabilities of existence.
+    label : ndarray, shape (n,)
+        Distinct labels.
+    undetected : Mixture
+        Intensity of the targets not yet detected.
+    next_label : int
+        Next unused label.
+    """
+
+    tracks: Mixture
+    label: np.ndarray
+    undetected: Mixture
+    next_label: int
 
 
 def no_targets(model: MultiTargetModel) -> MultiBernoulli:
-    """No track, and nobody to detect."""
+    """The belief without tracks and without undetected targets.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+
+    Returns
+    -------
+    MultiBernoulli
+    """
     d = len(model.motion.F)
     return MultiBernoulli(no_components(d), np.empty(0, np.int64), no_components(d), 0)
 
 
 def predict(belief: MultiBernoulli, model: MultiTargetModel) -> MultiBernoulli:
-    """One period later: whoever survives moves, and those born and those whom tracks spawn, about where their
-    parent moves, are undetected (Williams 2015; the spawning is ours: undetected targets have
-    none)."""
+    """Predict the tracks and the undetected intensity by one period.
+
+    Surviving targets move; born and spawned ones join the undetected intensity, spawned ones around their
+    parent's prediction.
+
+    Parameters
+    ----------
+    belief : MultiBernoulli
+    model : MultiTargetModel
+
+    Returns
+    -------
+    MultiBernoulli
+
+    Notes
+    -----
+    Departs: spawning is not in the paper; only tracks spawn, undetected targets do not.
+
+    References
+    ----------
+    Williams 2015.
+    """
     tracks, undetected = (
         predict_components(belief.tracks, model.motion),
         predict_components(belief.undetected, model.motion),
@@ -65,27 +105,64 @@ def update(
     kappa: np.ndarray,
     least: float = 0.0,
 ) -> tuple[MultiBernoulli, np.ndarray]:
-    """After a scan z (k, p), and the probability (k,) that each of its detections is false.
+    r"""Update the tracks and the undetected intensity with a scan (TOMB/P).
 
-    kappa (k,) is the intensity of clutter at the detections. Track i, of existence r, against its absence:
+    Parameters
+    ----------
+    predicted : MultiBernoulli
+    sensor : Sensor
+    z : ndarray, shape (k, p)
+        Detections.
+    detection_probability : float
+        P_D.
+    kappa : ndarray, shape (k,)
+        Intensity of clutter at the detections.
+    least : float
+        New tracks of less existence are dropped.
 
-        missed    1 - r P_D, then it exists with r (1 - P_D) / (1 - r P_D)    detected    r P_D N(z; H m, S)
+    Returns
+    -------
+    posterior : MultiBernoulli
+        Each track moment-matched over its marginal association probabilities. New tracks are ordered by
+        decreasing existence.
+    p_clutter : ndarray, shape (k,)
+        Probability that each detection is a false alarm.
 
-    A detection that is of none is of the first target seen there, of intensity rho = P_D times the sum of
-    w N(z; H m, S) over the undetected, or false: it starts a track of existence rho / (rho + kappa)
-    (Williams 2015). Each track is one Gaussian over its marginal probabilities (his TOMB/P).
-    New tracks that exist with less than `least` are left out; the surest has the first label."""
+    Notes
+    -----
+    Track i of existence :math:`r_i` has the association weights
+
+    .. math::
+
+        w_{i0} = 1 - r_i P_D, \qquad w_{ij} = r_i P_D \mathcal{N}(z_j; H m_i, S_i)
+
+    and after a missed detection it exists with probability :math:`r_i (1 - P_D) / (1 - r_i P_D)`. A detection
+    assigned to no track is the first of a new target or a false alarm. With
+
+    .. math:: \rho_j = P_D \sum_l w^u_l \mathcal{N}(z_j; H m^u_l, S^u_l)
+
+    over the undetected intensity, marginal probabilities follow by belief propagation from the ratios
+
+    .. math:: \psi_{ij} = \frac{w_{ij}}{w_{i0} (\kappa_j + \rho_j)}
+
+    A detection unassigned with probability :math:`u_j` starts a track of existence
+    :math:`u_j \rho_j / (\rho_j + \kappa_j)`. The undetected intensity is multiplied by :math:`1 - P_D`.
+
+    References
+    ----------
+    Williams 2015.
+    """
     tracks, undetected = predicted.tracks, predicted.undetected
     d = tracks.m.shape[1]
     log_kappa = np.log(kappa)
     z_hat, S = sensor.gates(tracks)
-    at, spread = sensor.gates(undetected)
+    z_hat_new, S_new = sensor.gates(undetected)
     seen = log_ratios(tracks.w, z_hat, S, z, log_kappa, detection_probability)
-    appeared = log_ratios(undetected.w, at, spread, z, log_kappa, detection_probability)
-    log_unowned = np.logaddexp.reduce(appeared, axis=0, initial=0.0)  # log of (rho + kappa) / kappa
+    appeared = log_ratios(undetected.w, z_hat_new, S_new, z, log_kappa, detection_probability)
+    log_new_ratio = np.logaddexp.reduce(appeared, axis=0, initial=0.0)  # log((rho + kappa) / kappa)
     miss = np.maximum(1.0 - tracks.w * detection_probability, LEAST_MISS)
     track, detection = np.nonzero(seen > -np.inf)
-    log_psi = seen[track, detection] - np.log(miss[track]) - log_unowned[detection]
+    log_psi = seen[track, detection] - np.log(miss[track]) - log_new_ratio[detection]
     assigned, missed, unassigned = marginals(track, detection, log_psi, len(tracks.w), len(z))
     found = np.zeros(seen.shape)
     found[track, detection] = assigned
@@ -93,32 +170,55 @@ def update(
     C = sensor.predict_detections(tracks, z_hat, S, z).C
     old = Mixture(*moment_matched(absent, found, tracks.m, tracks.P, z_hat, S, C, *sensor, z))
 
-    exists = unassigned * -np.expm1(-log_unowned)
+    exists = unassigned * -np.expm1(-log_new_ratio)
     new = np.flatnonzero((exists >= least) & (exists > 0))
     new = new[np.lexsort((*z[new].T, -exists[new]))]
-    born = unassigned[new] * np.exp(appeared[:, new] - log_unowned[new])
-    C = sensor.predict_detections(undetected, at, spread, z).C
+    born = unassigned[new] * np.exp(appeared[:, new] - log_new_ratio[new])
+    C = sensor.predict_detections(undetected, z_hat_new, S_new, z).C
     parts = posteriors(
-        np.zeros(len(at)), born, undetected.m, undetected.P, at, spread, C, *sensor, z[new], 0.0
-    )  # without a miss, these are the positive entries of `born`, row by row
-    next_label = (
+        np.zeros(len(undetected.w)),
+        born,
+        undetected.m,
+        undetected.P,
+        z_hat_new,
+        S_new,
+        C,
+        *sensor,
+        z[new],
+        0.0,
+    )  # without misses: the positive entries of `born`, row by row
+    started = (
         match_groups(Mixture(*parts[:3]), np.nonzero(born > 0)[1], len(new)) if len(new) else no_components(d)
     )
     posterior = MultiBernoulli(
-        joined([old, next_label]),
+        joined([old, started]),
         np.append(predicted.label, predicted.next_label + np.arange(len(new))),
         undetected._replace(w=(1.0 - detection_probability) * undetected.w),
         predicted.next_label + len(new),
     )
-    return posterior, unassigned * np.exp(-log_unowned)
+    return posterior, unassigned * np.exp(-log_new_ratio)
 
 
 def prune(belief: MultiBernoulli, existence: float, weight: float, max_components: int) -> MultiBernoulli:
-    """Without tracks of less than `existence` and undetected components of less than `weight`, and no more
-    than the `most` surest of the one and the `most` heaviest of the other."""
+    """Prune tracks by existence and undetected components by weight.
+
+    Parameters
+    ----------
+    belief : MultiBernoulli
+    existence : float
+        Tracks of less existence are dropped.
+    weight : float
+        Undetected components of less weight are dropped.
+    max_components : int
+        Most tracks, and most undetected components.
+
+    Returns
+    -------
+    MultiBernoulli
+    """
     tracks, label, undetected, next_label = belief
-    surest = np.argsort(-tracks.w, kind="stable")[:max_components]
-    kept = np.sort(surest[(tracks.w[surest] >= existence) & (tracks.w[surest] > 0)])
+    order = np.argsort(-tracks.w, kind="stable")[:max_components]
+    kept = np.sort(order[(tracks.w[order] >= existence) & (tracks.w[order] > 0)])
     undetected = take(undetected, (undetected.w >= weight) & (undetected.w > 0))
     if len(undetected.w) > max_components:
         undetected = capping(undetected, max_components)[0]
@@ -126,26 +226,49 @@ def prune(belief: MultiBernoulli, existence: float, weight: float, max_component
 
 
 def report(belief: MultiBernoulli, clutter: Clutter, report_threshold: float = 0.5) -> MultiTargetReport:
-    """The tracks that exist with more than `naming`, the surest first, under their labels."""
+    """Declare the tracks whose existence exceeds `report_threshold`, by decreasing existence.
+
+    Parameters
+    ----------
+    belief : MultiBernoulli
+    clutter : Clutter
+        Clutter to report.
+    report_threshold : float
+        Probability of existence.
+
+    Returns
+    -------
+    MultiTargetReport
+    """
     tracks, label, undetected, _ = belief
-    surest = np.argsort(-tracks.w, kind="stable")
-    surest = surest[tracks.w[surest] > report_threshold]
-    everyone = joined([tracks, undetected])
-    existence = np.minimum(tracks.w[surest], 1.0)  # a sum of marginals is 1 but for rounding
+    order = np.argsort(-tracks.w, kind="stable")
+    order = order[tracks.w[order] > report_threshold]
+    all_targets = joined([tracks, undetected])
+    existence = np.minimum(tracks.w[order], 1.0)  # a sum of marginals may exceed 1 by rounding
     return MultiTargetReport(
-        tracks.m[surest], existence, label[surest], float(everyone.w.sum()), everyone, clutter
+        tracks.m[order], existence, label[order], float(all_targets.w.sum()), all_targets, clutter
     )
 
 
 @kernel
 def moment_matched(absent, found, m, P, z_hat, S, C, H, R, z):
-    """Each track i one Gaussian again, by its moments, after it was absent with probability absent (n,) and
-    had each detection with found (n, k). With the innovations nu_j, K of S and C = H P, beta their shares:
+    r"""Moment match of every track over its association probabilities: existences, means and covariances.
 
-        m + K nu      (1 - beta_0) (P - K S K') + beta_0 P + K (sum beta_j nu_j nu_j' - nu nu') K',
-        nu = sum beta_j nu_j
+    absent (n,) are the probabilities that a track exists and is missed, found (n, k) those of each detection.
 
-    so that no posterior of a pair is ever formed: thousands of detections in a gate need no room."""
+    Notes
+    -----
+    With innovations :math:`\nu_j`, shares :math:`\beta` of `absent` and `found`, and
+    :math:`\nu = \sum_j \beta_j \nu_j`
+
+    .. math::
+
+        m \leftarrow m + K \nu, \qquad
+        P \leftarrow \beta_0 P + (1 - \beta_0) (P - K S K^T)
+            + K \Big( \sum_j \beta_j \nu_j \nu_j^T - \nu \nu^T \Big) K^T
+
+    No posterior of a single pair is formed, so memory does not grow with the detections in a gate.
+    """
     (n, d), (k, p) = m.shape, z.shape
     w_out, m_out, P_out = np.empty(n), m.copy(), P.copy()
     L, K, W, P_hit = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty((d, d))
@@ -173,7 +296,7 @@ def moment_matched(absent, found, m, P, z_hat, S, C, H, R, z):
         missed = absent[i] / whole
         for r in range(p):
             for s in range(r + 1):
-                # where it was absent the mean stays, at an innovation of 0
+                # a miss keeps the mean: an innovation of 0
                 spread[r, s] += missed * nu[r] * nu[s]
                 spread[s, r] = spread[r, s]
         shift = K @ spread @ K.T
@@ -188,13 +311,15 @@ def moment_matched(absent, found, m, P, z_hat, S, C, H, R, z):
 
 @kernel
 def marginals(track, detection, log_psi, n, k):
-    """Marginal probabilities that a track has a detection (e,), a track none (n,) and a detection no track
-    (k,), by loopy belief propagation (Williams and Lau 2014): exact where the e pairs
-    close no loop.
+    """Marginal association probabilities by loopy belief propagation (Williams and Lau 2014).
 
-    log_psi (e,) is the logarithm of how much likelier than a track missed and a detection of no track is the
-    pair of track (e,) and detection (e,); messages are logarithms too, for where there is hardly any clutter
-    psi is beyond floating point. No pair may occur twice."""
+    Returns those of each pair (e,), of a missed track (n,) and of an unassigned detection (k,), exact where
+    the e pairs form no loop.
+
+    log_psi (e,) is the log weight of the pair of track (e,) and detection (e,) relative to a missed track
+    and an unassigned detection. Messages are logarithms too, because with little clutter psi overflows. No
+    pair may occur twice.
+    """
     e = len(log_psi)
     by_track, first_track = _grouped(track, n)
     by_detection, first_detection = _grouped(detection, k)
@@ -223,7 +348,7 @@ def marginals(track, detection, log_psi, n, k):
 
 @kernel
 def _grouped(group, count):
-    """Members (e,) in order of their group, and where each group begins (count + 1,)."""
+    """Members (e,) ordered by group, and the start of each group (count + 1,)."""
     first = np.zeros(count + 1, np.int64)
     for a in range(len(group)):
         first[group[a] + 1] += 1
@@ -238,15 +363,17 @@ def _grouped(group, count):
 
 @kernel
 def _others(out, whole, value, member, first):
-    """log(1 + sum of exp) of the values of all others of the same group, into out (e,), and of all of each
-    group, into whole (groups,)."""
+    """log(1 + sum of exp) of the values of the other members of a group, and of all members.
+
+    The first goes into out (e,), the second into whole (groups,).
+    """
     share = np.empty(len(value))
     for g in range(len(first) - 1):
-        top, surest, second = 0.0, -1, 0.0
+        top, largest, second = 0.0, -1, 0.0
         for b in range(first[g], first[g + 1]):
             a = member[b]
             if value[a] > top:
-                top, surest, second = value[a], a, top
+                top, largest, second = value[a], a, top
             else:
                 second = max(second, value[a])
         whole[g], rest = np.exp(-top), np.exp(-second)
@@ -254,9 +381,9 @@ def _others(out, whole, value, member, first):
             a = member[b]
             share[a] = np.exp(value[a] - top)
             whole[g] += share[a]
-            rest += np.exp(value[a] - second) if a != surest else 0.0
+            rest += np.exp(value[a] - second) if a != largest else 0.0
         for b in range(first[g], first[g + 1]):
             a = member[b]
-            # of the largest: the sum less itself would lose the others
-            out[a] = top + np.log(whole[g] - share[a]) if a != surest else second + np.log(rest)
+            # for the largest, subtracting it from the sum would cancel
+            out[a] = top + np.log(whole[g] - share[a]) if a != largest else second + np.log(rest)
         whole[g] = top + np.log(whole[g])

@@ -1,4 +1,4 @@
-"""Trackers found by name, through entry points."""
+"""Trackers found by name through entry points."""
 
 import inspect
 from difflib import get_close_matches
@@ -10,13 +10,32 @@ from gmr_gym.models.model import Model, with_radar_update
 from gmr_gym.models.multi_target import MultiTargetModel
 
 GROUP, MULTI_TARGET_GROUP = "gmr_gym.trackers", "gmr_gym.multi_target_trackers"
-FORMER_GROUP = "gmr_gym.crowd_trackers"  # of MULTI_TARGET_GROUP
-FORMER_PARAMETERS = {"hopeless": "give_up_ratio", "most": "max_hypotheses", "naming": "report_threshold"}
+FORMER_GROUP = "gmr_gym.crowd_trackers"  # former name of MULTI_TARGET_GROUP
+FORMER_PARAMETERS = {  # each with its possible new names
+    "hopeless": ("give_up_ratio",),
+    "most": ("max_hypotheses", "max_gaussians"),
+    "naming": ("report_threshold",),
+}
 
 
 def trackers(group: str = GROUP) -> dict[str, str]:
-    """Names of the installed trackers, of one target or, with `MULTI_TARGET_GROUP`, of many, each with the
-    first paragraph of its description."""
+    """Names and descriptions of the installed trackers.
+
+    Parameters
+    ----------
+    group : str
+        Entry-point group: `GROUP` of single-target trackers, or `MULTI_TARGET_GROUP`.
+
+    Returns
+    -------
+    dict of str to str
+        First paragraph of each tracker's description by its name, sorted.
+
+    Examples
+    --------
+    >>> "runnalls" in trackers(), "gm-phd" in trackers(MULTI_TARGET_GROUP)
+    (True, True)
+    """
     found = {}
     for name, point in sorted(_entry_points(group).items()):
         doc = inspect.getdoc(point.load()) or ""
@@ -25,49 +44,81 @@ def trackers(group: str = GROUP) -> dict[str, str]:
 
 
 def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> Any:
-    """The tracker of that name for a filter model: a Tracker, or for a MultiTargetModel a MultiTargetTracker.
-    A number at the end of the name is its number of components: `runnalls-30` is `runnalls` with
-    components=30. Every tracker of one target takes an `update`, another update of its radar, one of
-    `gmr_gym.models.radar.UPDATES`.
+    """Make the tracker of a name for a filter model.
 
-    Raises ValueError for a name that no installed package offers, with the nearest that one does,
-    and for a parameter the tracker does not take, with those it does.
+    Parameters
+    ----------
+    name : str
+        Name of an installed tracker, see `trackers`. A number at its end is the number of components:
+        `runnalls-30` is `runnalls` with components=30.
+    model : Model or MultiTargetModel
+        The filter model.
+    **parameters
+        Parameters of the tracker. Every single-target tracker also takes `update`, one of
+        `gmr_gym.models.radar.UPDATES`: the update of its radar.
+
+    Returns
+    -------
+    Tracker or MultiTargetTracker
+        The latter for a MultiTargetModel.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, with the nearest known one; for a parameter that the tracker does not take, with
+        those it does; and for a value out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gmr_gym.mixture import gaussian
+    >>> from gmr_gym.models import constant_velocity, model, position_sensor
+    >>> prior = gaussian(np.zeros(4), np.diag([100.0, 100.0, 25.0, 25.0]))
+    >>> assumed = model(constant_velocity(1.0, 0.5), position_sensor(10.0), 0.9, 0.99, 1e-5, prior)
+    >>> make_tracker("runnalls-5", assumed).reduce.components
+    5
+    >>> make_tracker("runnals", assumed)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+        ...
+    ValueError: unknown tracker 'runnals'; did you mean 'runnalls'? (installed: ...)
     """
-    known = _entry_points(MULTI_TARGET_GROUP if isinstance(model, MultiTargetModel) else GROUP)
+    multi_target = isinstance(model, MultiTargetModel)
+    own, other = (MULTI_TARGET_GROUP, GROUP) if multi_target else (GROUP, MULTI_TARGET_GROUP)
+    known = _entry_points(own)
     base, _, number = name.rpartition("-")
-    twice = None
+    other_components = None
     if name not in known and base in known and number.isdigit():
-        twice = parameters.get("components")
+        other_components = parameters.get("components")
         name, parameters = base, {**parameters, "components": int(number)}
-    many = isinstance(model, MultiTargetModel)
-    if name not in known and {name, base} & _entry_points(GROUP if many else MULTI_TARGET_GROUP).keys():
-        kind = "one target, and here there are many" if many else "many targets, and here there is one"
+    if name not in known and {name, base} & _entry_points(other).keys():
+        kind = "one target, the model for many" if multi_target else "many targets, the model for one"
         raise ValueError(f"tracker {name!r} is for {kind}")
     if name not in known:
         near = get_close_matches(name.rstrip("-0123456789"), known, n=1) or get_close_matches(name, known)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise ValueError(f"unknown tracker {name!r}{hint} (installed: {', '.join(sorted(known))})")
     factory = known[name].load()
-    takes = list(inspect.signature(factory).parameters)[1:]
+    accepted = list(inspect.signature(factory).parameters)[1:]
     update = parameters.pop("update", None)
     if update is not None:
-        if isinstance(model, MultiTargetModel):
-            raise ValueError(f"tracker {name!r} of many targets takes no 'update'")
+        if multi_target:
+            raise ValueError(f"multi-target tracker {name!r} takes no 'update'")
         model = with_radar_update(model, update)
-    for former, new in FORMER_PARAMETERS.items():
-        if former in parameters and former not in takes and new in takes:
+    for former, candidates in FORMER_PARAMETERS.items():
+        new = next((candidate for candidate in candidates if candidate in accepted), None)
+        if former in parameters and former not in accepted and new is not None:
             warn_renamed(f"parameter {former!r}", repr(new))
             parameters[new] = parameters.pop(former)
     for parameter in parameters:
-        if parameter not in takes:
+        if parameter not in accepted:
             raise ValueError(
-                f"tracker {name!r} takes no parameter {parameter!r}; it takes {', '.join(takes) or 'none'}"
+                f"tracker {name!r} takes no parameter {parameter!r}; it takes {', '.join(accepted) or 'none'}"
             )
-    if twice is not None:
-        raise ValueError(f"components is given twice, as {number} in the name and as {twice!r}")
+    if other_components is not None:
+        raise ValueError(f"components is given twice, as {number} in the name and as {other_components!r}")
     try:
         tracker = factory(model, **parameters)
-    except TypeError as error:  # text where a number belongs
+    except TypeError as error:  # for example a string for a number
         raise ValueError(f"tracker {name!r} cannot be made with {parameters}: {error}") from None
     if update is not None and getattr(tracker.model.sensor, "update", None) != update:
         raise ValueError(f"tracker {name!r} has an update of its own and takes no {update!r}")

@@ -1,4 +1,4 @@
-"""What a tracker is, what it says of a scan, and how trackers are found by name."""
+"""Protocols of trackers, and what they report of a scan."""
 
 from typing import Any, NamedTuple, Protocol
 
@@ -11,63 +11,144 @@ from gmr_gym.models.model import Model
 from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.points import check_points
 
-UNLIMITED = 10**9  # hypotheses, for what costs no more than they are many
-ONE_MODE = np.ones(1)  # of the one motion there is
+UNLIMITED = 10**9  # no limit: the reduction is linear in the number of hypotheses
+ONE_MODE = np.ones(1)  # mode probabilities where the model has one motion
 ONE_MODE.setflags(write=False)
 
 
 class Report(NamedTuple):
-    """What a tracker says of one scan."""
+    """Report of a single-target tracker on one scan.
 
-    x: np.ndarray  # (j, d), estimates: one for a single-target tracker
-    P: np.ndarray  # (j, d, d), the covariances it claims for them
-    gates: Gates  # where it looked for the target's detection; of a radar, a yardstick in space
-    mixture: Mixture  # the hypotheses it kept
-    alive: bool = True  # False when it has given the target up, and only coasts
-    modes: np.ndarray = ONE_MODE  # (r,), probability of each of the model's motions
+    Attributes
+    ----------
+    x : ndarray, shape (1, d)
+        Estimate of the state.
+    P : ndarray, shape (1, d, d)
+        Its covariance according to the tracker.
+    gates : Gates
+        Gates used for the scan; for a radar, in Cartesian coordinates.
+    mixture : Mixture
+        Hypotheses after the reduction.
+    alive : bool
+        False when the tracker has given the target up and only predicts.
+    modes : ndarray, shape (r,)
+        Probability of each motion model.
+    """
+
+    x: np.ndarray
+    P: np.ndarray
+    gates: Gates
+    mixture: Mixture
+    alive: bool = True
+    modes: np.ndarray = ONE_MODE
 
 
 class Tracker(Protocol):
-    """A frozen dataclass of parameters. The belief is its private affair: it goes in and comes
-    out, and nothing is remembered in between."""
+    """A single-target tracker: frozen parameters.
+
+    The belief, private to the tracker, is passed in and returned; the tracker stores nothing between scans.
+    """
 
     @property
     def model(self) -> Model:
-        """What it was told."""
+        """The filter model."""
 
     def init(self) -> Any:
-        """The belief one period before the first scan."""
+        """Belief one period before the first scan."""
 
     def step(self, belief: Any, z: np.ndarray) -> tuple[Any, Report]:
-        """The belief after the scan z (k, p) one period later, and the report on that scan."""
+        """Predict by one period and update with a scan.
+
+        Parameters
+        ----------
+        belief
+            Belief after the last scan.
+        z : ndarray, shape (k, p)
+            Detections.
+
+        Returns
+        -------
+        belief
+            Belief after the scan.
+        report : Report
+        """
 
 
 def check_scan(z, p: int) -> np.ndarray:
-    """The detections as floats (k, p), (0, p) for an empty scan, without those masked; ValueError as in
-    `points.check_points`: so no scan that a tracker takes holds a coordinate beyond +-1e10."""
+    """Check the detections of a scan.
+
+    Parameters
+    ----------
+    z : array_like, shape (k, p)
+        Detections; masked ones are dropped. An empty list is an empty scan.
+    p : int
+        Dimension of a detection.
+
+    Returns
+    -------
+    ndarray of float, shape (k, p)
+
+    Raises
+    ------
+    ValueError
+        As `gmr_gym.points.check_points`, among others for a coordinate beyond +-1e10.
+    """
     return check_points(z, p)
 
 
 class MultiTargetReport(NamedTuple):
-    """What a tracker of many targets says of a scan."""
+    """Report of a multi-target tracker on one scan.
 
-    x: np.ndarray  # (j, d), the targets it is ready to name
-    existence: np.ndarray  # (j,), how sure it is of each, in [0, 1]
-    label: np.ndarray  # (j,), the same from scan to scan for what it takes to be the same target; -1 for none
+    Attributes
+    ----------
+    x : ndarray, shape (j, d)
+        States of the declared targets.
+    existence : ndarray, shape (j,)
+        Probability that each exists.
+    label : ndarray, shape (j,)
+        Label of each, constant over scans for one target; -1 for none.
+    expected_targets : float
+        Expected number of targets.
+    intensity : Mixture
+        Intensity of targets; weights sum to `expected_targets` up to rounding.
+    clutter : Clutter
+        Clutter assumed or estimated after the scan.
+    """
+
+    x: np.ndarray
+    existence: np.ndarray
+    label: np.ndarray
     expected_targets: float
-    intensity: Mixture  # of targets, what it believes; weights sum to `expected_targets`, but for rounding
-    clutter: Clutter  # what it believes of false detections, after the scan
+    intensity: Mixture
+    clutter: Clutter
 
 
 class MultiTargetTracker(Protocol):
-    """As `tracker.Tracker`, for many targets: frozen parameters, a belief in and out."""
+    """A multi-target tracker: frozen parameters, as `Tracker`.
+
+    The belief is passed in and returned.
+    """
 
     @property
     def model(self) -> MultiTargetModel:
-        """What it was told."""
+        """The filter model."""
 
     def init(self) -> object:
-        """The belief one period before the first scan."""
+        """Belief one period before the first scan."""
 
     def step(self, belief, z: np.ndarray) -> tuple[object, MultiTargetReport]:
-        """The belief after the scan z (k, p) one period later, and the account of that scan."""
+        """Predict by one period and update with a scan.
+
+        Parameters
+        ----------
+        belief
+            Belief after the last scan.
+        z : ndarray, shape (k, p)
+            Detections.
+
+        Returns
+        -------
+        belief
+            Belief after the scan.
+        report : MultiTargetReport
+        """

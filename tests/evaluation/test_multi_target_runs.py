@@ -156,7 +156,7 @@ def test_trackers_of_many_targets_are_found_by_name_and_others_are_not(name):
     assert tracker.model is WORLD.model
     _, account = tracker.step(tracker.init(), np.zeros((0, 2)))
     assert len(account.x) == 0 and account.clutter.expected > 0
-    with pytest.raises(ValueError, match="tracker 'pda' is for one target, and here there are many"):
+    with pytest.raises(ValueError, match="tracker 'pda' is for one target, the model for many"):
         make_tracker("pda", WORLD.model)
     with pytest.raises(ValueError, match="takes no 'update'"):
         make_tracker(name, WORLD.model, update="raw")

@@ -217,11 +217,11 @@ def test_of_no_detection_no_gaussian_is_made():
     [
         ({"memory": 0}, "memory must be a whole number, at least 1, got 0"),
         ({"deviation": -1.0}, "deviation must be positive, got -1.0"),
-        ({"max_hypotheses": 2.5}, "max_hypotheses must be a whole number"),
+        ({"max_gaussians": 2.5}, "max_gaussians must be a whole number"),
         ({"iterations": True}, "iterations must be a whole number"),
         ({"iterations": np.nan}, "iterations must be a whole number"),
         ({"memory": np.inf}, "memory must be a whole number"),
-        ({"max_hypotheses": "x"}, "max_hypotheses must be a whole number, at least 1, got 'x'"),
+        ({"max_gaussians": "x"}, "max_gaussians must be a whole number, at least 1, got 'x'"),
     ],
 )
 def test_a_wrong_parameter_is_refused_by_name(wrong, message):

@@ -353,7 +353,7 @@ def test_mmae_weights_survive_likelihoods_that_underflow_and_keep_to_the_floor()
     ],
 )
 def test_a_scan_that_no_mode_explains_is_refused(prior, log_likelihood):
-    with pytest.raises(ValueError, match="log_likelihood calls every mode impossible"):
+    with pytest.raises(ValueError, match="every mode is impossible by log_likelihood"):
         mmae_weights(np.array(prior), np.array(log_likelihood), floor=0.1)
 
 

@@ -94,7 +94,7 @@ def followed(tracker, scans, belief=None):
 @pytest.mark.parametrize("seed", range(5))
 def test_two_scans_are_those_of_the_plain_filter(seed):
     people = spawning()
-    tracker = GmPhd(people, as_it_is, prune_weight=0.0, max_hypotheses=10**9)
+    tracker = GmPhd(people, as_it_is, prune_weight=0.0, max_components=10**9)
     p = intensity(seed)
     kappa = 10.0 / 600.0**2
     slow, belief = tuple(p), labelled(p)
