@@ -24,7 +24,7 @@ EPISODE = np.dtype(
         ("x", "f8", (SCANS, 4)),
         ("z", "f8", (SCANS, 2)),  # detections of the target
         ("slot", "f8", (SCANS,)),
-        ("ahead", "f8", (SCANS, FORESEEN)),  # see `threshold_hindsight.ahead`
+        ("lookahead", "f8", (SCANS, FORESEEN)),  # see `hindsight.lookahead`
         ("key", "u4", (2,)),
         ("clutter_rate", "f8"),
         ("low", "f8", (2,)),
@@ -40,12 +40,12 @@ EPISODE = np.dtype(
         ("offset", "f8", (4,)),
         ("H", "f8", (2, 4)),
         ("R", "f8", (2, 2)),
-        ("odds", "f8", (3,)),
+        ("log_weights", "f8", (3,)),  # see `gate_and_log_weights`
         ("known", "f8", (3,)),
         # what has come of it
         ("t", "i8"),  # the scan, from 0, that waits for its thresholds; -1 before the first look
         ("scans", "i8"),  # in all; where t is as many, no episode is running
-        ("strayed", "i8"),  # scans in a row beyond the cutoff
+        ("scans_off", "i8"),  # scans in a row beyond the cutoff
         ("hypotheses", "i8"),  # of the posterior that may enter a reduction
         ("w", "f8", (MAX_HYPOTHESES,)),
         ("m", "f8", (MAX_HYPOTHESES, 4)),
@@ -53,7 +53,7 @@ EPISODE = np.dtype(
         ("cost", "f8"),  # of merging all of the posterior
         ("gated", "i8"),  # Gaussians updated
         ("kept", "i8"),  # of the scan before: see `Memory`
-        ("given_up", "f8"),
+        ("relative_loss", "f8"),
         ("work", "i8"),
         ("detected", "u1", (SCANS,)),
         ("limits_view", "u1"),
@@ -81,15 +81,15 @@ def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode, patience: int
     episode["detected"][:n], episode["key"] = drawn.detected, drawn.key
     for name in ("clutter_rate", "low", "high", "limits_view"):
         episode[name] = getattr(view, name)
-    episode["ahead"][:n] = lookahead(scenario, drawn)
+    episode["lookahead"][:n] = lookahead(scenario, drawn)
     episode["capacity"] = capacity(view.clutter_rate)
     episode["cutoff"], episode["patience"] = scenario.cutoff, patience
     episode["prior"], episode["prior_covariance"] = model.prior.m, model.prior.P
     episode["F"], episode["Q"], episode["offset"] = model.motion
     episode["H"], episode["R"] = model.sensor.H, model.sensor.R
-    episode["odds"], episode["known"] = gate_and_log_weights(model), model_features(model)
-    episode["t"], episode["scans"], episode["strayed"] = -1, n, 0
-    episode["kept"], episode["given_up"], episode["work"] = 1, 0.0, 0
+    episode["log_weights"], episode["known"] = gate_and_log_weights(model), model_features(model)
+    episode["t"], episode["scans"], episode["scans_off"] = -1, n, 0
+    episode["kept"], episode["relative_loss"], episode["work"] = 1, 0.0, 0
 
 
 def stepped(
@@ -168,7 +168,7 @@ def look(e, w, m, P, estimate, observation):
     view = View(e.clutter_rate, e.low[:], e.high[:], e.limits_view > 0, nowhere, nowhere)
     z = np.empty((e.capacity, p))
     k, _ = scan_into(z, view, e.key[:], t, centre, e.z[t], e.detected[t] > 0, e.slot[t])
-    size, log_miss, log_detect = e.odds[0], e.odds[1], e.odds[2]
+    size, log_miss, log_detect = e.log_weights[0], e.log_weights[1], e.log_weights[2]
     _, S, w, m, P, _, detection, log_density = expand_scan(
         w, m, P, e.F[:], e.Q[:], e.offset[:], e.H[:], e.R[:], size, log_miss, log_detect, z[:k]
     )
@@ -191,7 +191,7 @@ def look(e, w, m, P, estimate, observation):
         observation[f] = seen[f]
     if len(observation) > len(seen):
         observation[len(seen) :] = hindsight(
-            w, m, P, e.H[:], size, e.x[t], e.scans - t, e.scans_off, e.ahead[t]
+            w, m, P, e.H[:], size, e.x[t], e.scans - t, e.scans_off, e.lookahead[t]
         )
     w, m, P, _ = select(w, m, P, heaviest_mask(w, len(e.w)) & above_threshold(w, w, LEAST))
     e.hypotheses = n = len(w)
