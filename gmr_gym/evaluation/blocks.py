@@ -1,4 +1,4 @@
-"""Finished blocks of runs on disk: named by their contents, checked when read, merged from several machines."""
+"""Finished blocks of runs on disk: named by their contents, checked when read, merged across machines."""
 
 import errno
 import os

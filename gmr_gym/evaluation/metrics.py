@@ -382,7 +382,7 @@ def _powers(distance: np.ndarray, order: float, surplus: float | None = None) ->
 
 
 def _bottleneck(distance: np.ndarray) -> float:
-    """The least of the lengths (j, k) within which all mass, 1 / j a row, can reach the columns, 1 / k each."""
+    """The least of the lengths (j, k) within which all mass, 1 / j a row, reaches the columns, 1 / k each."""
     j, k = distance.shape
     source, sink = 0, 1 + j + k
     steps = np.unique(distance)
