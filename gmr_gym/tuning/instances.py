@@ -73,7 +73,7 @@ def instances(table: str) -> dict[str, Instance]:
     for column in Instance._fields:
         if header.count(column) != 1:
             times = header.count(column)
-            raise ValueError(f"{table}: column {column!r} must stand there once, not {times} times")
+            raise ValueError(f"{table}: column {column!r} must appear once, not {times} times")
     found: dict[str, Instance] = {}
     for row in rows:
         where = f"{table}, row {rows.line_num}"
@@ -81,7 +81,7 @@ def instances(table: str) -> dict[str, Instance]:
             raise ValueError(f"{where}: {len(row)} cells for {len(header)} columns")
         instance = _checked(where, dict(zip(header, row, strict=True)))
         if instance.instance_id in found:
-            raise ValueError(f"{where}, column instance_id: {instance.instance_id!r} is there already")
+            raise ValueError(f"{where}, column instance_id: {instance.instance_id!r} is used twice")
         found[instance.instance_id] = instance
     if not found:
         raise ValueError(f"{table}: no instances below the header")
@@ -173,9 +173,9 @@ def _checked(where: str, cells: dict[str, str]) -> Instance:
         try:
             values[column] = value = kind(cells[column])
         except ValueError:
-            raise ValueError(f"{where}, column {column}: {cells[column]!r} is no {kind.__name__}") from None
+            raise ValueError(f"{where}, column {column}: {cells[column]!r} is not {'an int' if kind is int else 'a float'}") from None
         if value == "" or (kind is not str and not _possible(column, value)):
-            raise ValueError(f"{where}, column {column}: {cells[column]!r} is impossible")
+            raise ValueError(f"{where}, column {column}: {cells[column]!r} is out of range")
     instance = Instance(**values)  # type: ignore[arg-type]
     try:
         world(instance)
