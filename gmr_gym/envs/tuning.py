@@ -59,7 +59,7 @@ class ReductionTuningEnv(DrawnEnv):
 
     ## Episode end
     `truncated` after the last scan, with an observation of zeros. `terminated` when the error has exceeded
-    the cutoff in ten scans in a row; the reward of that step is charged 1 for every scan that is left as well.
+    the cutoff in ten scans in a row; the reward of that step also charges 1 for every scan that is left.
 
     ## Info
     `instance_id`; after a step also `error`, m, `work`, `components` (hypotheses kept) and `thresholds`, all

@@ -173,9 +173,10 @@ def _checked(where: str, cells: dict[str, str]) -> Instance:
         try:
             values[column] = value = kind(cells[column])
         except ValueError:
-            raise ValueError(f"{where}, column {column}: {cells[column]!r} is not {'an int' if kind is int else 'a float'}") from None
+            wanted = "a whole number" if kind is int else "a number"
+            raise ValueError(f"{where}, column {column}: {cells[column]!r} is not {wanted}") from None
         if value == "" or (kind is not str and not _possible(column, value)):
-            raise ValueError(f"{where}, column {column}: {cells[column]!r} is out of range")
+            raise ValueError(f"{where}, column {column}: {cells[column]!r} is invalid")
     instance = Instance(**values)  # type: ignore[arg-type]
     try:
         world(instance)

@@ -261,7 +261,7 @@ def test_what_is_foreseen_is_what_comes_and_changes_nothing(tmp_path):
         over = False
         while not over:
             action = rng.uniform(0, 1, 2)
-            near, far = env.lookahead_reward(action), env.foreseen(action, 2)
+            near, far = env.lookahead_reward(action), env.lookahead_reward(action, 2)
             assert near == env.lookahead_reward(action)
             _, reward, terminated, truncated, _ = env.step(action)
             over = terminated or truncated
@@ -365,14 +365,14 @@ def test_manoeuvre_scales_the_accelerations_of_a_path_and_nothing_else(name):
 @pytest.mark.parametrize(
     ("change", "column", "message"),
     [
-        ({"clutter_rate": -1}, "clutter_rate", "'-1' is out of range"),
-        ({"clutter_rate": "nan"}, "clutter_rate", "'nan' is out of range"),
-        ({"detection_probability": 1.2}, "detection_probability", "'1.2' is out of range"),
-        ({"sensor_deviation": "wide"}, "sensor_deviation", "'wide' is not a float"),
-        ({"first_scan": 2.5}, "first_scan", "'2.5' is not an int"),
+        ({"clutter_rate": -1}, "clutter_rate", "'-1' is invalid"),
+        ({"clutter_rate": "nan"}, "clutter_rate", "'nan' is invalid"),
+        ({"detection_probability": 1.2}, "detection_probability", "'1.2' is invalid"),
+        ({"sensor_deviation": "wide"}, "sensor_deviation", "'wide' is not a number"),
+        ({"first_scan": 2.5}, "first_scan", "'2.5' is not a whole number"),
         ({"first_scan": 99}, "first_scan", "turning-target has 2 scans from scan 99, wanted at least 4"),
         ({"trajectory": "turning"}, "trajectory", "unknown 'turning'; choose from turning-target, "),
-        ({"instance_id": ""}, "instance_id", "'' is out of range"),
+        ({"instance_id": ""}, "instance_id", "'' is invalid"),
         ({"instance_id": "sure"}, "instance_id", "'sure' is used twice"),
     ],
 )
