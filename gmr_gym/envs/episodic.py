@@ -79,10 +79,10 @@ class EpisodicEnv(DrawnEnv):
     A subclass declares the spaces, scores actions, and defines its episodes by the methods at the end.
     """
 
-    def __init__(self, scenario: str, render_mode: str | None, world: dict[str, Any]):
+    def __init__(self, scenario: str, render_mode: str | None, arguments: dict[str, Any]):
         super().__init__(render_mode)
-        check_keywords(world, [*settings(scenario), *keywords(type(self))])
-        self.scenario: Any = make_scenario(scenario, world)
+        check_keywords(arguments, [*settings(scenario), *keywords(type(self))])
+        self.scenario: Any = make_scenario(scenario, arguments)
         self._position = list(self.scenario.position)
         self._capacity: int  # rows of a scan
         self._episode: Any
@@ -162,15 +162,15 @@ class EpisodicEnv(DrawnEnv):
         return canvas.draw(self._episode, self._seen(self._shown), self._shown, self._estimates)
 
 
-def make_scenario(scenario: str, world: Mapping[str, Any]) -> Any:
+def make_scenario(scenario: str, arguments: Mapping[str, Any]) -> Any:
     """Make a scenario from its settings.
 
     Parameters
     ----------
     scenario : str
         "module:function".
-    world : mapping of str to object
-        Keywords of the function.
+    arguments : mapping of str to object
+        Keyword arguments of the function.
 
     Returns
     -------
@@ -181,11 +181,11 @@ def make_scenario(scenario: str, world: Mapping[str, Any]) -> Any:
     ValueError
         For an unknown keyword, or one of the wrong type.
     """
-    check_keywords(world, settings(scenario))
+    check_keywords(arguments, settings(scenario))
     try:
-        return _factory(scenario)(**world)
+        return _factory(scenario)(**arguments)
     except TypeError as error:  # such as text in place of a number, or a fraction in place of a whole number
-        raise ValueError(f"cannot make a scenario of {world}: {error}") from None
+        raise ValueError(f"cannot make a scenario of {arguments}: {error}") from None
 
 
 def settings(scenario: str) -> list[str]:
@@ -201,6 +201,12 @@ def keywords(environment: type) -> list[str]:
 
 def check_keywords(given: Iterable[str], takes: Sequence[str]) -> None:
     """Check that keywords are known.
+
+    Parameters
+    ----------
+    given : iterable of str
+    takes : sequence of str
+        The known keywords.
 
     Raises
     ------

@@ -71,13 +71,13 @@ class MultiTargetEnv(EpisodicEnv):
         targets: int = 10,
         metric: str = "gospa",
         render_mode: str | None = None,
-        **world,
+        **arguments,
     ):
         if metric not in METRICS:
             raise ValueError(f"metric must be one of {', '.join(METRICS)}, got {metric!r}")
         if isinstance(targets, bool) or not (isinstance(targets, Integral) and 1 <= targets <= 1000):
             raise ValueError(f"targets must be a whole number of rows between 1 and 1000, got {targets!r}")
-        super().__init__(scenario, render_mode, world)
+        super().__init__(scenario, render_mode, arguments)
         self.metric = metric
         p, d = self.scenario.sensor.H.shape
         self._capacity = capacity(self.scenario.busiest) - 1 + self.scenario.targets

@@ -62,8 +62,8 @@ class TrackingEnv(EpisodicEnv):
 
     scenario: Scenario
 
-    def __init__(self, scenario: str, render_mode: str | None = None, **world):
-        super().__init__(scenario, render_mode, world)
+    def __init__(self, scenario: str, render_mode: str | None = None, **arguments):
+        super().__init__(scenario, render_mode, arguments)
         p, d = self.scenario.model.sensor.H.shape
         reach = 2 * EXTENT * (1 + max(1.0, self.scenario.period))
         self._capacity = capacity(self.scenario.clutter_rate)

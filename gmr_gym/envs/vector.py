@@ -64,16 +64,16 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         copy: bool = True,
         threads: int | None = None,
         render_mode: None = None,
-        **world,
+        **arguments,
     ):
         check_not_drawn(render_mode)
-        check_keywords(world, [*settings(scenario), *keywords(type(self))])
+        check_keywords(arguments, [*settings(scenario), *keywords(type(self))])
         num_envs = check_count(num_envs, "num_envs")
         most: int = config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
         limit = most if threads is None else check_count(threads, "threads")
         self.num_envs, self.copy, self.autoreset_mode = num_envs, copy, autoreset_of(autoreset_mode)
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
-        self._single = TrackingEnv(scenario, **world)
+        self._single = TrackingEnv(scenario, **arguments)
         self.scenario = self._single.scenario
         self.single_observation_space = self._single.observation_space
         self.single_action_space = self._single.action_space
@@ -299,7 +299,23 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
 
 
 def seeds_of(seed: int | Sequence[int | None] | None, n: int) -> list[int | None]:
-    """The seeds of n environments: s, s + 1, ... for a number s, or one each; ValueError for others."""
+    """The seeds of n environments.
+
+    Parameters
+    ----------
+    seed : int, sequence of (int or None), or None
+        s stands for s, s + 1, ...; a sequence has one seed per environment.
+    n : int
+
+    Returns
+    -------
+    list of (int or None)
+
+    Raises
+    ------
+    ValueError
+        For anything else.
+    """
     if seed is None:
         return [None] * n
     if isinstance(seed, int | np.integer) and not isinstance(seed, bool):

@@ -35,6 +35,10 @@ def named(folder: Path | str, digest: str, first: int, stop: int) -> Path:
 def check_folder(folder: Path) -> None:
     """Check that files can be made in a folder, without making one.
 
+    Parameters
+    ----------
+    folder : Path
+
     Raises
     ------
     OSError
@@ -90,6 +94,12 @@ def load(file: Path, *kinds: type) -> Any:
 
 def load_all(files: Mapping[Any, Path], *kinds: type) -> Iterator[tuple[Any, Any]]:
     """Yield (key, block) of those of the files that exist.
+
+    Parameters
+    ----------
+    files : mapping of key to Path
+    *kinds : type
+        The named tuples that a block may be.
 
     Raises
     ------

@@ -38,7 +38,17 @@ CURVES = Curves._fields
 
 
 def errors_of(scenario: Scenario, runs: Runs) -> Errors:
-    """Errors of all runs."""
+    """Errors of all runs.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    runs : Runs
+
+    Returns
+    -------
+    Errors
+    """
     error = runs.x - runs.truth
     position, velocity = (
         (error[..., list(states)] ** 2).sum(axis=-1) for states in (scenario.position, scenario.velocity)

@@ -83,6 +83,12 @@ def read_scans(path: Path | str) -> Scans:
 def check_positions(path: Path | str, scans: Scans) -> None:
     """Check that the coordinates of scans are positions.
 
+    Parameters
+    ----------
+    path : Path or str
+        The file, for the message.
+    scans : Scans
+
     Raises
     ------
     ValueError
@@ -230,6 +236,14 @@ def filled(scans: Scans, period: float) -> Scans:
 
 def from_first_detection(scans: Scans) -> Scans:
     """Drop the empty scans before the first detection.
+
+    Parameters
+    ----------
+    scans : Scans
+
+    Returns
+    -------
+    Scans
 
     Raises
     ------

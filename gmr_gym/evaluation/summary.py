@@ -24,21 +24,61 @@ class Estimate(NamedTuple):
 
 
 def not_lost(scenario: Scenario, runs: Runs) -> np.ndarray:
-    """Mask (runs,) of the runs whose track the scenario's loss rule does not call lost."""
+    """Which runs kept their track, by the scenario's loss rule.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    runs : Runs
+
+    Returns
+    -------
+    ndarray of bool (runs,)
+    """
     return lost_at(runs.off_target, scenario.patience) < 0
 
 
 def in_common(own: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Masks (runs,), by tracker, of the runs that neither it nor any other tracker lost.
+    """Which runs no tracker lost.
 
     A tracker that lost every run has none, and does not count for the others: with it no run would remain.
+
+    Parameters
+    ----------
+    own : mapping of str to ndarray of bool (runs,)
+        By tracker, the runs that it did not lose, see `not_lost`.
+
+    Returns
+    -------
+    dict of str to ndarray of bool (runs,)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gmr_gym.evaluation.summary import in_common
+    >>> own = {"a": np.array([True, True, False]), "b": np.array([False, True, True]), "c": np.zeros(3, bool)}
+    >>> {name: mask.tolist() for name, mask in in_common(own).items() if name != "b"}
+    {'a': [False, True, False], 'c': [False, False, False]}
     """
     some = [mine for mine in own.values() if mine.any()]
     return {name: np.logical_and.reduce([mine, *some]) for name, mine in own.items()}
 
 
 def errors(scenario: Scenario, runs: Runs) -> tuple[np.ndarray, np.ndarray]:
-    """Position error (m) and velocity error (m/s), Euclidean, each (runs, T)."""
+    """Euclidean errors of the estimates.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    runs : Runs
+
+    Returns
+    -------
+    position : ndarray (runs, T)
+        m.
+    velocity : ndarray (runs, T)
+        m/s.
+    """
     error = runs.x - runs.truth
     return (
         np.linalg.norm(error[..., list(scenario.position)], axis=-1),
@@ -120,9 +160,19 @@ def differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, di
 
 
 def paired_share(difference: np.ndarray) -> Estimate:
-    """Mean of differences -1, 0 or 1, with its interval.
+    """Mean of paired differences of shares, with its 95 % interval.
 
-    Where all are 0 a bootstrap interval has no width; it is then as wide as that of no event in as many runs.
+    Where no run differs a bootstrap interval has no width; it is then as wide as that of no event in as many
+    runs.
+
+    Parameters
+    ----------
+    difference : ndarray (runs,)
+        -1, 0 or 1.
+
+    Returns
+    -------
+    Estimate
     """
     if difference.any():
         return bootstrap_mean(difference)
@@ -165,7 +215,17 @@ def wilson(count: int, total: int) -> Estimate:
 
 
 def bootstrap_mean(values: np.ndarray) -> Estimate:
-    """Mean over runs (runs,) with its 95 % bootstrap interval; all nan for no runs."""
+    """Mean over runs with its 95 % bootstrap interval (percentiles).
+
+    Parameters
+    ----------
+    values : ndarray (runs,)
+
+    Returns
+    -------
+    Estimate
+        All nan for no runs; without an interval for one run, and where the mean is not finite.
+    """
     from scipy.stats import bootstrap  # takes a second to import
 
     if len(values) == 0:

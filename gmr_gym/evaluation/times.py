@@ -55,7 +55,18 @@ def seconds(times, name: str = "times") -> np.ndarray:
 
 
 def duration(value, name: str) -> float:
-    """A duration, a number of seconds or a time difference, in seconds.
+    """A duration in seconds.
+
+    Parameters
+    ----------
+    value : float, timedelta or timedelta64
+        A number is in seconds.
+    name : str
+        Name of the argument, for messages.
+
+    Returns
+    -------
+    float
 
     Raises
     ------

@@ -17,7 +17,7 @@ from gmr_gym.models.motions import constant_velocity, singer, with_accelerations
 from gmr_gym.models.radar import WIDEST, modified_unbiased, radar, spherical
 from gmr_gym.models.switching import sticky_switching
 from gmr_gym.points import check_unmasked
-from gmr_gym.scenarios.planar import moving_as_told, shortened
+from gmr_gym.scenarios.planar import moving_by_model, shortened
 from gmr_gym.simulation.loss import truth_outside_gates
 from gmr_gym.simulation.single_target import Scenario, Truth, Window, scripted
 
@@ -167,7 +167,7 @@ def airborne_radar(
     motions = [with_accelerations(constant_velocity(period, WANDERING, 3))]
     if not drawn:
         motions.append(singer(period, time_constant, acceleration, 3))
-    told = model(
+    assumed = model(
         tuple(motions),
         radar((sharp, angle, angle), 9, update),
         detection_probability,
@@ -178,13 +178,13 @@ def airborne_radar(
     )  # fmt: skip
     truth = partial(scripted, x)
     if drawn:
-        truth = partial(_nearly_constant_velocity, told, len(x))
+        truth = partial(_nearly_constant_velocity, assumed, len(x))
     elif trajectory is None:
         truth = partial(_displaced, x, period, prior[:6, :6])
     return Scenario(
-        model=told,
+        model=assumed,
         truth=truth,
-        sensor=told.sensor,
+        sensor=assumed.sensor,
         detection_probability=detection_probability,
         clutter_rate=float(clutter_rate),
         window=window,
@@ -192,14 +192,14 @@ def airborne_radar(
         period=period,
         position=(0, 1, 2),
         velocity=(3, 4, 5),
-        loss_rule=partial(truth_outside_gates, told.sensor.H),
+        loss_rule=partial(truth_outside_gates, assumed.sensor.H),
         patience=PATIENCE,
         cutoff=5 * float(np.sqrt(np.trace(prior[:3, :3]))),
     )
 
 
-def _nearly_constant_velocity(told: Model, horizon: int, rng: np.random.Generator) -> Truth:
-    return moving_as_told(told, np.zeros(horizon, int), rng)
+def _nearly_constant_velocity(assumed: Model, horizon: int, rng: np.random.Generator) -> Truth:
+    return moving_by_model(assumed, np.zeros(horizon, int), rng)
 
 
 def _displaced(x: np.ndarray, period: float, P: np.ndarray, rng: np.random.Generator) -> Truth:

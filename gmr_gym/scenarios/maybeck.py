@@ -14,7 +14,7 @@ from gmr_gym.models.kalman import position_sensor
 from gmr_gym.models.model import Model, model
 from gmr_gym.models.motions import constant_acceleration
 from gmr_gym.points import check_unmasked
-from gmr_gym.scenarios.planar import following_box, moving_as_told, shortened
+from gmr_gym.scenarios.planar import following_box, moving_by_model, shortened
 from gmr_gym.simulation.loss import detection_outside_gates
 from gmr_gym.simulation.single_target import Scenario, Truth, scripted
 
@@ -81,7 +81,7 @@ def agile_flight(
     rate = clutter_density * view.volume
     if rate > 1e5:
         raise ValueError(f"clutter must be at most 1e5 false alarms per scan, got {rate:g} in the window")
-    told = model(
+    assumed = model(
         tuple(constant_acceleration(PERIOD, jerk) for jerk in _positive("jerks", jerks)),
         position_sensor(SENSOR_DEVIATION, rates=2),
         detection_probability,
@@ -94,9 +94,9 @@ def agile_flight(
         raise ValueError(f"jerks must be at most {WILDEST} m/s^2 for a drawn target, got {jerks}")
     x = shortened(x, horizon)
     return Scenario(
-        model=told,
-        truth=partial(_switching, told, len(x)) if drawn else partial(scripted, x),
-        sensor=told.sensor,
+        model=assumed,
+        truth=partial(_switching, assumed, len(x)) if drawn else partial(scripted, x),
+        sensor=assumed.sensor,
         detection_probability=detection_probability,
         clutter_rate=float(rate),
         window=view,
@@ -110,13 +110,13 @@ def agile_flight(
     )
 
 
-def _switching(told: Model, horizon: int, rng: np.random.Generator) -> Truth:
+def _switching(assumed: Model, horizon: int, rng: np.random.Generator) -> Truth:
     """One truth drawn from the filter model: a Markov chain of modes, and the motions of those modes."""
-    modes = np.arange(len(told.motions))
-    now, mode = rng.choice(modes, p=told.mode_prior), np.empty(horizon, int)
+    modes = np.arange(len(assumed.motions))
+    now, mode = rng.choice(modes, p=assumed.mode_prior), np.empty(horizon, int)
     for t in range(horizon):
-        mode[t] = now = rng.choice(modes, p=told.switching[:, now])
-    return moving_as_told(told, mode, rng)
+        mode[t] = now = rng.choice(modes, p=assumed.switching[:, now])
+    return moving_by_model(assumed, mode, rng)
 
 
 def _states(trajectory) -> np.ndarray:

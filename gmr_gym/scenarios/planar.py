@@ -80,7 +80,7 @@ def along(
     ):
         if not 0 < value < np.inf:
             raise ValueError(f"{name} must be positive and finite, got {value}")
-    told = model(
+    assumed = model(
         constant_velocity(period, told_acceleration_deviation),
         position_sensor(told_sensor_deviation),
         detection_probability,
@@ -90,7 +90,7 @@ def along(
         prior=gaussian(start, np.eye(4)),
     )
     return Scenario(
-        model=told,
+        model=assumed,
         truth=partial(scripted, x),
         sensor=position_sensor(sensor_deviation),
         detection_probability=detection_probability,
@@ -100,7 +100,7 @@ def along(
         period=period,
         position=(0, 1),
         velocity=(2, 3),
-        loss_rule=partial(truth_outside_gates, told.sensor.H),
+        loss_rule=partial(truth_outside_gates, assumed.sensor.H),
         patience=1,
         cutoff=100.0,
     )
@@ -138,7 +138,17 @@ def path(trajectory, period: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def shortened(x: np.ndarray, horizon: int | None) -> np.ndarray:
-    """The first `horizon` scans of x, or all of them for None.
+    """The first scans of a path.
+
+    Parameters
+    ----------
+    x : ndarray (T, ...)
+    horizon : int or None
+        Number of scans; all for None.
+
+    Returns
+    -------
+    ndarray (horizon, ...)
 
     Raises
     ------
@@ -155,7 +165,16 @@ def shortened(x: np.ndarray, horizon: int | None) -> np.ndarray:
 
 
 def fixed_box(low, high) -> Window:
-    """A window on the ground between two opposite corners (2,), m.
+    """A window that is fixed on the ground.
+
+    Parameters
+    ----------
+    low, high : array_like (2,)
+        Opposite corners, m, the lower one first.
+
+    Returns
+    -------
+    Window
 
     Raises
     ------
@@ -180,7 +199,16 @@ def bounding_box(points: np.ndarray) -> Window:
 
 
 def following_box(sides) -> Window:
-    """A window (width, height), m, centred on the predicted estimate.
+    """A window centred on the predicted estimate.
+
+    Parameters
+    ----------
+    sides : array_like (2,)
+        Width and height, m.
+
+    Returns
+    -------
+    Window
 
     Raises
     ------
@@ -196,12 +224,12 @@ def following_box(sides) -> Window:
     return Window(-sides / 2, sides / 2, follows=True)
 
 
-def moving_as_told(told: Model, mode: np.ndarray, rng: np.random.Generator) -> Truth:
+def moving_by_model(assumed: Model, mode: np.ndarray, rng: np.random.Generator) -> Truth:
     """Draw a truth from the filter model.
 
     Parameters
     ----------
-    told : Model
+    assumed : Model
         The filter model. The target starts from its prior, one period before the first scan.
     mode : ndarray (T,)
         Index of the motion model of each scan.
@@ -211,12 +239,12 @@ def moving_as_told(told: Model, mode: np.ndarray, rng: np.random.Generator) -> T
     -------
     Truth
     """
-    w, m, P = told.prior
+    w, m, P = assumed.prior
     first = rng.choice(len(w), p=w) if len(w) > 1 else 0
     x = rng.multivariate_normal(m[first], P[first], method="cholesky")
     states = np.empty((len(mode), len(x)))
     for t, p in enumerate(mode):
-        F, Q, offset = told.motions[p]
+        F, Q, offset = assumed.motions[p]
         x = rng.multivariate_normal(F @ x + offset, Q, method="eigh")  # Q may be singular
         states[t] = x
     return Truth(states, mode)

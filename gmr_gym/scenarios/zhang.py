@@ -14,7 +14,7 @@ from gmr_gym.mixture import gaussian
 from gmr_gym.models.kalman import Motion, motion, sensor
 from gmr_gym.models.model import Model, model
 from gmr_gym.models.switching import sticky_switching
-from gmr_gym.scenarios.planar import fixed_box, following_box, moving_as_told
+from gmr_gym.scenarios.planar import fixed_box, following_box, moving_by_model
 from gmr_gym.simulation.loss import truth_outside_gates
 from gmr_gym.simulation.single_target import Scenario, Truth, Window
 
@@ -92,7 +92,7 @@ def jump_markov(
         raise ValueError(f"stay must lie in [0, 1], got {stay}")
     check_probability("detection_probability", detection_probability)
     motions = _motions(accelerations, process_variance, discretisation)
-    told = model(
+    assumed = model(
         motions,
         sensor(np.eye(2, 4), SENSOR_VARIANCE * np.eye(2)),
         detection_probability,
@@ -104,9 +104,9 @@ def jump_markov(
         switching=sticky_switching(stay, len(motions)),
     )
     return Scenario(
-        model=told,
-        truth=partial(_jumping, told),
-        sensor=told.sensor,
+        model=assumed,
+        truth=partial(_jumping, assumed),
+        sensor=assumed.sensor,
         detection_probability=detection_probability,
         clutter_rate=density * view.volume,
         window=view,
@@ -114,7 +114,7 @@ def jump_markov(
         period=PERIOD,
         position=(0, 1),
         velocity=(2, 3),
-        loss_rule=partial(truth_outside_gates, told.sensor.H),
+        loss_rule=partial(truth_outside_gates, assumed.sensor.H),
         patience=1,
         cutoff=100.0,
         region=_region(np.abs(accelerations).max(), process_variance),
@@ -162,13 +162,13 @@ def _motions(accelerations, process_variance, discretisation) -> tuple[Motion, .
     return tuple(motion(F, Q, B @ u) for u in accelerations)
 
 
-def _jumping(told: Model, rng: np.random.Generator) -> Truth:
+def _jumping(assumed: Model, rng: np.random.Generator) -> Truth:
     """One truth: the first motion model, at each switch one of the others, with process noise throughout."""
     mode = np.zeros(SCANS, int)
     for first, last in pairwise((*SWITCHES, SCANS + 1)):
-        others = np.delete(np.arange(len(told.motions)), mode[first - 2])
+        others = np.delete(np.arange(len(assumed.motions)), mode[first - 2])
         mode[first - 1 : last - 1] = rng.choice(others) if len(others) else 0
-    return moving_as_told(told, mode, rng)
+    return moving_by_model(assumed, mode, rng)
 
 
 def _region(acceleration, process_variance):

@@ -160,7 +160,19 @@ def is_scripted(scenario: Scenario) -> bool:
 
 
 def scripted(x: np.ndarray, rng: np.random.Generator) -> Truth:
-    """The truth of a target that follows the states x (T, d) in every episode."""
+    """The truth of a target that follows the same path in every episode.
+
+    Parameters
+    ----------
+    x : ndarray (T, d)
+        States.
+    rng : Generator
+        Not used.
+
+    Returns
+    -------
+    Truth
+    """
     return Truth(x, np.full(len(x), -1))
 
 

@@ -23,6 +23,7 @@ class Constant:
     action: np.ndarray  # (j,)
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
+        """The action (j,) at scan t."""
         return self.action
 
 
@@ -43,6 +44,7 @@ class Schedule:
         check_count(self.every, "every")
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
+        """The action (j,) at scan t."""
         return self.actions[min(t // self.every, len(self.actions) - 1)]
 
 
@@ -59,6 +61,7 @@ class Rule:
     bias: np.ndarray  # (j,)
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
+        """The action (j,) for the features (k,) of scan t."""
         return np.clip(self.bias + self.gain @ features[feature_index(self.names)], -1, 1)
 
 
@@ -71,6 +74,7 @@ class ByTable:
     actions: np.ndarray  # (m, j)
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
+        """The action (j,) for the features (k,) of scan t."""
         distance = ((self.cells - features[feature_index(self.names)]) ** 2).sum(axis=1)
         return self.actions[distance.argmin()]
 
@@ -100,6 +104,7 @@ class Random:
         return self
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
+        """The action (j,) at scan t."""
         if t % self.every == 0:
             self._action = self.rng.uniform(-1, 1, self.size)
         return self._action
@@ -112,6 +117,7 @@ class ByNetwork:
     network: Network
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
+        """The action (j,) for the features (k,) of scan t."""
         return self.network(features)
 
     def many(self, features: np.ndarray, t: int) -> np.ndarray:
@@ -120,7 +126,13 @@ class ByNetwork:
 
 
 def feature_index(names: Sequence[str]) -> list[int]:
-    """Indices of the named features among `FEATURES`; ValueError for an unknown name."""
+    """Indices of the named features among `FEATURES`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
+    """
     for name in names:
         if name not in FEATURES:
             raise ValueError(f"unknown feature {name!r}; choose from {', '.join(FEATURES)}")

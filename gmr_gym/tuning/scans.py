@@ -75,8 +75,17 @@ STEP = np.dtype(
 
 
 def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode, patience: int) -> None:
-    """Writes an episode of a scenario of `instances.world` to its record (); its first scan is not processed
-    yet.
+    """Write an episode to its record. Its first scan is not processed yet.
+
+    Parameters
+    ----------
+    episode : ndarray of EPISODE ()
+        Overwritten.
+    scenario : Scenario
+        Of `instances.world`.
+    drawn : Episode
+    patience : int
+        Consecutive scans beyond the cutoff that make a target lost.
     """
     view, model, n = view_of(scenario), scenario.model, scenario.horizon
     episode["x"][:n], episode["z"][:n], episode["slot"][:n] = drawn.x, drawn.z, drawn.slot
@@ -102,11 +111,24 @@ def stepped(
     steps: np.ndarray,
     observations: np.ndarray,
 ) -> None:
-    """Reduces the posteriors of the episodes at `rows`, and processes their next scans.
+    """Reduce the posteriors of episodes by thresholds, and process their next scans.
 
-    `thresholds` (n, 4) are as `Thresholds`. Results go to the same rows of `steps` (n,), FEATURES of the next
-    scan to those of `observations` (n, k), zeros where the episode is over. An episode that has just begun
-    only has its first scan processed: there is no posterior to reduce yet.
+    An episode that has just begun only has its first scan processed: there is no posterior to reduce yet.
+
+    Parameters
+    ----------
+    episodes : ndarray of EPISODE (n,)
+        Overwritten.
+    rows : ndarray of int
+        The episodes to step.
+    thresholds : ndarray (n, 4)
+        As `Thresholds`.
+    price : float
+        Of a unit of work.
+    steps : ndarray of STEP (n,)
+        Receives the results.
+    observations : ndarray (n, k)
+        Receives FEATURES of the next scan, zeros where the episode is over.
     """
     threads = max(1, min(numba.config.NUMBA_NUM_THREADS, len(rows)))  # type: ignore[attr-defined]
     if threads > 1:  # sorted by work, so that each thread has about as much to merge

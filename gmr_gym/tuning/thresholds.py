@@ -80,12 +80,25 @@ def from_action(action: np.ndarray, parameters: Sequence[str], rest: Thresholds 
 
 
 def check_actions(actions: np.ndarray, n: int, parameters: Sequence[str], used: np.ndarray) -> np.ndarray:
-    """Actions (n, k) as floats.
+    """Check the actions of n environments.
+
+    Parameters
+    ----------
+    actions : array_like (n, k)
+    n : int
+    parameters : sequence of k str
+        Names of the thresholds that the actions set.
+    used : ndarray of bool (n,)
+        The rows that must be finite and in [-1, 1].
+
+    Returns
+    -------
+    ndarray (n, k)
 
     Raises
     ------
     ValueError
-        For another shape, and for an invalid action in a row that is `used` (n,).
+        For another shape, and for an invalid action in a row that is used.
     """
     shape = n, len(parameters)
     check_unmasked("actions", actions)
