@@ -137,8 +137,8 @@ def averages(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[
         errors = errors_of(scenario, runs)
         rows[name] = {"track_loss": wilson(int((~own[name]).sum()), len(runs.x))}
         for which, mask in (("all", np.ones(len(runs.x), bool)), ("common", common[name])):
-            figures = resampled(partial(_over_scans, errors), mask)
-            rows[name] |= {f"{field}_{which}": f for field, f in zip(CURVES, figures, strict=True)}
+            estimates = resampled(partial(_over_scans, errors), mask)
+            rows[name] |= {f"{field}_{which}": one for field, one in zip(CURVES, estimates, strict=True)}
         rows[name] |= {
             "components": bootstrap_mean(runs.components.mean(axis=1)),
             "gate_area": bootstrap_mean(runs.gate_volume.mean(axis=1)),

@@ -242,5 +242,5 @@ def bootstrap_mean(values: np.ndarray) -> Estimate:
     return Estimate(value, float(interval.low), float(interval.high))
 
 
-def _root(figure: Estimate) -> Estimate:
-    return Estimate(*np.sqrt(figure).tolist())
+def _root(estimate: Estimate) -> Estimate:
+    return Estimate(*np.sqrt(estimate).tolist())

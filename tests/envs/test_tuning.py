@@ -254,7 +254,7 @@ def test_bad_arguments_are_refused(kwargs, message):
         ReductionTuningEnv(**kwargs)
 
 
-def test_what_is_foreseen_is_what_comes_and_changes_nothing(tmp_path):
+def test_the_looked_ahead_reward_is_the_one_that_comes_and_changes_nothing(tmp_path):
     env, rng = ReductionTuningEnv(instances=table(tmp_path, SURE, LOST)), np.random.default_rng(0)
     for name in ("sure", "lost"):
         env.reset(seed=3, options={"instance_id": name})
@@ -269,6 +269,13 @@ def test_what_is_foreseen_is_what_comes_and_changes_nothing(tmp_path):
             assert far == pytest.approx(reward + (0 if over else env.lookahead_reward(action)), abs=1e-12)
     with pytest.raises(RuntimeError, match="call reset"):
         env.lookahead_reward(action)
+
+
+def test_the_former_name_of_the_looked_ahead_reward_warns_and_gives_the_same(tmp_path):
+    env = ReductionTuningEnv(instances=table(tmp_path, SURE))
+    env.reset(seed=3)
+    with pytest.warns(DeprecationWarning, match="foreseen is now lookahead_reward"):
+        assert env.foreseen(ACTION, 2) == env.lookahead_reward(ACTION, 2)
 
 
 def test_bad_options_and_actions_are_refused():
