@@ -38,7 +38,7 @@ class DrawnEnv(gym.Env):
         Returns
         -------
         ndarray (height, width, 3) or None
-            None for "human", where the image is shown in a window.
+            None for "human", where the image is shown in a window, and without a render mode.
 
         Raises
         ------

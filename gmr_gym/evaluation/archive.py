@@ -60,18 +60,18 @@ def load(file: Path, of: str = "") -> dict[str, np.ndarray]:
     """
     try:
         if not file.is_file():  # a pipe or a device has no end
-            raise ValueError("it is no plain file")
+            raise ValueError("it is not a plain file")
         size = file.stat().st_size
         with ZipFile(file) as packed:
             members = packed.infolist()
             if (total := sum(member.file_size for member in members)) > size:
                 raise ValueError(f"it unpacks to {total} bytes, and is {size} bytes long")
             arrays = {member.filename.removesuffix(".npy"): _array(packed, member) for member in members}
-    except Exception as error:  # zipfile and NumPy raise many kinds over what is damaged
+    except Exception as error:  # zipfile and NumPy raise many types for a damaged file
         raise ValueError(str(error) or type(error).__name__) from None
     kept = arrays.get(DIGEST)
     if kept is not None and not np.array_equal(kept, digest(arrays, of)):
-        raise ValueError("its digest is not that of its arrays and name: it is not what was written here")
+        raise ValueError("its digest does not match its arrays and name: damaged, or not written here")
     return arrays
 
 
@@ -97,6 +97,6 @@ def _array(packed: ZipFile, member: ZipInfo) -> np.ndarray:
         if dtype.hasobject:
             raise ValueError(f"{member.filename} holds objects")
         if (bytes_ := math.prod(shape) * dtype.itemsize) != member.file_size - stream.tell():
-            raise ValueError(f"{member.filename} has not the {bytes_} bytes that its header states")
+            raise ValueError(f"{member.filename} does not have the {bytes_} bytes that its header states")
         stream.seek(0)
         return npy.read_array(stream, allow_pickle=False)

@@ -277,7 +277,7 @@ def _checked_header(where: str, names: Sequence[str]) -> tuple[str, ...]:
         raise ValueError(f"{where}, column 1: a header is time,x,... with commas, got {','.join(names)!r}")
     for i, name in enumerate(names):
         if not name or name != name.strip() or not name.isprintable() or name in names[:i]:
-            raise ValueError(f"{where}, column {i + 1}: {name!r} is no name or is there twice")
+            raise ValueError(f"{where}, column {i + 1}: {name!r} is not a name, or is used twice")
     return tuple(names)
 
 

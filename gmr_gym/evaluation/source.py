@@ -61,7 +61,7 @@ def check_sources(expected: Mapping[str, str]) -> None:
         If a module differs: its runs would be kept under a name that is not theirs.
     """
     for module, wanted in expected.items():
-        # a program's own classes travel by value, and its file here is another program's
+        # classes of __main__ are sent by value, and its file here belongs to another program
         if module != "__main__" and module in sys.modules and _imported(module) != wanted:
             raise ValueError(
                 f"{module} on {socket.gethostname()} is not the source that this sweep was started with; "

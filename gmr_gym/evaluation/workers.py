@@ -12,7 +12,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from gmr_gym.evaluation import clusters
 from gmr_gym.evaluation.clusters import Unreachable, WorkerDied
 
-BACKENDS = {"loky": "joblib", "dask": "distributed", "ray": "ray"}  # -> the package that it takes
+BACKENDS = {"loky": "joblib", "dask": "distributed", "ray": "ray"}  # and the package it needs
 ATTEMPTS = 3  # in a row without a single result
 SECONDS = 5.0  # to wait for the scheduler of a lost cluster
 Task = TypeVar("Task")
@@ -50,7 +50,7 @@ def check_workers(jobs: int, backend: str, scheduler: str | None) -> None:
         For a backend that is not installed, with the extra that brings it.
     """
     if jobs == 0:
-        raise ValueError("jobs must be a number of processes, or -1 for one a core, got 0")
+        raise ValueError("jobs must be a number of processes, or -1 for one per core, got 0")
     if backend not in BACKENDS:
         raise ValueError(f"unknown backend {backend!r}; choose one of {', '.join(BACKENDS)}")
     if not find_spec(BACKENDS[backend]):

@@ -74,7 +74,7 @@ def airborne_radar(
 ) -> Scenario:
     """A target that flies straight, turns at 5 to 6 g, climbs and dives, seen from a moving aircraft.
 
-    Every episode displaces the path by one draw from the prior: in position by the covariance of one
+    Every episode displaces the default path by one draw from the prior: in position by the covariance of one
     detection, in velocity by 20 m/s on each axis. What is tracked is the target relative to the platform.
 
     Parameters
@@ -150,7 +150,7 @@ def airborne_radar(
     nearest = np.linalg.norm(x[:, :3], axis=1).min()
     if nearest < 10 * sharp:
         raise ValueError(
-            f"platform and target must keep 10 range deviations apart, but come within {nearest:g} m"
+            f"platform and target must keep 10 sigma of the range apart, but come within {nearest:g} m"
         )
     # at most one full turn, beyond which clutter would fall twice
     bend = float(np.linalg.norm(x[0, :3])) * angle**2

@@ -17,7 +17,7 @@ MULTIPLIERS = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 WEYL = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
 WORD, HALF = np.uint64(0xFFFFFFFF), np.uint64(32)
 DRAWS = 28  # bits of the first word that count the draws of a stream
-LANES = 8  # of a vector; the rows of a buffer are a multiple of it
+LANES = 8  # of a vector; the number of words drawn is rounded up to a multiple of it
 FEW = 10.0  # Poisson rate below which uniforms are multiplied; transformed rejection needs a larger one
 
 

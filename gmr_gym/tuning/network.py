@@ -97,7 +97,7 @@ def load(file: Path | str, features: Sequence[str], parameters: Sequence[str]) -
     try:
         arrays = archive.load(file)
     except ValueError as error:
-        raise ValueError(f"{file} is no policy that can be read: {error}") from None
+        raise ValueError(f"{file} is not a readable policy: {error}") from None
     arrays.pop(archive.DIGEST, None)  # a policy from another program may have none
     try:
         return _checked(arrays, tuple(features), tuple(parameters))

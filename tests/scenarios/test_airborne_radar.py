@@ -391,7 +391,7 @@ def test_without_clutter_a_drawn_target_is_as_far_from_the_estimate_as_the_estim
             {"trajectory": circling(), "platform": np.zeros((39, 3))},
             "platform must have as many scans.*40, got 39",
         ),
-        ({"trajectory": circling(), "platform": circling() + 50.0}, "must keep 10 range deviations apart"),
+        ({"trajectory": circling(), "platform": circling() + 50.0}, "must keep 10 sigma of the range apart"),
     ],
 )
 def test_a_wrong_world_is_refused_by_name(wrong, message):
