@@ -91,7 +91,7 @@ def test_single_precision_is_read_as_double(tmp_path):
         ),
         (
             {"weights_2": np.full((2, 4), -1e308)},
-            r"at most 1e\+300 of .* unit 0 could come to inf",
+            r"at most 1e\+300 for .* unit 0 could come to inf",
         ),
         ({"biases_1": np.array([0, 0, 1e301, 0])}, r"weights_1 .* but unit 2 could come to 1e\+301"),
     ],
