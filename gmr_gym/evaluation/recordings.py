@@ -98,7 +98,8 @@ def check_positions(path: Path | str, scans: Scans) -> None:
         if name.endswith(("_rad", "_deg")):
             raise ValueError(
                 f"{path}, column {name}: an angle, but only positions in metres are tracked; convert them "
-                "with gmr_gym.models.radar.cartesian, or track them from Python with gmr_gym.models.radar"
+                "with gmr_gym.models.radar.cartesian, or track it from Python with a sensor of "
+                "gmr_gym.models.radar.radar"
             )
 
 
