@@ -43,5 +43,5 @@ class Greedy:
     def watching(self, env: Any) -> Callable[[np.ndarray, int], np.ndarray]:
         """The policy in an environment."""
         return lambda features, t: self.actions[
-            int(np.argmax([env.foreseen(action, self.scans) for action in self.actions]))
+            int(np.argmax([env.lookahead_reward(action, self.scans) for action in self.actions]))
         ]

@@ -1,7 +1,7 @@
-"""Target tracking in clutter, as something to measure, reproduce and learn on.
+"""Target tracking in clutter by Gaussian mixture reduction: environments, trackers, reproduced papers.
 
-Importing registers the environments; trackers and the Monte Carlo harness work without one. What stands here
-is imported when it is first used: numba, which all of it needs, takes longer to import than all the rest.
+Importing it registers the environments; trackers and Monte Carlo runs work without them. The names here are
+imported when they are first used, because numba, which all of them need, is slow to import.
 """
 
 from importlib import import_module

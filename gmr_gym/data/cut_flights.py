@@ -18,7 +18,7 @@ import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
 TAU = 4.0  # s, a sinusoid of period 2 pi TAU = 25 s loses half its amplitude
-MARGIN = 30  # s smoothed either side, then thrown away: splines are poor at their ends
+MARGIN = 30  # s smoothed on either side and then dropped: splines are poor at their ends
 LONGEST_GAP = 2.0  # s between two fresh positions
 WORST_LATENESS = 1.0  # s of flight: a stamp is only good to the second it fell in
 WORST_ACROSS = 30.0  # m
@@ -63,7 +63,7 @@ def fixes(path, segment):
         for row in json.loads(gzip.decompress(path.read_bytes()))
     ]
     rows = [row for row in rows if -MARGIN <= row[0] <= segment.duration + MARGIN]
-    # a second with no new position repeats the last one: stale, so not a fix
+    # a second without a new position repeats the last one, which is no fix
     rows = rows[:1] + [row for last, row in pairwise(rows) if row[1:3] != last[1:3]]
     stamps = np.array([row[0] for row in rows])
     if np.diff(stamps).max() > LONGEST_GAP:
@@ -97,8 +97,7 @@ def east_north(latlon_deg):
 
 
 def smoothed(stamps, z, segment):
-    """Positions (T, 2) at 1 Hz from the origin, and the rms of what was smoothed away, along and
-    across track.
+    """Positions (T, 2) at 1 Hz from the origin, and the rms of the residuals along and across track.
 
     The cubic spline minimises the sum of squared residuals plus TAU^4 times the integral of
     squared acceleration. The residuals are nearly all along track, where a stamp some tenths of

@@ -2,7 +2,7 @@
 
     python fly_f16.py OUT.csv
 
-A reconstruction in manner, not in detail, of the flight that Maybeck, Kozak and Smith (2008,
+A reconstruction, in kind and not in detail, of the flight that Maybeck, Kozak and Smith (2008,
 section V) recorded in FlightGear, whose flight model is JSBSim, and did not publish. Their
 schedule is kept, in epochs of 0.5 s: 1-44 level, 45-100 turns, 101-199 level, 200-250 jinking,
 251-350 level. The banks and load factors are ours, so mild that the innovations of their aggressive
@@ -32,7 +32,7 @@ GRAVITY = 9.81  # m/s^2
 
 
 class Leg(NamedTuple):
-    """What the pilot holds from `epoch` to the next leg."""
+    """Bank and load factor that the pilot holds from `epoch` to the next leg."""
 
     epoch: int
     bank_deg: float  # right wing down is positive

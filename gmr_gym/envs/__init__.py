@@ -1,4 +1,4 @@
-"""Gymnasium environments: scans out, estimates or thresholds in, a score back.
+"""Gymnasium environments: observations are scans or features, actions are estimates or thresholds.
 
 Stands on everything but `experiments`. Open `registry.py` for the ids, `tracking.py` for what one does.
 """

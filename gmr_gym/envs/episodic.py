@@ -1,4 +1,4 @@
-"""What every environment does alike: it draws an episode, emits it scan by scan and shows it."""
+"""What all environments share: drawing an episode, emitting it scan by scan, and rendering."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
@@ -17,8 +17,7 @@ EXTENT = 1e7  # m and m/s: no coordinate, velocity or estimate in any scenario c
 
 
 class DrawnEnv(gym.Env):
-    """An environment that can be looked at. A subclass says whether there is anything to be seen, and draws
-    it on the canvas that it makes."""
+    """An environment that can be rendered. A subclass makes the canvas and draws on it."""
 
     metadata = {  # noqa: RUF012, gymnasium declares it so
         "render_modes": ["rgb_array", "human"],
@@ -34,12 +33,23 @@ class DrawnEnv(gym.Env):
         self._canvas: Any = None
 
     def render(self):
-        """The current scan as an image (height, width, 3), or in a window for "human"."""
+        """Render the current scan.
+
+        Returns
+        -------
+        ndarray (height, width, 3) or None
+            None for "human", where the image is shown in a window, and without a render mode.
+
+        Raises
+        ------
+        RuntimeError
+            Before the first `reset`.
+        """
         if self.render_mode is None:
             gym.logger.warn("render() needs a render_mode: pass render_mode='rgb_array' to make()")
             return None
         if not self._has_begun():
-            raise RuntimeError("call reset() before render(): nothing has been seen yet")
+            raise RuntimeError("call reset() before render(): there is no scan yet")
         if self._canvas is None:
             self._canvas = self._new_canvas(on_screen=self.render_mode == "human")
         return self._drawn_on(self._canvas)
@@ -55,22 +65,24 @@ class DrawnEnv(gym.Env):
         raise NotImplementedError
 
     def _new_canvas(self, on_screen: bool) -> Any:
-        """What draws episodes; it is imported when something is drawn."""
+        """The canvas that draws episodes; imported when it is first needed."""
         raise NotImplementedError
 
     def _drawn_on(self, canvas: Any) -> np.ndarray | None:
-        """The picture of the current scan, None where it is shown in a window."""
+        """The image of the current scan, None where it is shown in a window."""
         raise NotImplementedError
 
 
 class EpisodicEnv(DrawnEnv):
-    """An environment that draws a whole episode at `reset` and emits a scan of it at every step. A subclass
-    declares its spaces, scores, and says by the methods at the end what its episodes are and look like."""
+    """An environment that draws an episode at `reset` and emits one scan of it at every step.
 
-    def __init__(self, scenario: str, render_mode: str | None, world: dict[str, Any]):
+    A subclass declares the spaces, scores actions, and defines its episodes by the methods at the end.
+    """
+
+    def __init__(self, scenario: str, render_mode: str | None, arguments: dict[str, Any]):
         super().__init__(render_mode)
-        check_keywords(world, [*settings(scenario), *keywords(type(self))])
-        self.scenario: Any = make_scenario(scenario, world)
+        check_keywords(arguments, [*settings(scenario), *keywords(type(self))])
+        self.scenario: Any = make_scenario(scenario, arguments)
         self._position = list(self.scenario.position)
         self._capacity: int  # rows of a scan
         self._episode: Any
@@ -79,14 +91,27 @@ class EpisodicEnv(DrawnEnv):
         self._shown = -1  # the scan last emitted
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Scan 1 of a new episode. `seed` alone decides it; without one the stream goes on."""
+        """Begin a new episode.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Decides the episode alone. Without one the random stream goes on.
+        options : dict, optional
+            Not used.
+
+        Returns
+        -------
+        observation, info : dict
+            Of scan 1.
+        """
         super().reset(seed=seed)
         self._episode = self._drawn(seed if seed is not None else int(self.np_random.integers(2**63)))
         self._t, self._estimates = 0, []
         return self._emit()
 
     def _emit(self):
-        """Observation and info of scan t, empty past the last; shown where someone watches."""
+        """Observation and info of scan t, empty past the last; rendered for "human"."""
         t = self._t
         z = np.zeros((self._capacity, len(self.scenario.sensor.R)))
         mask = np.zeros(self._capacity, np.int8)
@@ -127,7 +152,7 @@ class EpisodicEnv(DrawnEnv):
         raise NotImplementedError
 
     def _truth(self, t: int) -> dict[str, Any]:
-        """What info tells of the targets at scan t."""
+        """What info contains of the targets at scan t."""
         raise NotImplementedError
 
     def _has_begun(self) -> bool:
@@ -137,29 +162,57 @@ class EpisodicEnv(DrawnEnv):
         return canvas.draw(self._episode, self._seen(self._shown), self._shown, self._estimates)
 
 
-def make_scenario(scenario: str, world: Mapping[str, Any]) -> Any:
-    """What "module:function" returns for the settings in `world`; ValueError for one that it does not take,
-    or that is of the wrong kind."""
-    check_keywords(world, settings(scenario))
+def make_scenario(scenario: str, arguments: Mapping[str, Any]) -> Any:
+    """Make a scenario from its settings.
+
+    Parameters
+    ----------
+    scenario : str
+        "module:function".
+    arguments : mapping of str to object
+        Keyword arguments of the function.
+
+    Returns
+    -------
+    Scenario or MultiTargetScenario
+
+    Raises
+    ------
+    ValueError
+        For an unknown keyword, or one of the wrong type.
+    """
+    check_keywords(arguments, settings(scenario))
     try:
-        return _factory(scenario)(**world)
-    except TypeError as error:  # text or a fraction where a number of another kind belongs
-        raise ValueError(f"cannot make a scenario of {world}: {error}") from None
+        return _factory(scenario)(**arguments)
+    except TypeError as error:  # such as text in place of a number, or a fraction in place of a whole number
+        raise ValueError(f"cannot make a scenario of {arguments}: {error}") from None
 
 
 def settings(scenario: str) -> list[str]:
-    """Names of the settings that "module:function" takes."""
+    """Names of the keywords that "module:function" takes."""
     return list(signature(_factory(scenario)).parameters)
 
 
 def keywords(environment: type) -> list[str]:
-    """Names of the keywords that an environment takes itself."""
+    """Names of the keywords that an environment itself takes."""
     takes = signature(environment).parameters.values()
     return [each.name for each in takes if each.kind is not each.VAR_KEYWORD and each.name != "scenario"]
 
 
 def check_keywords(given: Iterable[str], takes: Sequence[str]) -> None:
-    """ValueError for a keyword that is none of those taken, with the nearest, if one is near, and all."""
+    """Check that keywords are known.
+
+    Parameters
+    ----------
+    given : iterable of str
+    takes : sequence of str
+        The known keywords.
+
+    Raises
+    ------
+    ValueError
+        For an unknown keyword, naming the nearest known one, if one is near, and all of them.
+    """
     for name in given:
         if name not in takes:
             near = get_close_matches(name, takes, n=1)

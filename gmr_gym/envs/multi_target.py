@@ -16,7 +16,7 @@ METRICS = ("gospa", "ospa")
 
 
 class MultiTargetEnv(EpisodicEnv):
-    """Targets that come and go in clutter, to be counted and placed scan by scan.
+    """Targets that appear and disappear in clutter, to be detected and located scan by scan.
 
     ## Description
     A sensor reports a scan of points; each target has at most one of them. `reset` emits scan 1;
@@ -37,25 +37,25 @@ class MultiTargetEnv(EpisodicEnv):
     ## Action space
     `Box((targets, 1 + d), float64)`: a row for each estimate, its existence in [0, 1] and its state within
     +-1e7. A row counts as an estimate when its existence is at least 0.5; the others must be finite all the
-    same. A row of which anything is masked is none. More targets than rows cannot be submitted: `targets` is
-    the most that can be said to be there.
+    same. A row of which anything is masked does not count. `targets` is the largest number of targets that
+    can be declared.
 
     ## Reward
     Minus the GOSPA distance (or OSPA) of the estimated positions to the true ones, with the scenario's cutoff
     and order (100 m and 2 for UnknownClutter).
 
     ## Starting state
-    None is told. Truth, detections and clutter come from separate streams of the seed, so that every policy
-    meets the same world, whatever it submits.
+    There is no prior. Truth, detections and clutter come from separate streams of the seed, so that every
+    policy meets the same episode, whatever it submits.
 
     ## Episode end
     `truncated` after the last scan, with an empty observation; never `terminated`.
 
     ## Info
-    Of the scan observed `truth` (m, d), zeros where a target is absent, `present` (m,), whether it is there,
+    Of the scan observed `truth` (m, d), zeros where a target is absent, `present` (m,), whether it exists,
     and `origin` (capacity,), the index of a target, -1 clutter, -2 padding. After a step `error`, the
-    distance in m, and what GOSPA is made of, whatever the metric: `localisation`, `missed` and `false`,
-    m^order. They are for scoring and drawing: a policy that reads them cheats.
+    distance in m, and the parts of GOSPA, whatever the metric: `localisation`, `missed` and `false`, m^order.
+    They are for scoring and drawing: a policy that reads them cheats.
 
     ## Arguments
     `scenario`: "module:function" that returns a MultiTargetScenario; `targets`: rows of an action; `metric`:
@@ -71,13 +71,13 @@ class MultiTargetEnv(EpisodicEnv):
         targets: int = 10,
         metric: str = "gospa",
         render_mode: str | None = None,
-        **world,
+        **arguments,
     ):
         if metric not in METRICS:
             raise ValueError(f"metric must be one of {', '.join(METRICS)}, got {metric!r}")
         if isinstance(targets, bool) or not (isinstance(targets, Integral) and 1 <= targets <= 1000):
             raise ValueError(f"targets must be a whole number of rows between 1 and 1000, got {targets!r}")
-        super().__init__(scenario, render_mode, world)
+        super().__init__(scenario, render_mode, arguments)
         self.metric = metric
         p, d = self.scenario.sensor.H.shape
         self._capacity = capacity(self.scenario.busiest) - 1 + self.scenario.targets
@@ -93,14 +93,31 @@ class MultiTargetEnv(EpisodicEnv):
         self.action_space = gym.spaces.Box(low, high, dtype=np.float64)
 
     def step(self, action):
-        """Scores the estimates (targets, 1 + d) for the scan just seen; the next scan, if there is one."""
+        """Score the estimates of the current scan, and emit the next.
+
+        Parameters
+        ----------
+        action : array_like (targets, 1 + d)
+            Rows [existence, state].
+
+        Returns
+        -------
+        observation, reward, terminated, truncated, info
+
+        Raises
+        ------
+        RuntimeError
+            If no episode is running.
+        ValueError
+            For another shape, an existence outside [0, 1], or a state that is not finite.
+        """
         rows = self._checked(action)
         at = rows[rows[:, 0] >= EXISTENCE_THRESHOLD, 1:][:, self._position]
         x = self._episode.x[self._t][:, self._position]
-        there = x[~np.isnan(x).any(axis=1)]
+        truth = x[~np.isnan(x).any(axis=1)]
         cutoff, order = self.scenario.cutoff, self.scenario.order
-        parts = gospa(at, there, cutoff, order)
-        error = parts.total if self.metric == "gospa" else ospa(at, there, cutoff, order)
+        parts = gospa(at, truth, cutoff, order)
+        error = parts.total if self.metric == "gospa" else ospa(at, truth, cutoff, order)
         self._estimates.append(at)
         self._t += 1
         observation, info = self._emit()
@@ -117,7 +134,7 @@ class MultiTargetEnv(EpisodicEnv):
     def _truth(self, t: int):
         x = self._episode.x[t]
         present = ~np.isnan(x).any(axis=1)
-        # nan would not equal itself where two copies are compared
+        # zeros, as nan is not equal to nan where two copies are compared
         return {"truth": np.where(present[:, None], x, 0.0), "present": present}
 
     def _checked(self, action) -> np.ndarray:

@@ -8,21 +8,46 @@ from gmr_gym.filters.tracker import MultiTargetTracker, Tracker
 
 
 class Policy:
-    """Plays a tracking environment with a tracker; `report` is what it last said.
+    """A tracker as a policy for a tracking environment.
 
-    >>> policy = Policy(make_tracker("runnalls-30", env.unwrapped.scenario.model))
+    `report` is the tracker's last report.
+
+    Parameters
+    ----------
+    tracker : Tracker
+
+    Examples
+    --------
+    >>> import gymnasium
+    >>> from gmr_gym import Policy, make_tracker
+    >>> env = gymnasium.make("gmr_gym/TurningTarget-v0", clutter_rate=20)
+    >>> policy = Policy(make_tracker("nearest-neighbour", env.unwrapped.scenario.model))
     >>> observation, info = env.reset(seed=1)
-    >>> action = policy(observation)
+    >>> policy(observation).shape
+    (4,)
     """
 
     def __init__(self, tracker: Tracker | MultiTargetTracker):
         self.tracker = tracker
-        self.report: Any = None  # Report, or Account
+        self.report: Any = None  # Report or MultiTargetReport
         self._belief: Any = None
         self._time = np.inf
 
     def __call__(self, observation: dict[str, np.ndarray]) -> np.ndarray:
-        """The estimate (d,) of the observed scan. Time that goes backwards means a new episode."""
+        """The action for an observation.
+
+        A time that is not after the last one begins a new episode.
+
+        Parameters
+        ----------
+        observation : dict
+            As the environment emits it.
+
+        Returns
+        -------
+        ndarray (d,)
+            The estimate of the observed scan.
+        """
         time = float(observation["time"][0])
         if time <= self._time:
             self._belief = self.tracker.init()
@@ -36,10 +61,22 @@ class Policy:
 
 
 class MultiTargetPolicy(Policy):
-    """Plays an environment of many targets with a tracker of them, up to `targets` named in a scan; `report`
-    is its last account.
+    """A tracker of many targets as a policy for an environment of many targets.
 
-    >>> policy = MultiTargetPolicy(make_tracker("learning-pmb", env.unwrapped.scenario.model), targets=10)
+    `report` is the tracker's last report.
+
+    Parameters
+    ----------
+    tracker : MultiTargetTracker
+    targets : int
+        Rows of an action, the largest number of declared targets.
+
+    Examples
+    --------
+    >>> import gymnasium
+    >>> from gmr_gym import MultiTargetPolicy, make_tracker
+    >>> env = gymnasium.make("gmr_gym/UnknownClutter-v0", targets=10)
+    >>> policy = MultiTargetPolicy(make_tracker("gm-phd", env.unwrapped.scenario.model), targets=10)
     """
 
     def __init__(self, tracker: MultiTargetTracker, targets: int = 10):
@@ -47,8 +84,10 @@ class MultiTargetPolicy(Policy):
         self.targets = targets
 
     def _action(self) -> np.ndarray:
-        """The targets it names, the surest first, as rows [existence, state] (targets, 1 + d); existence 1,
-        for whoever is named is to count."""
+        """The declared targets, the largest existence first, as rows [existence, state] (targets, 1 + d).
+
+        Existence is 1 in each row of a declared target: every declared target counts.
+        """
         x = self.report.x[np.argsort(-self.report.existence, kind="stable")[: self.targets]]
         rows = np.zeros((self.targets, 1 + x.shape[1]))
         rows[: len(x), 0], rows[: len(x), 1:] = 1.0, x

@@ -1,8 +1,8 @@
-"""Gymnasium environments; their ids are data, and listing them imports nothing heavy."""
+"""Ids of the Gymnasium environments, as data; listing them imports nothing heavy."""
 
 import gymnasium as gym
 
-# one target, to be estimated
+# one target to estimate
 TRACKING = {
     "gmr_gym/TurningTarget-v0": "gmr_gym.scenarios.dortenzio:turning_target",
     "gmr_gym/RecordedFlight-v0": "gmr_gym.scenarios.recorded:recorded_flight",
@@ -10,16 +10,16 @@ TRACKING = {
     "gmr_gym/JumpMarkov-v0": "gmr_gym.scenarios.zhang:jump_markov",
     "gmr_gym/AirborneRadar-v0": "gmr_gym.scenarios.li:airborne_radar",
 }
-# many targets, to be scored as a set
+# many targets, scored as a set
 MULTI_TARGET = {
     "gmr_gym/UnknownClutter-v0": "gmr_gym.scenarios.lv:unknown_clutter",
 }
-TUNING = "gmr_gym/ReductionTuning-v0"  # a tracker, to be set
+TUNING = "gmr_gym/ReductionTuning-v0"  # thresholds of a tracker
 ENVIRONMENTS = (*TRACKING, *MULTI_TARGET, TUNING)
 
 
 def register_envs() -> None:
-    """Make every id known to `gymnasium.make`; harmless when done twice."""
+    """Register every id with Gymnasium. Calling it twice does no harm."""
     for scenarios, one, many in (
         (TRACKING, "tracking:TrackingEnv", "gmr_gym.envs.vector:TrackingVectorEnv"),
         (MULTI_TARGET, "multi_target:MultiTargetEnv", None),

@@ -1,5 +1,7 @@
-"""Drawing, beside the environments and not inside: one canvas for render() and for `watch`. What a radar
-sees is drawn from above, in metres about it."""
+"""Drawing of one target: one canvas for render() and for films.
+
+What a radar measures is drawn from above, in metres about the radar.
+"""
 
 from typing import Any
 
@@ -18,7 +20,7 @@ INKS = INK, CLUTTER, TRUTH, ESTIMATE, HYPOTHESIS, GATES
 
 
 class Sheet:
-    """A figure of 640 pixels by 640, in memory or in a window."""
+    """A figure of 640 by 640 pixels, in memory or in a window."""
 
     def __init__(self, on_screen: bool = False):
         self._window: Any = None
@@ -32,7 +34,7 @@ class Sheet:
             self._pixels = FigureCanvasAgg(self.figure)
 
     def shown(self) -> np.ndarray | None:
-        """The picture (height, width, 3); in a window it is shown and None returned."""
+        """The image (height, width, 3); None where it is shown in a window."""
         if self._window is not None:
             self._window.pause(1e-3)
             return None
@@ -46,8 +48,17 @@ class Sheet:
 
 
 class Canvas:
-    """Pictures of an episode, scan by scan; with a tracker's reports also its gates, its
-    hypotheses (weight as opacity) and how many there were."""
+    """Images of an episode, scan by scan.
+
+    With a tracker's reports they also show its gates, its hypotheses (weight as opacity) and their number.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    on_screen : bool
+        Whether to open a window.
+    title : str
+    """
 
     def __init__(self, scenario: Scenario, on_screen: bool = False, title: str = ""):
         self.scenario = scenario
@@ -64,8 +75,24 @@ class Canvas:
         estimates: list[np.ndarray],
         report: Report | None = None,
     ) -> np.ndarray | None:
-        """The picture (height, width, 3) of scan t (from 0) and the estimates up to it; on a
-        screen it is shown and None returned."""
+        """Draw one scan.
+
+        Parameters
+        ----------
+        episode : Episode
+        scan : Scan
+        t : int
+            Number of the scan, from 0.
+        estimates : list of ndarray (d,)
+            Estimates up to this scan.
+        report : Report, optional
+            The tracker's report of this scan.
+
+        Returns
+        -------
+        ndarray (height, width, 3) or None
+            None where the image is shown in a window.
+        """
         self.figure.clear()
         if report is None:
             axes = self.figure.add_axes((0.11, 0.08, 0.86, 0.86))
@@ -95,7 +122,7 @@ class Canvas:
     def _hypotheses(self, axes, report):
         gates, p = report.gates, report.mixture
         if np.isfinite(gates.threshold):
-            # the shadow of an ellipsoid is the ellipse of the block of its covariance
+            # the projection of an ellipsoid is the ellipse of the block of its covariance
             shapes = gates.S[:, :2, :2] * gates.threshold
             outlines = ellipses(axes, gates.z[:, :2], shapes, edgecolors=GATES, linewidths=0.8)
             axes.add_collection(outlines)
@@ -120,7 +147,7 @@ class Canvas:
         axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
 
     def _view(self, estimate):
-        """Lower and upper corner (2,), m, of what the window about the estimate (d,) covers."""
+        """Lower and upper corner (2,), m, of the window about the estimate (d,)."""
         sensor = self.scenario.model.sensor
         low, high, follows, _ = self.scenario.window
         if follows:
@@ -128,7 +155,7 @@ class Canvas:
             low, high = at + low, at + high
         if not isinstance(sensor, Radar):
             return low, high
-        # its edges are bent: the box about a grid of its points
+        # its edges are curved: take the box about a grid of its points
         sides = np.linspace(low, high, 9).T
         points, possible = sensor.wrap_and_validate(
             np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, len(low))
@@ -141,7 +168,7 @@ class Canvas:
 
     def _strip(self, t, count):
         del self._counts[t:]
-        self._counts += [np.nan] * (t - len(self._counts))  # scans that nobody had drawn
+        self._counts += [np.nan] * (t - len(self._counts))  # scans that were not drawn
         self._counts.append(count)
         strip = self.figure.add_axes((0.11, 0.07, 0.86, 0.12))
         strip.step(np.arange(1, len(self._counts) + 1), self._counts, where="mid", color=HYPOTHESIS)
@@ -152,7 +179,20 @@ class Canvas:
 
 
 def ellipses(axes, centres, shapes, **style):
-    """Ellipses (x - centre)' shape^-1 (x - centre) = 1 of centres (n, 2) and shapes (n, 2, 2)."""
+    """A collection of the ellipses (x - centre)' shape^-1 (x - centre) = 1.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+    centres : ndarray (n, 2)
+    shapes : ndarray (n, 2, 2)
+    **style
+        Of matplotlib's EllipseCollection.
+
+    Returns
+    -------
+    EllipseCollection
+    """
     values, vectors = np.linalg.eigh(shapes)
     axes_lengths = 2 * np.sqrt(values)
     angles = np.degrees(np.arctan2(vectors[:, 1, 1], vectors[:, 0, 1]))

@@ -1,4 +1,4 @@
-"""Drawing of many targets, beside their environment and not inside."""
+"""Drawing of many targets."""
 
 import numpy as np
 
@@ -9,12 +9,22 @@ from gmr_gym.models.clutter import Clutter
 from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario
 from gmr_gym.simulation.single_target import Scan
 
-EDGE = 5.99  # squared deviations, within which 95 % of a Gaussian of the plane lie
+EDGE = 5.99  # squared Mahalanobis distance, within which 95 % of a Gaussian of the plane lie
 
 
 class MultiTargetCanvas:
-    """Pictures of an episode, scan by scan: detections, true tracks, estimates and where clutter crowds;
-    with a tracker's accounts also where it believes it to, dotted, and its components, 95 % of each."""
+    """Images of an episode, scan by scan: detections, true tracks, estimates and the clutter's components.
+
+    With a tracker's reports they also show the clutter that it assumes, dotted, and the 95 % ellipses of its
+    components.
+
+    Parameters
+    ----------
+    scenario : MultiTargetScenario
+    on_screen : bool
+        Whether to open a window.
+    title : str
+    """
 
     def __init__(self, scenario: MultiTargetScenario, on_screen: bool = False, title: str = ""):
         self.scenario = scenario
@@ -24,24 +34,40 @@ class MultiTargetCanvas:
 
     def draw(
         self,
-        crowd: MultiTargetEpisode,
+        episode: MultiTargetEpisode,
         scan: Scan,
         t: int,
         estimates: list[np.ndarray],
-        account: MultiTargetReport | None = None,
+        report: MultiTargetReport | None = None,
     ) -> np.ndarray | None:
-        """The picture (height, width, 3) of scan t (from 0) and the estimates (j, 2) of each scan so far; on
-        a screen it is shown and None returned."""
+        """Draw one scan.
+
+        Parameters
+        ----------
+        episode : MultiTargetEpisode
+        scan : Scan
+        t : int
+            Number of the scan, from 0.
+        estimates : list of ndarray (j, 2)
+            Estimates of each scan so far.
+        report : MultiTargetReport, optional
+            The tracker's report of this scan.
+
+        Returns
+        -------
+        ndarray (height, width, 3) or None
+            None where the image is shown in a window.
+        """
         self.figure.clear()
         axes = self.figure.add_axes((0.13, 0.08, 0.84, 0.86))
         clutter = self.scenario.clutter(t)
-        _crowding(axes, clutter, edgecolors=CLUTTER, linewidths=0.8)
-        if account is not None:
-            _crowding(axes, account.clutter, edgecolors=INK, linewidths=0.8, linestyles=":")
-            self._components(axes, account)
+        _clutter(axes, clutter, edgecolors=CLUTTER, linewidths=0.8)
+        if report is not None:
+            _clutter(axes, report.clutter, edgecolors=INK, linewidths=0.8, linestyles=":")
+            self._components(axes, report)
         axes.plot(*scan.z.T, ".", color=CLUTTER, ms=4, label="detections")
         axes.plot(*scan.z[scan.origin >= 0].T, "o", color=TRUTH, ms=6, mfc="none")
-        paths = crowd.x[: t + 1][:, :, list(self.scenario.position)]
+        paths = episode.x[: t + 1][:, :, list(self.scenario.position)]
         for i, path in enumerate(paths.swapaxes(0, 1)):
             axes.plot(*path.T, color=TRUTH, lw=1.4, label="truth" if i == 0 else None)
         if sum(map(len, estimates)):
@@ -62,15 +88,15 @@ class MultiTargetCanvas:
         """Close the window, if there is one."""
         self._sheet.close()
 
-    def _components(self, axes, account):
-        p, at = account.intensity, list(self.scenario.position)
+    def _components(self, axes, report):
+        p, at = report.intensity, list(self.scenario.position)
         colours = [(25 / 255, 103 / 255, 210 / 255, a) for a in np.sqrt(np.clip(p.w, 1e-3, 1))]
         spread = EDGE * p.P[:, at][:, :, at]
         axes.add_collection(ellipses(axes, p.m[:, at], spread, edgecolors=colours, linewidths=1.2))
 
 
-def _crowding(axes, clutter: Clutter, **style):
-    """95 % of each Gaussian of the clutter, all of each ellipse."""
+def _clutter(axes, clutter: Clutter, **style):
+    """Ellipses of the clutter: the 95 % ellipse of each Gaussian, and each uniform ellipse."""
     groups = joined((clutter.gaussians._replace(P=EDGE * clutter.gaussians.P), clutter.ellipses))
     if len(groups.w):
         axes.add_collection(ellipses(axes, groups.m, groups.P, **style))

@@ -1,4 +1,4 @@
-"""Drawing of a tracker whose thresholds are set scan by scan, beside its environment and not inside."""
+"""Drawing of a tracker whose thresholds are set scan by scan."""
 
 from collections.abc import Sequence
 
@@ -14,8 +14,16 @@ from gmr_gym.tuning.thresholds import Thresholds
 
 
 class TuningCanvas:
-    """Pictures of episodes of `ReductionTuningEnv`, for which the tracker goes its way once more: the same
-    scans, reduced by the same thresholds."""
+    """Images of episodes of `ReductionTuningEnv`.
+
+    The tracker is run again for them: the same scans, reduced by the same thresholds.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    on_screen : bool
+        Whether to open a window.
+    """
 
     def __init__(self, scenario: Scenario, on_screen: bool = False):
         self._canvas = Canvas(scenario, on_screen)
@@ -27,14 +35,26 @@ class TuningCanvas:
     def draw(
         self, scenario: Scenario, episode: Episode, thresholds: Sequence[Thresholds]
     ) -> np.ndarray | None:
-        """The picture (height, width, 3) of the scan that the last of the thresholds reduced, with what was
-        kept, or before there are any of scan 1, with all hypotheses; on a screen it is shown and None
-        returned."""
+        """Draw the scan that was last reduced, with the hypotheses kept; before any, scan 1 with all
+        hypotheses.
+
+        Parameters
+        ----------
+        scenario : Scenario
+        episode : Episode
+        thresholds : sequence of Thresholds
+            By which the scans were reduced so far.
+
+        Returns
+        -------
+        ndarray (height, width, 3) or None
+            None where the image is shown in a window.
+        """
         if episode is not self._episode:
             self._canvas.scenario, self._canvas.title = scenario, ""
             self._episode, self._belief, self._estimates = episode, scenario.model.prior, []
         for each in thresholds[len(self._estimates) :]:
-            seen, full = self._look(scenario, episode)
+            seen, full = self._next_scan(scenario, episode)
             self._belief = prune_and_reduce(
                 full.posterior.mixture, greedy(each.components, each.alpha), each.prune, each.prune_density
             )
@@ -42,7 +62,7 @@ class TuningCanvas:
             self._estimates.append(self._last[1].x[0])
             self._canvas.title = f"alpha {each.alpha:.2g}, prune {each.prune:.2g}"
         if not self._estimates:
-            seen, full = self._look(scenario, episode)
+            seen, full = self._next_scan(scenario, episode)
             self._last = seen, _report(full.posterior.mixture, full)
         seen, report = self._last
         return self._canvas.draw(episode, seen, max(len(self._estimates) - 1, 0), self._estimates, report)
@@ -51,8 +71,8 @@ class TuningCanvas:
         """Close the window, if there is one."""
         self._canvas.close()
 
-    def _look(self, scenario: Scenario, episode: Episode) -> tuple[Scan, ScanUpdate]:
-        """The next scan, and the belief expanded by it."""
+    def _next_scan(self, scenario: Scenario, episode: Episode) -> tuple[Scan, ScanUpdate]:
+        """The next scan, and the belief predicted and updated by it."""
         estimate = self._estimates[-1] if self._estimates else moments(scenario.model.prior)[0]
         seen = scan(scenario, episode, len(self._estimates), scenario.centre(estimate))
         return seen, predict_and_update(self._belief, scenario.model, seen.z)

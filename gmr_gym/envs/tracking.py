@@ -39,12 +39,12 @@ class TrackingEnv(EpisodicEnv):
 
     ## Reward
     Minus the position error in metres, no worse than minus the scenario's cutoff (100 m for
-    TurningTarget, RecordedFlight and JumpMarkov, 500 m for AgileFlight, five deviations of the prior's
-    position for AirborneRadar).
+    TurningTarget, RecordedFlight and JumpMarkov, 500 m for AgileFlight, five standard deviations of the
+    prior's position for AirborneRadar).
 
     ## Starting state
     The prior of the scenario's model; truth, detections and clutter come from separate streams of
-    the seed, so that every policy meets the same world, whatever it submits.
+    the seed, so that every policy meets the same episode, whatever it submits.
 
     ## Episode end
     `truncated` after the last scan, with an empty observation. `terminated` when the error has
@@ -62,15 +62,15 @@ class TrackingEnv(EpisodicEnv):
 
     scenario: Scenario
 
-    def __init__(self, scenario: str, render_mode: str | None = None, **world):
-        super().__init__(scenario, render_mode, world)
+    def __init__(self, scenario: str, render_mode: str | None = None, **arguments):
+        super().__init__(scenario, render_mode, arguments)
         p, d = self.scenario.model.sensor.H.shape
         reach = 2 * EXTENT * (1 + max(1.0, self.scenario.period))
         self._capacity = capacity(self.scenario.clutter_rate)
         self.shape = self._capacity, p
         self.observation_space = gym.spaces.Dict({
-            # wider than the action: a window may be centred on an estimate carried one period on, and a range
-            # is up to the root of three times longer than a coordinate
+            # wider than the action: a window may be centred on an estimate predicted one period ahead, and a
+            # range is up to the root of three times longer than a coordinate
             "scan": gym.spaces.Box(-reach, reach, (self._capacity, p), np.float64),
             "mask": gym.spaces.Box(0, 1, (self._capacity,), np.int8),
             "time": gym.spaces.Box(0.0, (self.scenario.horizon + 1) * self.scenario.period, (1,), np.float64),
@@ -81,17 +81,34 @@ class TrackingEnv(EpisodicEnv):
         mean, covariance = moments(self.scenario.model.prior)
         self.prior = mean, covariance.ravel()
         self._view = view_of(self.scenario)
-        self._strayed = 0  # scans in a row beyond the cutoff
+        self._scans_off = 0  # scans in a row beyond the cutoff
 
     def step(self, action):
-        """Scores the estimate (d,) of the scan just seen; the next scan, if there is one."""
+        """Score the estimate of the current scan, and emit the next.
+
+        Parameters
+        ----------
+        action : array_like (d,)
+            Estimate.
+
+        Returns
+        -------
+        observation, reward, terminated, truncated, info
+
+        Raises
+        ------
+        RuntimeError
+            If no episode is running.
+        ValueError
+            For another shape, or a number that is not finite or out of bounds.
+        """
         estimate = self._checked(action)
         error = float(distance(estimate.tolist(), self._episode.x[self._t].tolist(), self._position))
-        self._strayed = self._strayed + 1 if error > self.scenario.cutoff else 0
+        self._scans_off = self._scans_off + 1 if error > self.scenario.cutoff else 0
         self._estimates.append(estimate)
         self._t += 1
         left = self.scenario.horizon - self._t
-        terminated = self._strayed >= SCANS_OFF
+        terminated = self._scans_off >= SCANS_OFF
         reward = -min(error, self.scenario.cutoff)
         if terminated:
             reward -= self.scenario.cutoff * left
@@ -101,7 +118,7 @@ class TrackingEnv(EpisodicEnv):
         return observation, reward, terminated, not terminated and left == 0, info
 
     def _drawn(self, seed: int) -> Episode:
-        self._strayed = 0
+        self._scans_off = 0
         return draw(self.scenario, seed)
 
     def _seen(self, t: int) -> Scan:
@@ -152,15 +169,15 @@ class TrackingEnv(EpisodicEnv):
 
 
 def blank(shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """z (..., capacity, p), mask, origin and `was` of no scans, as `label_into` has them."""
-    nothing = np.zeros((*shape[:-2], 2), int)
-    nothing[..., 1] = -1
-    return np.zeros(shape), np.zeros(shape[:-1], np.int8), np.full(shape[:-1], -2, ORIGIN), nothing
+    """z (..., capacity, p), mask, origin and `was` of no scans, as `label_into` takes them."""
+    was = np.zeros((*shape[:-2], 2), int)
+    was[..., 1] = -1
+    return np.zeros(shape), np.zeros(shape[:-1], np.int8), np.full(shape[:-1], -2, ORIGIN), was
 
 
 @register_jitable
 def distance(estimate, truth, position: Sequence[int]):
-    """How far apart two states (d,) are in the given coordinates, summed in order."""
+    """Distance of two states (d,) in the given coordinates, summed in order."""
     total = 0.0
     for i in position:
         off = estimate[i] - truth[i]

@@ -1,4 +1,4 @@
-"""The thresholds of a tracker, to be set scan by scan."""
+"""Environments whose actions are the thresholds of a tracker, set scan by scan."""
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
@@ -11,6 +11,7 @@ import gymnasium as gym
 import numpy as np
 
 from gmr_gym.checks import check_count
+from gmr_gym.deprecated import warn_renamed
 from gmr_gym.envs.episodic import DrawnEnv, check_keywords, keywords
 from gmr_gym.envs.tracking import SCANS_OFF
 from gmr_gym.simulation.single_target import Episode, Scenario, draw
@@ -21,20 +22,20 @@ from gmr_gym.tuning.instances import instances as table_of
 from gmr_gym.tuning.scans import EPISODE, STEP, begin, stepped
 from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, check_parameters, from_action, to_action
 
-# of a unit of work; a scan with the target lost costs 1. At the paper's thresholds work then costs about as
-# much as the error of a target that is followed
+# of a unit of work; a scan with a lost target costs 1. At the paper's thresholds work then costs about as
+# much as the error of a tracked target
 PRICE = 1e-4
 ONE = np.zeros(1, np.int64)  # the one row of a batch of one
 _world = cache(world)
 
 
 class ReductionTuningEnv(DrawnEnv):
-    """A Gaussian-mixture MHT whose reduction thresholds are set scan by scan.
+    r"""A Gaussian-mixture MHT whose reduction thresholds are set scan by scan.
 
     ## Description
-    The tracker carries its hypotheses forward and expands them by a scan; `reset` shows features of the
-    posterior of scan 1. `step(action)` reduces that posterior by the thresholds that the action stands for,
-    scores the estimate, and expands the next scan. A constant action is the tracker `adaptive`.
+    The tracker predicts its hypotheses and updates them by a scan; `reset` emits features of the posterior of
+    scan 1. `step(action)` reduces that posterior by the thresholds that the action stands for, scores the
+    estimate, and processes the next scan. With a constant action it is the tracker `adaptive`.
 
     ## Observation space
     `Box(-2, 2, (k,), float32)`: the features named in `gmr_gym.tuning.features.FEATURES`.
@@ -46,15 +47,19 @@ class ReductionTuningEnv(DrawnEnv):
     ## Reward
     Minus the position error, in units of the cutoff of 100 m and no more than 1, minus `price` times the work
     of the scan: the Gaussians that were updated by a detection in their gate, and the costs of pairs that
-    merging evaluated.
+    merging evaluated. With error e, cutoff c, price q and work k,
+
+    .. math:: r = -\min(e / c, 1) - q k
+
+    and a loss with n scans left adds -n.
 
     ## Starting state
     The prior is the true state with the identity as covariance. Truth, detections and clutter come from
-    separate streams of the seed: seed and instance alone decide what there is to see.
+    separate streams of the seed: seed and instance alone decide the detections.
 
     ## Episode end
-    `truncated` after the last scan, with zeros to observe. `terminated` when the error has exceeded the
-    cutoff in ten scans in a row; the reward of that step is charged 1 for every scan that is left as well.
+    `truncated` after the last scan, with an observation of zeros. `terminated` when the error has exceeded
+    the cutoff in ten scans in a row; the reward of that step also charges 1 for every scan that is left.
 
     ## Info
     `instance_id`; after a step also `error`, m, `work`, `components` (hypotheses kept) and `thresholds`, all
@@ -64,10 +69,10 @@ class ReductionTuningEnv(DrawnEnv):
     `parameters`: which thresholds an action sets, of `Thresholds`. `instances`: "train", "valid", "test",
     "extrapolation", or a CSV file as `gmr_gym.tuning.instances.instances` reads it. `price`: of a unit of
     work.
-    `components`: the limit of hypotheses where it is not one of the parameters. `hindsight`: whether what
-    only a simulation knows, `gmr_gym.tuning.hindsight.HINDSIGHT`, stands behind the features: for critics
-    that learn, never for policies. `render_mode`: "rgb_array" or "human": the scan last reduced, with what
-    was kept of its hypotheses; after `reset` scan 1, with all of them.
+    `components`: the limit of hypotheses where it is not one of the parameters. `hindsight`: whether the
+    features are followed by `gmr_gym.tuning.hindsight.HINDSIGHT`, which only a simulation knows: for critics
+    that learn, never for policies. `render_mode`: "rgb_array" or "human": the scan last reduced, with the
+    hypotheses kept; after `reset` scan 1, with all of them.
     """
 
     def __init__(
@@ -89,12 +94,30 @@ class ReductionTuningEnv(DrawnEnv):
         self._width = self.observation_space.shape[0]
         self._draws = Draws(self.instances)
         self._state = np.zeros(1, EPISODE)
-        self._reduced: list[Thresholds] = []  # by which scans were reduced, where someone watches
+        self._reduced: list[Thresholds] = []  # by which scans were reduced, where there is a render mode
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Features of scan 1 of a new episode, of the instance options["instance_id"] or, where none is
-        named, of the next of all instances in an order that the seed shuffles. Raises ValueError for an
-        unknown instance or option."""
+        """Begin a new episode.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Decides the episode of an instance. Without one the random stream goes on.
+        options : dict, optional
+            "instance_id": the instance. By default the next of all instances, in an order that the seed
+            shuffles.
+
+        Returns
+        -------
+        observation : ndarray (k,)
+            Features of scan 1.
+        info : dict
+
+        Raises
+        ------
+        ValueError
+            For an unknown instance or option.
+        """
         super().reset(seed=seed)
         self.instance_id, self._scenario, self._episode = self._draws.next(seed, self, options or {})
         begin(self._state[0], self._scenario, self._episode, SCANS_OFF)
@@ -105,8 +128,24 @@ class ReductionTuningEnv(DrawnEnv):
         return observation, {"instance_id": self.instance_id}
 
     def step(self, action):
-        """Reduces the scan just looked at by the thresholds of the action (j,), and looks at the next. Raises
-        ValueError for an action of another shape or outside the box, RuntimeError where no episode runs."""
+        """Reduce the current posterior by the thresholds of the action, score it, and process the next scan.
+
+        Parameters
+        ----------
+        action : array_like (j,)
+            Numbers in [-1, 1].
+
+        Returns
+        -------
+        observation, reward, terminated, truncated, info
+
+        Raises
+        ------
+        ValueError
+            For an action of another shape or outside the box.
+        RuntimeError
+            If no episode is running.
+        """
         if self._state["t"][0] == self._state["scans"][0]:
             raise RuntimeError("call reset() before step(): no episode is running")
         thresholds = from_action(action, self.parameters, self._rest)
@@ -125,19 +164,35 @@ class ReductionTuningEnv(DrawnEnv):
             self.render()
         return observation, reward, terminated, truncated, info
 
-    def foreseen(self, action, scans: int = 1) -> float:
-        """The rewards, in all, that the action would bring if held for so many scans, or to the end of the
-        episode. Nothing is changed by it. It sees the truth and the detections to come: for bounds on what
-        any policy can reach, not for policies."""
-        ahead = copy(self)
-        ahead._state, ahead.render_mode = self._state.copy(), None
+    def lookahead_reward(self, action, scans: int = 1) -> float:
+        """The total reward of an action held for a number of scans, or to the end of the episode.
+
+        The environment does not change. The result depends on the truth and the detections to come: it serves
+        bounds on what any policy can reach, not policies.
+
+        Parameters
+        ----------
+        action : array_like (j,)
+        scans : int
+
+        Returns
+        -------
+        float
+        """
+        other = copy(self)
+        other._state, other.render_mode = self._state.copy(), None
         total = 0.0
         for _ in range(scans):
-            _, reward, terminated, truncated, _ = ahead.step(action)
+            _, reward, terminated, truncated, _ = other.step(action)
             total += reward
             if terminated or truncated:
                 break
         return total
+
+    def foreseen(self, action, scans: int = 1) -> float:
+        """Former name of `lookahead_reward`."""
+        warn_renamed("foreseen", "lookahead_reward")
+        return self.lookahead_reward(action, scans)
 
     def _stepped(self, thresholds: Thresholds) -> tuple[np.ndarray, np.ndarray]:
         observation, steps = np.zeros((1, self._width), np.float32), np.zeros(1, STEP)
@@ -157,17 +212,38 @@ class ReductionTuningEnv(DrawnEnv):
 
 
 class Draws:
-    """The episodes of one environment: instances come in an order that its generator shuffles, each once
-    before any again."""
+    """The episodes of one environment.
+
+    Instances come in an order that its generator shuffles, each once before any again.
+    """
 
     def __init__(self, instances: Mapping[str, Instance]):
         self.instances = instances
         self._to_come: list[str] = []  # the next one last
 
     def next(self, seed: int | None, env: Any, options: dict[str, Any]) -> tuple[str, Scenario, Episode]:
-        """Name, scenario and episode of the next instance, or of options["instance_id"], drawn by the seed,
-        which begins a new order, or by the generator env.np_random. Raises ValueError for an unknown instance
-        or option."""
+        """Draw the next episode.
+
+        Parameters
+        ----------
+        seed : int or None
+            Draws the episode and begins a new order; for None, env.np_random draws it.
+        env
+            Has the generator np_random.
+        options : dict
+            "instance_id": the instance, instead of the next in the order.
+
+        Returns
+        -------
+        name : str
+        scenario : Scenario
+        episode : Episode
+
+        Raises
+        ------
+        ValueError
+            For an unknown instance or option.
+        """
         if seed is not None:
             self._to_come = []
         else:
@@ -192,21 +268,21 @@ class Draws:
 
 
 def checked_price(price: float) -> float:
-    """The price; ValueError unless it is non-negative and finite."""
+    """The price; ValueError unless it is a finite number, not negative."""
     if not isinstance(price, Real) or not 0 <= price < np.inf:
         raise ValueError(f"price must be a number, non-negative and finite, got {price!r}")
     return price
 
 
 def rest_of(components: int) -> Thresholds:
-    """The thresholds that no action sets; ValueError for a limit of hypotheses that no action could set."""
+    """The thresholds that no action sets; ValueError for a limit of hypotheses outside its range."""
     rest = DORTENZIO._replace(components=check_count(components))
     to_action(rest, ("components",))
     return rest
 
 
 def spaces_of(parameters: Sequence[str], hindsight: bool) -> tuple[gym.spaces.Box, gym.spaces.Box]:
-    """What is observed of one environment, and what is done to it."""
+    """Observation space and action space of one environment."""
     if not isinstance(hindsight, bool):
         raise ValueError(f"hindsight must be True or False, got {hindsight!r}")
     seen = len(FEATURES) + len(HINDSIGHT) * hindsight
@@ -217,8 +293,9 @@ def spaces_of(parameters: Sequence[str], hindsight: bool) -> tuple[gym.spaces.Bo
 
 
 class ThresholdSchedule(gym.Wrapper):
-    """A `ReductionTuning` environment that a policy of `gmr_gym.tuning.policies` drives: `step` takes no
-    heed of the action that it is given."""
+    """A `ReductionTuning` environment driven by a policy of `gmr_gym.tuning.policies`; `step` ignores its
+    action.
+    """
 
     def __init__(self, env: gym.Env, policy: Callable[[np.ndarray, int], np.ndarray]):
         super().__init__(env)
@@ -226,13 +303,13 @@ class ThresholdSchedule(gym.Wrapper):
         self._observation: np.ndarray | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """As the environment inside does."""
+        """As the wrapped environment."""
         self._observation, info = self.env.reset(seed=seed, options=options)
         self._t = 0
         return self._observation, info
 
     def step(self, action=None):
-        """One scan under the policy's thresholds. RuntimeError before the first `reset`."""
+        """One scan under the policy's thresholds; RuntimeError before the first `reset`."""
         if self._observation is None:
             raise RuntimeError("call reset() before step(): no episode is running")
         self._observation, *rest = self.env.step(self.policy(self._observation, self._t))

@@ -1,4 +1,4 @@
-"""Many trackers whose thresholds are set scan by scan, stepped in one call."""
+"""Many environments of thresholds, stepped in one call."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -26,17 +26,17 @@ from gmr_gym.tuning.thresholds import (
 
 
 class ReductionTuningVectorEnv(VectorEnv):
-    """Many `ReductionTuningEnv` side by side: environment i does what a single one would that is reset with
+    """Many `ReductionTuningEnv`, stepped in one call. Environment i equals a single one that is reset with
     the seed plus i, to the last bit, on any number of threads.
 
     `gym.make_vec("gmr_gym/ReductionTuning-v0", num_envs=64, vectorization_mode="vector_entry_point")`
 
     ## Arguments
     Those of the single environment. `autoreset_mode`: "NextStep", in which the step after an episode's last
-    takes no heed of the action and shows scan 1 of the next, or "SameStep", in which the last step does, with
-    `final_obs` and `final_info` of what it was, or "Disabled", in which nothing more happens there until
-    `reset` begins all episodes anew. `copy`: whether observations are arrays of their own at every
-    step, or one that the next step overwrites. `render_mode`: none but None.
+    ignores the action and emits scan 1 of the next, or "SameStep", in which the last step does, with the
+    last observation and info as `final_obs` and `final_info`, or "Disabled", in which the environment stops
+    until `reset` begins all episodes anew. `copy`: whether every step makes new observations, or overwrites
+    the last ones. `render_mode`: only None.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class ReductionTuningVectorEnv(VectorEnv):
         self.num_envs, self.copy = num_envs, copy
         self.metadata = {"render_modes": [], "autoreset_mode": mode}
         self.parameters, self.price = check_parameters(parameters), checked_price(price)
-        self._places, self._rest = threshold_index(self.parameters), np.array(rest_of(components), float)
+        self._at, self._rest = threshold_index(self.parameters), np.array(rest_of(components), float)
         self.instances = table_of(instances)
         self.single_observation_space, self.single_action_space = spaces_of(self.parameters, hindsight)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -70,24 +70,56 @@ class ReductionTuningVectorEnv(VectorEnv):
         self._observations = np.zeros((num_envs, *self.single_observation_space.shape), np.float32)
 
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
-        """Scan 1 of new episodes: features (n, k). Seeds are s, s + 1, ... for a number s, or one each."""
+        """Begin new episodes.
+
+        Parameters
+        ----------
+        seed : int or sequence of (int or None), optional
+            s stands for s, s + 1, ...; a sequence has one seed per environment.
+        options : dict, optional
+            As for one environment.
+
+        Returns
+        -------
+        observations : ndarray (n, k)
+            Features of scan 1.
+        infos : dict
+        """
         seeds = seeds_of(seed, self.num_envs)
         for member, own in zip(self._members, seeds, strict=True):
             if own is not None:
                 member.np_random, _ = seeding.np_random(own)
-        everyone = np.ones(self.num_envs, bool)
-        self._begin(everyone, seeds, options or {})
-        return self._shown(), self._told(everyone, None)
+        every = np.ones(self.num_envs, bool)
+        self._begin(every, seeds, options or {})
+        return self._shown(), self._infos(every, None)
 
     def step(self, actions: np.ndarray):
-        """One scan of every environment under the thresholds of the actions (n, j): features (n, k), rewards
-        (n,), terminated (n,), truncated (n,) and infos."""
+        """One scan of every environment.
+
+        Parameters
+        ----------
+        actions : array_like (n, j)
+            Numbers in [-1, 1].
+
+        Returns
+        -------
+        observations : ndarray (n, k)
+        rewards, terminated, truncated : ndarray (n,)
+        infos : dict
+
+        Raises
+        ------
+        ValueError
+            For actions of another shape or outside the box.
+        RuntimeError
+            If no episode is running.
+        """
         mode = self.metadata["autoreset_mode"]
         running = self._state["t"] < self._state["scans"]
         if self._names[0] is None:
             raise RuntimeError("call reset() before step(): no episode is running")
         actions = check_actions(actions, self.num_envs, self.parameters, running)
-        steps = self._stepped(np.flatnonzero(running), from_actions(actions, self._places, self._rest))
+        steps = self._stepped(np.flatnonzero(running), from_actions(actions, self._at, self._rest))
         terminated, truncated = steps["terminated"].copy(), steps["truncated"].copy()
         infos: dict[str, Any] = {}
         over = terminated | truncated
@@ -96,10 +128,10 @@ class ReductionTuningVectorEnv(VectorEnv):
             infos["final_obs"], infos["_final_obs"] = np.full(self.num_envs, None, object), over.copy()
             for i in np.flatnonzero(over):
                 infos["final_obs"][i] = self._observations[i].copy()
-            infos["final_info"], infos["_final_info"] = self._told(over, steps), over.copy()
+            infos["final_info"], infos["_final_info"] = self._infos(over, steps), over.copy()
             fresh = over
         self._begin(fresh, [None] * self.num_envs, {})
-        infos |= self._told(np.ones(self.num_envs, bool), steps, running & ~fresh)
+        infos |= self._infos(np.ones(self.num_envs, bool), steps, running & ~fresh)
         return self._shown(), steps["reward"].copy(), terminated, truncated, infos
 
     def _begin(self, which: np.ndarray, seeds: Any, options: dict[str, Any]) -> None:
@@ -122,12 +154,12 @@ class ReductionTuningVectorEnv(VectorEnv):
     def _shown(self) -> np.ndarray:
         return self._observations.copy() if self.copy else self._observations
 
-    def _told(self, named: np.ndarray, steps: np.ndarray | None, scored: np.ndarray | None = None):
-        """Infos of the environments that are `named`, and of those of them that have been `scored`."""
-        scored = named if scored is None else scored
+    def _infos(self, shown: np.ndarray, steps: np.ndarray | None, scored: np.ndarray | None = None):
+        """Infos of the environments in the mask `shown`, with results of those in the mask `scored`."""
+        scored = shown if scored is None else scored
         names = self._names.copy()
-        names[~named] = None
-        infos: dict[str, Any] = {"instance_id": names, "_instance_id": named.copy()}
+        names[~shown] = None
+        infos: dict[str, Any] = {"instance_id": names, "_instance_id": shown.copy()}
         if steps is None or not scored.any():
             return infos
         for key in ("error", "work", "components"):
@@ -142,7 +174,7 @@ class ReductionTuningVectorEnv(VectorEnv):
 
 
 class _Member:
-    """One environment's share: its generator and its episodes."""
+    """Generator and episodes of one environment."""
 
     def __init__(self, instances):
         self._draws = Draws(instances)

@@ -29,9 +29,9 @@ from gmr_gym.simulation.single_target import (
     window_motion,
 )
 
-SHARE = 32  # environments that a thread is worth
-AHEAD = 16  # seeds drawn at a time
-UNDRAWN = "environments side by side are not drawn, make a single one to look at"
+SHARE = 32  # environments from which another thread pays off
+SEEDS = 16  # drawn at a time
+UNDRAWN = "vector environments are not rendered; make a single one to render"
 
 
 class TrackingVectorEnv(gym.vector.VectorEnv):
@@ -45,10 +45,10 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
     `autoreset_mode`: what happens after an episode's end. The next step begins another ("NextStep"); the
     same step does, with the last observation in info["final_obs"] and the last info in info["final_info"]
     ("SameStep"); or it waits for `reset(options={"reset_mask": ...})` ("Disabled").
-    `copy`: whether every step hands out arrays of its own; if not, the next one writes over the observation
-    and info["origin"], or only what has changed of them: write nothing there.
-    `threads`: that make scans; None for as many as numba takes, `NUMBA_NUM_THREADS` or one a core.
-    `render_mode`: none but None.
+    `copy`: whether every step makes new arrays; if not, the next one overwrites the observation and
+    info["origin"], or only what has changed of them: do not write to them.
+    `threads`: number of threads that make scans; by default numba's, `NUMBA_NUM_THREADS` or one per core.
+    `render_mode`: only None.
     """
 
     metadata = {  # noqa: RUF012, gymnasium declares it so
@@ -64,16 +64,16 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         copy: bool = True,
         threads: int | None = None,
         render_mode: None = None,
-        **world,
+        **arguments,
     ):
         check_not_drawn(render_mode)
-        check_keywords(world, [*settings(scenario), *keywords(type(self))])
+        check_keywords(arguments, [*settings(scenario), *keywords(type(self))])
         num_envs = check_count(num_envs, "num_envs")
         most: int = config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
         limit = most if threads is None else check_count(threads, "threads")
         self.num_envs, self.copy, self.autoreset_mode = num_envs, copy, autoreset_of(autoreset_mode)
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
-        self._single = TrackingEnv(scenario, **world)
+        self._single = TrackingEnv(scenario, **arguments)
         self.scenario = self._single.scenario
         self.single_observation_space = self._single.observation_space
         self.single_action_space = self._single.action_space
@@ -81,24 +81,24 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         bounds = np.linspace(0, num_envs, min(-(-num_envs // SHARE), limit) + 1).astype(int)
         self._shares = list(pairwise(bounds.tolist()))  # of the threads, the caller's own first
-        self._view, self._carried = view_of(self.scenario), window_motion(self.scenario)
+        self._view, self._window_motion = view_of(self.scenario), window_motion(self.scenario)
         self._position = np.array(self.scenario.position)
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
-        self._ahead: list[list[int]] = [[] for _ in range(num_envs)]  # seeds of streams, the next one last
+        self._seeds: list[list[int]] = [[] for _ in range(num_envs)]  # of the streams, the next one last
         x, mode = draw_truth(self.scenario, 0)
-        # which truth is whose: a script's is one for all, for good
+        # row of the truth of each environment: a scripted truth is one for all
         self._of = np.zeros(num_envs, int) if is_scripted(self.scenario) else np.arange(num_envs)
         truths = self._of[-1] + 1
         self._x, self._mode = (np.tile(part, (truths, *[1] * part.ndim)) for part in (x, mode))
-        expected = self.scenario.sensor.measure(x)
-        self._expected = np.tile(expected, (truths, 1, 1))  # what the sensor would say without noise
+        z_hat = self.scenario.sensor.measure(x)
+        self._z_hat = np.tile(z_hat, (truths, 1, 1))  # noise-free measurements
         self._keys = np.zeros((num_envs, 2), np.uint32)
         self._drawn: list[Any] = [None] * num_envs  # whole episodes, where the sensor is not linear
         self._t = np.full(num_envs, self.scenario.horizon)  # the scan shown; the horizon for none
         self._estimates = np.tile(self._single.prior[0], (num_envs, 1))  # of the scan before
-        self._strayed = np.zeros(num_envs, int)
-        self._ended = np.zeros(num_envs, bool)  # and not begun anew
-        self._handed_out: Any = None  # arrays that the next step may write over
+        self._scans_off = np.zeros(num_envs, int)
+        self._ended = np.zeros(num_envs, bool)  # and not reset yet
+        self._emitted: Any = None  # arrays that the next step may overwrite
 
     def reset(
         self,
@@ -106,20 +106,51 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ):
-        """Scan 1 of new episodes, of the environments in options["reset_mask"] (num_envs,) if it is given. An
-        integer seed stands for seed, seed + 1, ...; without one the streams go on."""
+        """Begin new episodes.
+
+        Parameters
+        ----------
+        seed : int or sequence of (int or None), optional
+            s stands for s, s + 1, ...; a sequence has one seed per environment. Without one the streams go
+            on.
+        options : dict, optional
+            "reset_mask" (num_envs,): the environments to reset; all by default.
+
+        Returns
+        -------
+        observations, infos : dict
+            Of scan 1.
+        """
         seeds = seeds_of(seed, self.num_envs)
         chosen = _chosen(options, self.num_envs)
         for i in np.flatnonzero(chosen):
             if seeds[i] is not None:
                 self._randoms[i] = seeding.np_random(seeds[i])[0]
-                self._ahead[i].clear()
+                self._seeds[i].clear()
         self._begin(np.flatnonzero(chosen), seeds)
         return self._emit(chosen)
 
     def step(self, actions):
-        """Scores the estimates (num_envs, d) of the scans just seen; the next scans, or where an episode has
-        ended what `autoreset_mode` says."""
+        """Score the estimates of the current scans, and emit the next.
+
+        Where an episode has ended, `autoreset_mode` decides.
+
+        Parameters
+        ----------
+        actions : array_like (num_envs, d)
+            Estimates.
+
+        Returns
+        -------
+        observations, rewards, terminated, truncated, infos
+
+        Raises
+        ------
+        RuntimeError
+            If no episode is running.
+        ValueError
+            For another shape, or a number that is not finite or out of bounds.
+        """
         n, horizon = self.num_envs, self.scenario.horizon
         anew = self._ended if self.autoreset_mode == AutoresetMode.NEXT_STEP else np.zeros(n, bool)
         if ((self._t >= horizon) > anew).any():
@@ -127,7 +158,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         self._estimates = self._checked(actions, anew)
         error, rewards, terminated, truncated = np.empty(n), np.empty(n), np.empty(n, bool), np.empty(n, bool)
         score_into(
-            error, rewards, terminated, truncated, self._strayed, self._t, anew, self._estimates,
+            error, rewards, terminated, truncated, self._scans_off, self._t, anew, self._estimates,
             self._x, self._of, self._position, float(self.scenario.cutoff),
         )  # fmt: skip
         scored = ~anew
@@ -145,8 +176,10 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         return observation, rewards, terminated, truncated, infos | final
 
     def _checked(self, actions, passed: np.ndarray) -> np.ndarray:
-        """The actions as floats (num_envs, d); ValueError for a wrong shape and, but for those `passed` over,
-        for a number out of bounds."""
+        """The actions as floats (num_envs, d).
+
+        ValueError for a wrong shape and, except where `passed`, for a number out of bounds.
+        """
         shape = self.action_space.shape
         check_unmasked("actions", actions)
         try:
@@ -165,44 +198,46 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         return actions
 
     def _begin(self, rows: np.ndarray, given: Sequence[int | None]) -> None:
-        """A new episode in the environments of these rows, of its seed, or for None of the stream's next."""
+        """New episodes in the environments of these rows, by the given seeds, or for None by the stream's
+        next.
+        """
         if not len(rows):
             return
-        self._t[rows], self._strayed[rows], self._ended[rows] = 0, 0, False
+        self._t[rows], self._scans_off[rows], self._ended[rows] = 0, 0, False
         self._estimates[rows] = self._single.prior[0]
         seeds = [self._next_seed(i) if given[i] is None else given[i] for i in rows.tolist()]
-        if self._carried is not None:
+        if self._window_motion is not None:
             small = max(seeds) < 2**63
             self._keys[rows] = keys_of(np.array(seeds)) if small else [key_of(seed) for seed in seeds]
             if is_scripted(self.scenario):
                 return
         for i, seed in zip(rows.tolist(), seeds, strict=True):
-            if self._carried is None:
+            if self._window_motion is None:
                 self._drawn[i] = draw(self.scenario, seed)
                 self._x[i], self._mode[i] = self._drawn[i].x, self._drawn[i].mode
             else:
                 self._x[i], self._mode[i] = draw_truth(self.scenario, seed)
-                self._expected[i] = self.scenario.sensor.measure(self._x[i])
+                self._z_hat[i] = self.scenario.sensor.measure(self._x[i])
 
     def _next_seed(self, i: int) -> int:
-        ahead = self._ahead[i]
-        if not ahead:
+        seeds = self._seeds[i]
+        if not seeds:
             random = self._randoms[i]
             if random is None:
                 random = self._randoms[i] = seeding.np_random()[0]
-            # in one draw, which takes as long as two of one number
-            ahead.extend(random.integers(2**63, size=AHEAD)[::-1].tolist())
-        return ahead.pop()
+            # in one draw, which takes as long as two single ones
+            seeds.extend(random.integers(2**63, size=SEEDS)[::-1].tolist())
+        return seeds.pop()
 
-    def _emit(self, told: np.ndarray):
-        """Observations of all environments, and infos of those that are told."""
+    def _emit(self, wanted: np.ndarray):
+        """Observations of all environments, and infos of those in the mask `wanted`."""
         n, shape = self.num_envs, self._single.shape
-        if self.copy or self._handed_out is None:
-            self._handed_out = blank((n, *shape))
+        if self.copy or self._emitted is None:
+            self._emitted = blank((n, *shape))
             self._priors = [np.tile(part, (n, 1)) for part in self._single.prior]
-        z, mask, origin, _ = self._handed_out
+        z, mask, origin, _ = self._emitted
         shown = self._t < self.scenario.horizon
-        if self._carried is None:
+        if self._window_motion is None:
             self._scans_in_turn(shown)
         else:
             self._scans_at_once()
@@ -214,23 +249,23 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
             "prior_mean": mean,
             "prior_covariance": covariance,
         }
-        told = told & shown
-        if not told.any():
+        wanted = wanted & shown
+        if not wanted.any():
             return observation, {}
-        # rows taken by one index: by two it is slower than many scans
-        at = self._of * self.scenario.horizon + np.where(told, self._t, 0)
+        # rows taken by one index: two indices are slower than many scans
+        at = self._of * self.scenario.horizon + np.where(wanted, self._t, 0)
         truth, mode = self._x.reshape(-1, self._x.shape[2]).take(at, axis=0), self._mode.take(at)
-        if not told.all():
+        if not wanted.all():
             origin = origin.copy()
-            truth[~told], mode[~told], origin[~told] = 0, 0, 0
+            truth[~wanted], mode[~wanted], origin[~wanted] = 0, 0, 0
         return observation, {
             "truth": truth, "mode": mode, "origin": origin,
-            "_truth": told, "_mode": told.copy(), "_origin": told.copy(),
+            "_truth": wanted, "_mode": wanted.copy(), "_origin": wanted.copy(),
         }  # fmt: skip
 
     def _scans_in_turn(self, shown: np.ndarray) -> None:
         """The scans of a sensor that is not linear."""
-        z, mask, origin, was = self._handed_out
+        z, mask, origin, was = self._emitted
         for i in range(self.num_envs):
             k, place = 0, -1
             if shown[i]:
@@ -243,16 +278,16 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         raise NotImplementedError(UNDRAWN)
 
     def _scans_at_once(self) -> None:
-        """The scans of a linear sensor, each thread making those of a share of the environments."""
-        sensor, chance = self.scenario.sensor, float(self.scenario.detection_probability)
+        """The scans of a linear sensor; each thread makes those of its share of the environments."""
+        sensor, detection_probability = self.scenario.sensor, float(self.scenario.detection_probability)
         everything = (
-            sensor.R, *self._handed_out, self._view, self._carried, chance, self._keys, self._expected,
-            self._of, self._t, self._estimates,
+            sensor.R, *self._emitted, self._view, self._window_motion, detection_probability, self._keys,
+            self._z_hat, self._of, self._t, self._estimates,
         )  # fmt: skip
         together(scans_into, [(*share, *everything) for share in self._shares])
 
     def _final(self, error: np.ndarray) -> dict[str, Any]:
-        """What info holds of the episodes that have just ended."""
+        """The infos of the episodes that have just ended."""
         ended = self._ended.copy()
         observations = np.full(self.num_envs, None, object)
         for i in np.flatnonzero(ended):
@@ -264,7 +299,23 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
 
 
 def seeds_of(seed: int | Sequence[int | None] | None, n: int) -> list[int | None]:
-    """The seeds of n environments: s, s + 1, ... for a number s, or one each; ValueError for another."""
+    """The seeds of n environments.
+
+    Parameters
+    ----------
+    seed : int, sequence of (int or None), or None
+        s stands for s, s + 1, ...; a sequence has one seed per environment.
+    n : int
+
+    Returns
+    -------
+    list of (int or None)
+
+    Raises
+    ------
+    ValueError
+        For anything else.
+    """
     if seed is None:
         return [None] * n
     if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
@@ -276,13 +327,13 @@ def seeds_of(seed: int | Sequence[int | None] | None, n: int) -> list[int | None
 
 
 def check_not_drawn(render_mode: str | None) -> None:
-    """ValueError for a mode in which environments side by side would have to be drawn."""
+    """ValueError for a render mode: vector environments are not rendered."""
     if render_mode is not None:
         raise ValueError(f"{UNDRAWN}: render_mode must be None, got {render_mode!r}")
 
 
 def autoreset_of(mode: AutoresetMode | str) -> AutoresetMode:
-    """The mode of that name; ValueError for another."""
+    """The autoreset mode of a name; ValueError for an unknown one."""
     names = [mode.value for mode in AutoresetMode]
     if mode not in [*names, *AutoresetMode]:
         raise ValueError(f"autoreset_mode must be one of {', '.join(names)}, got {mode!r}")
@@ -290,7 +341,7 @@ def autoreset_of(mode: AutoresetMode | str) -> AutoresetMode:
 
 
 def _chosen(options: dict[str, Any] | None, n: int) -> np.ndarray:
-    """Which of the n environments a reset is for."""
+    """Mask (n,) of the environments that a reset is for."""
     if options is None or "reset_mask" not in options:
         return np.ones(n, bool)
     mask = np.asarray(options["reset_mask"])

@@ -1,4 +1,4 @@
-"""Trackers through episodes: the loop, Monte Carlo runs on any number of workers, metrics, summaries.
+"""Running trackers through episodes: the loop, Monte Carlo runs on any number of workers, metrics, summaries.
 
 Stands on `filters` and `simulation`, which meet here for the first time. Open `loop.py` first, then
 `montecarlo.py`.

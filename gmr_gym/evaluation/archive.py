@@ -1,6 +1,8 @@
-"""Arrays in a file, an .npz of NumPy's: written whole or not at all, read without trust, and with a digest of
-what they hold. The digest finds damage and what another program has put there; whoever means to deceive can
-make one as well."""
+"""Arrays in a file, an .npz of NumPy, with a digest of its contents.
+
+A file is written whole or not at all, and read without trust. The digest finds damage and files of other
+programs. It is no protection against forgery: anyone can compute it.
+"""
 
 import hashlib
 import math
@@ -19,7 +21,15 @@ HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
 def save(file: Path, arrays: Mapping[str, Any], of: str = "") -> None:
-    """Writes the arrays and their digest, which is also of what they are arrays `of`."""
+    """Write arrays and their digest to a file.
+
+    Parameters
+    ----------
+    file : Path
+    arrays : mapping of str to array_like
+    of : str
+        What the arrays belong to, such as the name of the file; part of the digest.
+    """
     members: dict[str, Any] = {name: np.asarray(array) for name, array in arrays.items()}
     members[DIGEST] = digest(members, of)
     with whole(file) as partial, partial.open("wb") as stream:
@@ -27,29 +37,46 @@ def save(file: Path, arrays: Mapping[str, Any], of: str = "") -> None:
 
 
 def load(file: Path, of: str = "") -> dict[str, np.ndarray]:
-    """The arrays, with their digest as DIGEST where the file has one. Raises ValueError, which leaves it to
-    the caller to name the file, for what is no such file, and for arrays that are not those of the digest, or
-    are not `of` what is wanted.
-    Nothing is unpickled or inflated, and no more is read than the file is long."""
+    """Read the arrays of a file.
+
+    Nothing is unpickled or inflated, and no more is read than the length of the file.
+
+    Parameters
+    ----------
+    file : Path
+    of : str
+        What the arrays belong to, as given to `save`.
+
+    Returns
+    -------
+    dict of str to ndarray
+        The arrays, with their digest as `DIGEST` where the file has one.
+
+    Raises
+    ------
+    ValueError
+        If the file is no such archive, is damaged, or belongs to something else. The message does not name
+        the file; the caller does.
+    """
     try:
         if not file.is_file():  # a pipe or a device has no end
-            raise ValueError("it is no plain file")
+            raise ValueError("it is not a plain file")
         size = file.stat().st_size
         with ZipFile(file) as packed:
             members = packed.infolist()
             if (total := sum(member.file_size for member in members)) > size:
-                raise ValueError(f"it unpacks to {total} bytes, and is {size} long")
+                raise ValueError(f"it unpacks to {total} bytes, and is {size} bytes long")
             arrays = {member.filename.removesuffix(".npy"): _array(packed, member) for member in members}
-    except Exception as error:  # zipfile and NumPy raise many kinds over what is damaged
+    except Exception as error:  # zipfile and NumPy raise many types for a damaged file
         raise ValueError(str(error) or type(error).__name__) from None
     kept = arrays.get(DIGEST)
     if kept is not None and not np.array_equal(kept, digest(arrays, of)):
-        raise ValueError("its digest is not that of its arrays and name: it is not what was written here")
+        raise ValueError("its digest does not match its arrays and name: damaged, or not written here")
     return arrays
 
 
 def digest(arrays: Mapping[str, np.ndarray], of: str = "") -> np.ndarray:
-    """BLAKE2 (32,) of what they are arrays `of`, and of their names, types, shapes and bytes."""
+    """BLAKE2 digest (32,) of what the arrays belong to, and of their names, types, shapes and bytes."""
     hashed = hashlib.blake2b(of.encode(), digest_size=32)
     for name in sorted(arrays.keys() - {DIGEST}):
         array = arrays[name]
@@ -59,7 +86,7 @@ def digest(arrays: Mapping[str, np.ndarray], of: str = "") -> np.ndarray:
 
 
 def _array(packed: ZipFile, member: ZipInfo) -> np.ndarray:
-    """The array of a member, which must be as long as its header says before room is made for it."""
+    """The array of a member. Its length is checked against its header before memory is allocated."""
     if member.compress_type != ZIP_STORED:
         raise ValueError(f"{member.filename} is compressed")
     with packed.open(member) as stream:
@@ -70,6 +97,6 @@ def _array(packed: ZipFile, member: ZipInfo) -> np.ndarray:
         if dtype.hasobject:
             raise ValueError(f"{member.filename} holds objects")
         if (bytes_ := math.prod(shape) * dtype.itemsize) != member.file_size - stream.tell():
-            raise ValueError(f"{member.filename} says that it has {bytes_} bytes, and has others")
+            raise ValueError(f"{member.filename} does not have the {bytes_} bytes that its header states")
         stream.seek(0)
         return npy.read_array(stream, allow_pickle=False)

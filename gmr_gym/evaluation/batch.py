@@ -1,4 +1,4 @@
-"""Many runs of an MHT in one compiled call, each as if played alone, to the last bit."""
+"""Many runs of an MHT in one compiled call, each equal to the run alone to the last bit."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,8 +17,20 @@ from gmr_gym.simulation.single_target import Episode, Scenario, capacity, view_o
 
 
 def can_batch(scenario: Scenario, tracker: Any) -> bool:
-    """Whether `played` can play this tracker in this scenario: it has `limits`, the sensors are linear, and
-    the loss rule is one of `gmr_gym.evaluation.metrics`."""
+    """Whether `run_batch` can run this tracker in this scenario.
+
+    It can where the tracker has `limits`, the sensors are linear, and the loss rule is one of
+    `gmr_gym.simulation.loss`.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    tracker : Tracker
+
+    Returns
+    -------
+    bool
+    """
     return (
         getattr(tracker, "limits", None) is not None
         and all(isinstance(s, Sensor) for s in (scenario.sensor, scenario.model.sensor, tracker.model.sensor))
@@ -29,12 +41,26 @@ def can_batch(scenario: Scenario, tracker: Any) -> bool:
 def run_batch(
     scenario: Scenario, tracker: Any, episodes: Sequence[Episode], scans: int | None = None
 ) -> tuple[np.ndarray, ...]:
-    """truth, x, P, components, gate_volume, gated and off_target of the Runs of these episodes, all of their
-    scans or the first few."""
-    told, prior = tracker.model, scenario.model.prior
+    """Run one tracker through many episodes in one compiled call.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    tracker : Tracker
+        One for which `can_batch` holds.
+    episodes : sequence of Episode
+    scans : int, optional
+        Number of scans to run; all by default.
+
+    Returns
+    -------
+    tuple of ndarray
+        truth, x, P, components, gate_volume, gated and off_target, as in `Runs`.
+    """
+    model, prior = tracker.model, scenario.model.prior
     x, _, z, detected, slot, key = map(np.array, zip(*episodes, strict=True))
     x, own = x[:, :scans], _rule(scenario) is detection_outside_gates
-    watched = z if own else _expected(scenario, x)
+    watched = z if own else _z_hat(scenario, x)
     runs, T, d = x.shape
     out = (
         np.empty((runs, T, d)), np.empty((runs, T, d, d)), np.empty((runs, T), int),
@@ -43,7 +69,7 @@ def run_batch(
     _play(
         view_of(scenario), window_motion(scenario), scenario.centre(prior.w @ prior.m), key, z, detected,
         slot, capacity(scenario.clutter_rate), tracker.init(),
-        (*told.motion, *told.sensor, *gate_and_log_weights(told)),
+        (*model.motion, *model.sensor, *gate_and_log_weights(model)),
         tracker.limits, unit_ball(z.shape[2]), watched, own, out,
     )  # fmt: skip
     return x, *out
@@ -53,38 +79,43 @@ def _rule(scenario: Scenario) -> Any:
     return getattr(scenario.loss_rule, "func", scenario.loss_rule)
 
 
-def _expected(scenario: Scenario, x: np.ndarray) -> np.ndarray:
-    """What `truth_outside_gates` looks for, in the words of that rule, for states x (runs, T, d)."""
+def _z_hat(scenario: Scenario, x: np.ndarray) -> np.ndarray:
+    """Noise-free measurements of the states x (runs, T, d), as `truth_outside_gates` computes them."""
     (H,) = scenario.loss_rule.args  # type: ignore[attr-defined]
     return np.array([[H @ state for state in run] for run in x])
 
 
 @kernel
 def _play(
-    view, carried, start, key, target, detected, slot, capacity, belief, told, limits, ball, watched, own, out
-):
-    """The loop of `gmr_gym.evaluation.loop` over the scans of all runs, and `montecarlo.run_once` of what it
-    yields; of what is `watched` (runs, T, p), if it is the target's own detection, there has to be one."""
+    view, window_motion, start, key, target, detected, slot, capacity, belief, model, limits, ball,
+    watched, own, out,
+):  # fmt: skip
+    """The loop of `gmr_gym.evaluation.loop` and the scoring of `montecarlo.run_once`, over the scans of all
+    runs.
+
+    `watched` (runs, T, p) is the point the loss rule looks for; where it is the target's own detection
+    (`own`), a scan without one counts as off target.
+    """
     # element by element: slices take long to compile
     x, P_out, components, volume, gated, off_target = out
     runs, T, d = x.shape
-    F, Q, offset, H, R, size, log_miss, log_detect = told
-    z, centre, words = np.empty((capacity, len(R))), np.empty(len(R)), buffer_for(capacity)
+    F, Q, offset, H, R, threshold, log_miss, log_detect = model
+    z, centre, buffer = np.empty((capacity, len(R))), np.empty(len(R)), buffer_for(capacity)
     for i in range(runs):
         w, m, P = belief
         for c in range(len(R)):
             centre[c] = start[c]
         for t in range(T):
-            k, place = scan_by(z, view, key[i], t, centre, target[i, t], detected[i, t], slot[i, t], words)
+            k, place = scan_by(z, view, key[i], t, centre, target[i, t], detected[i, t], slot[i, t], buffer)
             centres, S, w, m, P, _, detection, _ = expand_scan(
-                w, m, P, F, Q, offset, H, R, size, log_miss, log_detect, z[:k]
+                w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z[:k]
             )
             hits = 0
             for j in detection:
                 hits += j >= 0
-            gated[i, t], volume[i, t] = hits / len(S), mean_volume(S, size, ball)
+            gated[i, t], volume[i, t] = hits / len(S), mean_volume(S, threshold, ball)
             off_target[i, t] = (own and place < 0) or outside_all_gates_kernel(
-                centres, S, size, watched[i, t]
+                centres, S, threshold, watched[i, t]
             )
             w, m, P, _, _ = reduce_scan(w, m, P, *limits)
             _, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), ONE)
@@ -93,4 +124,4 @@ def _play(
                 x[i, t, r] = mean[0, r]
                 for c in range(d):
                     P_out[i, t, r, c] = covariance[0, r, c]
-            centre_into(centre, carried, x[i, t])
+            centre_into(centre, window_motion, x[i, t])

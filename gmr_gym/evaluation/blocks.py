@@ -1,5 +1,4 @@
-"""Finished blocks of runs on disk: named by what they hold, checked when they are read, merged from machines
-that share nothing."""
+"""Finished blocks of runs on disk: named by their contents, checked when read, merged across machines."""
 
 import errno
 import os
@@ -19,38 +18,66 @@ TYPES = {"off_target": "?", "components": "i8", "targets": "i8", "named": "i8"} 
 
 
 class Merged(NamedTuple):
-    """What became of the files of a merge."""
+    """Result of a merge."""
 
     copied: list[Path]
-    present: list[Path]  # already there, equal to the last bit but for the clock
+    present: list[Path]  # already there, equal to the last bit but for `seconds`
     differing: list[Path]  # already there with other results, which stay
-    foreign: list[Path]  # no blocks by their names
-    refused: list[str]  # blocks by their names that are none, each with why
+    foreign: list[Path]  # files that are not named like blocks
+    refused: list[str]  # files named like blocks that are not readable blocks, each with the reason
 
 
 def named(folder: Path | str, digest: str, first: int, stop: int) -> Path:
-    """The file of a block."""
+    """The file of the block of runs first, ..., stop - 1."""
     return Path(folder) / f"{digest}-{first}-{stop}.npz"
 
 
 def check_folder(folder: Path) -> None:
-    """OSError for a folder in which no file could be made: before the work, and without leaving one."""
-    there = next(path for path in (folder, *folder.parents) if path.exists())
-    if not there.is_dir() or not os.access(there, os.W_OK):
-        number = errno.EACCES if there.is_dir() else errno.ENOTDIR
-        raise OSError(number, os.strerror(number), str(there))
+    """Check that files can be made in a folder, without making one.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Raises
+    ------
+    OSError
+        If they cannot.
+    """
+    nearest = next(path for path in (folder, *folder.parents) if path.exists())
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK):
+        number = errno.EACCES if nearest.is_dir() else errno.ENOTDIR
+        raise OSError(number, os.strerror(number), str(nearest))
 
 
 def save(file: Path, result) -> None:
-    """A block, a named tuple of arrays; the file is there whole or not at all, and is read by its name alone:
-    copied to that of another block it is none."""
+    """Write a block of runs, a named tuple of arrays, whole or not at all.
+
+    The name of the file is part of the digest: a block copied to another name is not readable there.
+    """
     fields = result._asdict().items()
     arrays = {field: array.astype(_dtype(field), casting="same_kind") for field, array in fields}
     archive.save(file, arrays, of=file.name)
 
 
 def load(file: Path, *kinds: type) -> Any:
-    """The block in a file, one of `kinds`, as it was written. ValueError names what is none."""
+    """Read a block of runs.
+
+    Parameters
+    ----------
+    file : Path
+    *kinds : type
+        The named tuples that it may be.
+
+    Returns
+    -------
+    One of `kinds`
+
+    Raises
+    ------
+    ValueError
+        Naming the file, if it is not a readable block.
+    """
     try:
         arrays = archive.load(file, of=file.name)
         if arrays.pop(archive.DIGEST, None) is None:
@@ -66,7 +93,19 @@ def load(file: Path, *kinds: type) -> Any:
 
 
 def load_all(files: Mapping[Any, Path], *kinds: type) -> Iterator[tuple[Any, Any]]:
-    """(key, block) of those of the files that are there; ValueError at the end names all that are none."""
+    """Yield (key, block) of those of the files that exist.
+
+    Parameters
+    ----------
+    files : mapping of key to Path
+    *kinds : type
+        The named tuples that a block may be.
+
+    Raises
+    ------
+    ValueError
+        At the end, naming all files that are not readable blocks.
+    """
     refused = []
     for key, file in files.items():
         try:
@@ -79,7 +118,20 @@ def load_all(files: Mapping[Any, Path], *kinds: type) -> Iterator[tuple[Any, Any
 
 
 def merge(folders: Sequence[Path | str], into: Path | str, *kinds: type) -> Merged:
-    """Copies every block of the folders that is not yet there, and none that is no block of `kinds`."""
+    """Copy every readable block of the folders that is not yet in the folder `into`.
+
+    Parameters
+    ----------
+    folders : sequence of Path or str
+    into : Path or str
+        Made if it does not exist.
+    *kinds : type
+        The named tuples that a block may be.
+
+    Returns
+    -------
+    Merged
+    """
     merged = Merged([], [], [], [], [])
     Path(into).mkdir(parents=True, exist_ok=True)
     for file in (file for folder in folders for file in sorted(Path(folder).iterdir())):
@@ -107,7 +159,7 @@ def _check_shapes(arrays: dict[str, np.ndarray], runs: int) -> None:
         if array.dtype != _dtype(field):
             raise ValueError(f"{field} holds {array.dtype}, wanted {_dtype(field)}")
         if array.ndim != AXES.get(field, 2) or array.shape[:2] != (runs, *scans):
-            raise ValueError(f"{field} has shape {array.shape}, and the file is of {runs} runs")
+            raise ValueError(f"{field} has shape {array.shape}, but the file is for {runs} runs")
     if "P" in arrays:
         x, P = arrays["x"].shape, arrays["P"].shape
         if arrays["truth"].shape != x or P != (*x, x[-1]):
@@ -119,7 +171,7 @@ def _dtype(field: str) -> np.dtype:
 
 
 def _same(one, other) -> bool:
-    """Whether two blocks hold the same bits, `seconds` apart."""
+    """Whether two blocks are equal to the last bit, `seconds` apart."""
     return type(one) is type(other) and all(
         field == "seconds" or (a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes())
         for field, a, b in zip(one._fields, one, other, strict=True)

@@ -1,4 +1,4 @@
-"""joblib's backends for Dask and Ray, made to say so when a worker dies."""
+"""joblib's backends for Dask and Ray, which report the death of a worker."""
 
 import logging
 from collections.abc import Iterator
@@ -6,12 +6,12 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-SECONDS = 10  # in which a cluster that has no worker may get one
+SECONDS = 10  # to wait for the first worker of a cluster
 LOGGERS = ("distributed.client", "tornado.application", "asyncio")  # of Dask's connection
 
 
 class WorkerDied(RuntimeError):
-    """A worker was lost with the call it had, more often than the cluster itself makes it again."""
+    """A worker died during a call, more often than the cluster itself repeats it."""
 
 
 class Unreachable(OSError):
@@ -19,7 +19,9 @@ class Unreachable(OSError):
 
 
 class _Reporting:
-    """joblib waits for ever where a cluster gives a call up, or takes the exception for its result."""
+    """Raises the exceptions of a cluster. joblib alone waits forever where a cluster gives a call up, or
+    takes the exception for the result.
+    """
 
     deaths: tuple[type[BaseException], ...] = ()
 
@@ -33,8 +35,26 @@ class _Reporting:
 
 @contextmanager
 def dask(scheduler: str, seconds: float | None = None) -> Iterator[Any]:
-    """The backend of a Dask cluster, connected to its scheduler's address; ValueError for what is none.
-    Unreachable where nobody answers within so many seconds, or as many as Dask's configuration says."""
+    """Backend of a Dask cluster, connected to its scheduler.
+
+    Parameters
+    ----------
+    scheduler : str
+        Address.
+    seconds : float, optional
+        Time to wait for an answer; by default as Dask is configured.
+
+    Yields
+    ------
+    Backend of joblib
+
+    Raises
+    ------
+    ValueError
+        If `scheduler` is no address, or a worker has several threads.
+    Unreachable
+        If no cluster answers, or it has no worker.
+    """
     from concurrent.futures import CancelledError
 
     from distributed import Client
@@ -46,7 +66,7 @@ def dask(scheduler: str, seconds: float | None = None) -> Iterator[Any]:
         deaths = (KilledWorker, CancelledError)
 
         def effective_n_jobs(self, n_jobs):
-            # what is of one worker joblib does itself, here, where nothing should be computed
+            # joblib makes calls for one worker in this process, where nothing should be computed
             return max(2, super().effective_n_jobs(n_jobs))
 
         def submit(self, func, callback=None):
@@ -54,7 +74,7 @@ def dask(scheduler: str, seconds: float | None = None) -> Iterator[Any]:
             future.add_done_callback(partial(_failed, callback))
             return future
 
-    # a client that refuses an address waits for a minute when it is let go
+    # a client that refuses an address waits for a minute when it is closed
     get_address_host(scheduler)
     with _silent(), _connected(Client, scheduler, seconds) as client:
         for address, worker in client.scheduler_info(n_workers=-1)["workers"].items():
@@ -68,7 +88,7 @@ def dask(scheduler: str, seconds: float | None = None) -> Iterator[Any]:
 
 @contextmanager
 def _connected(client: type, scheduler: str, seconds: float | None) -> Iterator[Any]:
-    """A client, once a worker is there."""
+    """A connected client, once the cluster has a worker."""
     try:
         connected = client(scheduler, set_as_default=False, **({"timeout": seconds} if seconds else {}))
     except OSError as error:
@@ -83,7 +103,7 @@ def _connected(client: type, scheduler: str, seconds: float | None) -> Iterator[
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """What is lost is said once, by who asked, and not by loggers with tracebacks of their own."""
+    """Silences the loggers of the connection: a lost cluster is reported once, by an exception."""
     loggers = [logging.getLogger(name) for name in LOGGERS]
     levels = [logger.level for logger in loggers]
     for logger in loggers:
@@ -102,8 +122,24 @@ def _failed(callback, future) -> None:
 
 @contextmanager
 def ray(scheduler: str, seconds: float | None = None) -> Iterator[Any]:
-    """The backend of a Ray cluster at an address, or at "auto"; it stays connected. Unreachable where nobody
-    answers, in Ray's own time."""
+    """Backend of a Ray cluster; it stays connected.
+
+    Parameters
+    ----------
+    scheduler : str
+        Address, or "auto".
+    seconds : float, optional
+        Not used: Ray waits as long as it is configured to.
+
+    Yields
+    ------
+    Backend of joblib
+
+    Raises
+    ------
+    Unreachable
+        If no cluster answers.
+    """
     import ray
     from ray import exceptions
     from ray.util.joblib.ray_backend import RayBackend
@@ -113,7 +149,7 @@ def ray(scheduler: str, seconds: float | None = None) -> Iterator[Any]:
             exceptions.RayActorError, exceptions.WorkerCrashedError, exceptions.NodeDiedError,
             exceptions.OutOfMemoryError, exceptions.ObjectLostError,
         )  # fmt: skip
-        supports_return_generator = True  # only pools of multiprocessing cannot
+        supports_return_generator = True  # only multiprocessing's pools do not
 
     try:
         ray.init(address=scheduler, ignore_reinit_error=True, log_to_driver=False)

@@ -1,4 +1,4 @@
-"""Error and credibility scan by scan, over runs: the figures of Zhang, section 6.2, with intervals."""
+"""Error and credibility per scan, over runs: the figures of Zhang, section 6.2, with intervals."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -17,16 +17,16 @@ RESAMPLES = 200
 
 
 class Errors(NamedTuple):
-    """What the curves of one tracker are made of, run by run and scan by scan."""
+    """Errors of one tracker, by run and scan."""
 
     error: np.ndarray  # (runs, T, d)
-    claimed: np.ndarray  # (runs, T), normalised by the covariance the tracker claims
+    claimed: np.ndarray  # (runs, T), normalised squared by the tracker's covariance (NEES)
     position: np.ndarray  # (runs, T), squared, m^2
     velocity: np.ndarray  # (runs, T), squared, (m/s)^2
 
 
 class Curves(NamedTuple):
-    """One figure per scan (T,), over runs."""
+    """Means over runs, one number per scan (T,)."""
 
     rmse: np.ndarray  # position, m
     velocity_rmse: np.ndarray  # m/s
@@ -38,7 +38,17 @@ CURVES = Curves._fields
 
 
 def errors_of(scenario: Scenario, runs: Runs) -> Errors:
-    """The errors of all runs."""
+    """Errors of all runs.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    runs : Runs
+
+    Returns
+    -------
+    Errors
+    """
     error = runs.x - runs.truth
     position, velocity = (
         (error[..., list(states)] ** 2).sum(axis=-1) for states in (scenario.position, scenario.velocity)
@@ -47,8 +57,19 @@ def errors_of(scenario: Scenario, runs: Runs) -> Errors:
 
 
 def curves(errors: Errors, weight: np.ndarray) -> Curves:
-    """The curves over the runs, each counted as often as weight (runs,) says: a mask, or a resampling;
-    all nan where none counts."""
+    """Curves over weighted runs.
+
+    Parameters
+    ----------
+    errors : Errors
+    weight : ndarray (runs,)
+        Weight of each run, as a mask or the counts of a resampling.
+
+    Returns
+    -------
+    Curves
+        All nan where every weight is 0.
+    """
     if not weight.any():
         return Curves(*np.full((len(CURVES), errors.position.shape[1]), np.nan))
     share = weight / weight.sum()
@@ -57,9 +78,23 @@ def curves(errors: Errors, weight: np.ndarray) -> Curves:
 
 
 def resampled(statistic: Callable[[np.ndarray], np.ndarray], mask: np.ndarray) -> list[Estimate]:
-    """statistic(weight) -> (s,) of the runs in the mask (runs,), each with the interval that the standard
-    error of a bootstrap over runs gives: percentiles would be off, for with every run that is drawn twice
-    a credibility comes out higher. All nan for fewer than two runs."""
+    """A statistic of runs with its bootstrap interval.
+
+    The interval is normal, by the bootstrap's standard error. Percentiles would be biased: with repeated runs
+    in a sample the credibility comes out higher.
+
+    Parameters
+    ----------
+    statistic : callable
+        Maps weights (runs,) to numbers (s,).
+    mask : ndarray (runs,)
+        The runs to use.
+
+    Returns
+    -------
+    list of Estimate
+        s of them; all nan for fewer than two runs.
+    """
     from scipy.stats import DegenerateDataWarning, bootstrap
 
     chosen = np.flatnonzero(mask)
@@ -77,9 +112,24 @@ def resampled(statistic: Callable[[np.ndarray], np.ndarray], mask: np.ndarray) -
 
 
 def averages(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
-    """One row per tracker: share of runs lost; averages over the scans of the four curves, `_all` over
-    all runs and `_common` over those that all trackers kept that kept any; components, gate area (m^2) and
-    time a scan (s, median; the longest is `time_worst`)."""
+    """Averages of the curves over the scans, one row per tracker.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    results : mapping of str to Runs
+
+    Returns
+    -------
+    dict of str to dict of str to Estimate
+        track_loss (share of runs); the four curves, `_all` over all runs and `_common` over the runs that no
+        tracker lost, trackers that lost every run apart; components, gate_area (m^2), time_per_scan (s,
+        median) and time_worst (s).
+
+    References
+    ----------
+    Zhang and Liu, section 6.2.
+    """
     own = {name: not_lost(scenario, runs) for name, runs in results.items()}
     common = in_common(own)
     rows = {}
@@ -87,8 +137,8 @@ def averages(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[
         errors = errors_of(scenario, runs)
         rows[name] = {"track_loss": wilson(int((~own[name]).sum()), len(runs.x))}
         for which, mask in (("all", np.ones(len(runs.x), bool)), ("common", common[name])):
-            figures = resampled(partial(_over_scans, errors), mask)
-            rows[name] |= {f"{field}_{which}": f for field, f in zip(CURVES, figures, strict=True)}
+            estimates = resampled(partial(_over_scans, errors), mask)
+            rows[name] |= {f"{field}_{which}": one for field, one in zip(CURVES, estimates, strict=True)}
         rows[name] |= {
             "components": bootstrap_mean(runs.components.mean(axis=1)),
             "gate_area": bootstrap_mean(runs.gate_volume.mean(axis=1)),

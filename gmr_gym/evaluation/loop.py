@@ -1,4 +1,4 @@
-"""The loop: a tracker through the scans of an episode."""
+"""The loop that runs a tracker through the scans of an episode."""
 
 from collections.abc import Iterator
 from time import perf_counter
@@ -9,7 +9,7 @@ from gmr_gym.simulation.single_target import Episode, Scan, Scenario, scan
 
 
 class Played(NamedTuple):
-    """One scan and what the tracker made of it."""
+    """One scan, and the tracker's report of it."""
 
     t: int  # from 0
     scan: Scan
@@ -18,8 +18,32 @@ class Played(NamedTuple):
 
 
 def play(scenario: Scenario, tracker: Tracker, episode: Episode) -> Iterator[Played]:
-    """The tracker's account of every scan. A window that follows is centred on what it said of the
-    scan before; a tracker with `knows_origin` is handed the target's own detection and no clutter."""
+    """Run a tracker through an episode, scan by scan.
+
+    A window that follows is centred on the estimate of the scan before. A tracker with `knows_origin` gets
+    the target-originated measurement and no clutter.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    tracker : Tracker
+    episode : Episode
+
+    Yields
+    ------
+    Played
+
+    Examples
+    --------
+    >>> from gmr_gym import make_tracker
+    >>> from gmr_gym.evaluation import play
+    >>> from gmr_gym.scenarios.dortenzio import turning_target
+    >>> from gmr_gym.simulation import draw
+    >>> scenario = turning_target(clutter_rate=20, horizon=3)
+    >>> tracker = make_tracker("nearest-neighbour", scenario.model)
+    >>> [played.t for played in play(scenario, tracker, draw(scenario, seed=1))]
+    [0, 1, 2]
+    """
     knows_origin = getattr(tracker, "knows_origin", False)
     belief = tracker.init()
     prior = scenario.model.prior

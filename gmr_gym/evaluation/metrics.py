@@ -1,8 +1,8 @@
-"""How good an estimate is, and when a track is lost; how far a set of estimates is from the set of targets:
-OSPA, GOSPA and its parts, Wasserstein, the error of the number. Nothing here knows a tracker.
+"""Metrics: track loss and credibility of an estimate; distances of a set of estimates from the set of
+targets.
 
-Of sets, positions are rows, (j, d) and (k, d), in any order; either may be empty, (0, d), and a row of which
-anything is masked is absent. Units are those of the positions, metres.
+No metric depends on a tracker. For sets, positions are rows, (j, d) and (k, d), in any order; either set may
+be empty, (0, d), and a row of which anything is masked is absent. Units are those of the positions, metres.
 """
 
 import sys
@@ -19,14 +19,37 @@ from scipy.spatial.distance import cdist
 from gmr_gym.checks import doubles
 from gmr_gym.points import present
 
-MOST_COPIES = 300  # beyond, a linear program is faster than the assignment
+MOST_COPIES = 300  # with more, a linear program is faster than the assignment
 SAFE = 1e-140, 1e140  # m, between which the square of a distance has all its digits
-IN_RANGE = 600.0  # logarithms between which powers, and sums of many, keep away from the ends of floats
+IN_RANGE = 600.0  # logarithms up to which powers, and sums of many, stay within the range of floats
 
 
 def lost_at(off_target: np.ndarray, patience: int) -> np.ndarray:
-    """Scan (runs,) at which `patience` scans in a row were off target (runs, T), -1 for never. Raises
-    ValueError for what is neither true nor false."""
+    """Scan at which each run loses its track.
+
+    Parameters
+    ----------
+    off_target : array_like (runs, T)
+        True where a scan is off target.
+    patience : int
+        Number of consecutive scans off target that make a track lost.
+
+    Returns
+    -------
+    ndarray (runs,)
+        The last of the first `patience` consecutive scans off target, -1 if there are none.
+
+    Raises
+    ------
+    ValueError
+        If `off_target` is not boolean, or not of two axes.
+
+    Examples
+    --------
+    >>> from gmr_gym.evaluation.metrics import lost_at
+    >>> lost_at([[False, True, True, True], [True, False, True, False]], patience=2).tolist()
+    [2, -1]
+    """
     off_target = doubles("off_target", off_target)
     if off_target.ndim != 2 or not np.isin(off_target, (0, 1)).all():
         raise ValueError(f"off_target must be true or false, of shape (runs, T), got {off_target}")
@@ -39,8 +62,37 @@ def lost_at(off_target: np.ndarray, patience: int) -> np.ndarray:
 
 
 def nees(error: np.ndarray, P: np.ndarray) -> np.ndarray:
-    """Normalised error squared e' P^-1 e (...,) of errors (..., d) with covariances (..., d, d);
-    its mean is d for a filter that knows how wrong it is. Raises ValueError for shapes that do not fit."""
+    r"""Normalised estimation error squared.
+
+    Parameters
+    ----------
+    error : array_like (..., d)
+        Estimate minus truth.
+    P : array_like (..., d, d)
+        Covariances of the estimates.
+
+    Returns
+    -------
+    ndarray (...,)
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit.
+
+    Notes
+    -----
+    .. math:: \epsilon = e^\top P^{-1} e
+
+    Its mean is d for a credible filter; divided by d and averaged over runs it is the ANEES, 1 for a credible
+    filter.
+
+    Examples
+    --------
+    >>> from gmr_gym.evaluation.metrics import nees
+    >>> nees([[3.0, 4.0]], [[[9.0, 0.0], [0.0, 16.0]]]).round(6).tolist()
+    [2.0]
+    """
     error, P = doubles("error", error), doubles("P", P)
     if error.ndim == 0 or P.shape != error.shape + error.shape[-1:]:
         raise ValueError(f"error must have shape (..., d) and P (..., d, d), got {error.shape} and {P.shape}")
@@ -50,16 +102,42 @@ def nees(error: np.ndarray, P: np.ndarray) -> np.ndarray:
 def credibility(
     error: np.ndarray, claimed: np.ndarray, weight: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Noncredibility index and inclination (T,), dB, of errors (runs, T, d) whose normalised squares
-    e' P^-1 e by the covariances a filter claims are `claimed` (runs, T), see `nees` (Li and Zhao 2006;
-    Zhang, section 6.2):
+    r"""Noncredibility index and inclination, per scan.
 
-        rho = 10 log10((e' P^-1 e) / (e' C^-1 e)),  C the mean of e e' over the runs
+    Parameters
+    ----------
+    error : array_like (runs, T, d)
+        Estimate minus truth.
+    claimed : array_like (runs, T)
+        NEES of the errors by the covariances of the filter, see `nees`.
+    weight : array_like (runs,), optional
+        Weights of the runs in all means; equal by default.
 
-    index = mean |rho|, 0 for a filter as good as it says; inclination = mean rho, above 0 for one
-    that is worse than it says. All means are weighted by weight (runs,) where it is given. Not a number
-    at a scan whose C is singular, as with fewer runs than states. Raises ValueError for shapes that do not
-    fit and for weights that are negative or not finite.
+    Returns
+    -------
+    index : ndarray (T,)
+        Noncredibility index, dB; 0 for a credible filter. nan where C is singular, as with fewer runs than
+        states.
+    inclination : ndarray (T,)
+        dB; positive for an optimistic filter, whose covariances are too small.
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit, and for weights that are negative or not finite.
+
+    Notes
+    -----
+    With the mean over runs :math:`\langle\cdot\rangle` and the actual error covariance C,
+
+    .. math::
+
+       \rho = 10 \log_{10} \frac{e^\top P^{-1} e}{e^\top C^{-1} e}, \quad C = \langle e e^\top \rangle, \quad
+       \mathrm{NCI} = \langle |\rho| \rangle, \quad \mathrm{inclination} = \langle \rho \rangle
+
+    References
+    ----------
+    Li and Zhao (2006); Zhang and Liu, section 6.2.
     """
     error, claimed = doubles("error", error), doubles("claimed", claimed)
     if error.ndim != 3 or claimed.shape != error.shape[:2]:
@@ -84,21 +162,62 @@ def credibility(
 
 
 class Gospa(NamedTuple):
-    """What GOSPA with alpha = 2 is made of; total^order = localisation + missed + false."""
+    """GOSPA with alpha = 2 and its parts: total^order = localisation + missed + false."""
 
     total: float  # m
-    localisation: float  # m^order, of the pairs that belong together
+    localisation: float  # m^order, of the assigned pairs
     missed: float  # m^order, cutoff^order / 2 for each target without an estimate
-    false: float  # m^order, the same for each estimate without a target
+    false: float  # m^order, cutoff^order / 2 for each estimate without a target
 
 
 def ospa(estimates, targets, cutoff: float = 100.0, order: float = 2.0) -> float:
-    """Optimal subpattern assignment distance: the best one-to-one assignment, no pair and no surplus point
-    charged more than `cutoff`, averaged over the larger set (Schuhmacher, Vo and Vo 2008). 0 for two empty
-    sets, `cutoff` when one of them is. Of order inf it is the farthest pair of the best assignment, and
-    `cutoff` for sets of unequal size.
+    r"""Optimal subpattern assignment (OSPA) distance of two sets.
 
-    Raises ValueError for arrays that are no finite (j, d) and (k, d), cutoff <= 0 or order < 1."""
+    Parameters
+    ----------
+    estimates : array_like (j, d)
+        Positions, m; masked rows are absent.
+    targets : array_like (k, d)
+        Positions, m.
+    cutoff : float
+        Largest cost of a pair, and cost of each surplus point, m.
+    order : float
+        At least 1; may be inf.
+
+    Returns
+    -------
+    float
+        m. 0 for two empty sets, `cutoff` when one is empty. Of order inf it is the farthest pair of the best
+        assignment, and `cutoff` for sets of unequal size.
+
+    Raises
+    ------
+    ValueError
+        For sets that are not finite (j, d) and (k, d), cutoff <= 0 or order < 1.
+
+    Notes
+    -----
+    For n points x and m >= n points y, cutoff c and order p,
+
+    .. math::
+
+       \left( \frac{1}{m} \left( \min_{\pi} \sum_{i=1}^{n} \min(c, \|x_i - y_{\pi(i)}\|)^p
+       + c^p (m - n) \right) \right)^{1/p}
+
+    over the assignments :math:`\pi` of all x to different y.
+
+    References
+    ----------
+    Schuhmacher, Vo and Vo (2008).
+
+    Examples
+    --------
+    >>> from gmr_gym.evaluation.metrics import ospa
+    >>> round(ospa([[0.0, 0.0]], [[3.0, 4.0]]), 3)
+    5.0
+    >>> round(ospa([[0.0, 0.0]], [[0.0, 0.0], [50.0, 0.0]]), 3)
+    70.711
+    """
     x, y = _checked(estimates, targets, cutoff, order)
     few, most = sorted((len(x), len(y)))
     if most == 0:
@@ -112,9 +231,44 @@ def ospa(estimates, targets, cutoff: float = 100.0, order: float = 2.0) -> float
 
 
 def gospa(estimates, targets, cutoff: float = 100.0, order: float = 2.0) -> Gospa:
-    """Generalised OSPA with alpha = 2 and its parts: pairs closer than `cutoff` are localised, what is left
-    over is missed or false (Rahmathullah, Garcia-Fernandez and Svensson 2017). Raises as `ospa`, and for an
-    order that is not finite or for which cutoff ** order is beyond floats."""
+    r"""Generalised OSPA (GOSPA) with alpha = 2, and its parts.
+
+    Parameters
+    ----------
+    estimates, targets, cutoff, order
+        As for `ospa`; the order must be finite.
+
+    Returns
+    -------
+    Gospa
+
+    Raises
+    ------
+    ValueError
+        As `ospa`; also if the order or cutoff ** order is not finite.
+
+    Notes
+    -----
+    For sets X and Y, cutoff c and order p, over assignments :math:`\theta` of some x to different y,
+
+    .. math::
+
+       \left( \min_{\theta} \sum_{(i, j) \in \theta} \|x_i - y_j\|^p
+       + \frac{c^p}{2} (|X| + |Y| - 2 |\theta|) \right)^{1/p}
+
+    The three parts are the localisation error of assigned pairs, the missed targets and the false estimates.
+
+    References
+    ----------
+    Rahmathullah, Garcia-Fernandez and Svensson (2017).
+
+    Examples
+    --------
+    >>> from gmr_gym.evaluation.metrics import gospa
+    >>> parts = gospa([[3.0, 4.0], [500.0, 0.0]], [[0.0, 0.0]], cutoff=10.0)
+    >>> round(parts.total, 3), round(parts.localisation, 3), parts.missed, parts.false
+    (8.66, 25.0, 0.0, 50.0)
+    """
     x, y = _checked(estimates, targets, cutoff, order)
     if not order * log(cutoff) < log(sys.float_info.max / (1 + len(x) + len(y))):
         raise ValueError(
@@ -128,24 +282,51 @@ def gospa(estimates, targets, cutoff: float = 100.0, order: float = 2.0) -> Gosp
     near = distance[pairs][distance[pairs] < cutoff]
     alone = [len(side) - len(near) for side in (y, x)]
     localisation, missed, false = parts = _parts(near, alone, cutoff, order)
-    if unit != 1:  # the parts may vanish, the whole does not
+    if unit != 1:  # the parts may underflow, the total does not
         parts = _parts(near / unit, alone, cutoff / unit if any(alone) else 0.0, order)
     return Gospa(unit * sum(parts) ** (1 / order), localisation, missed, false)
 
 
 def _parts(near: np.ndarray, alone: list[int], cutoff: float, order: float) -> tuple[float, float, float]:
-    """Localisation, missed and false of GOSPA, from the distances of pairs and the numbers left over."""
+    """Localisation, missed and false of GOSPA, from the distances of pairs and the numbers of unassigned
+    points.
+    """
     missed, false = (cutoff**order / 2 * count for count in alone)
     return float((near**order).sum()), missed, false
 
 
 def wasserstein(estimates, targets, order: float = 2.0) -> float:
-    """Distance of Hoffman and Mahler (2004): the cheapest transport of the estimates, 1 / j each, to the
-    targets, 1 / k each; of order inf the farthest that any has to go. Not a number where either set is empty:
-    there is nothing to carry, or nowhere to carry it to.
+    """Wasserstein distance of two sets: the cheapest transport of estimates, 1 / j each, to targets, 1 / k
+    each.
 
-    Departs: Lv's eq. 41 has 0 there, which rewards losing everything, and leaves the transport matrix out of
-    the sum. Raises as `ospa`."""
+    Parameters
+    ----------
+    estimates, targets, order
+        As for `ospa`. Of order inf the distance is the longest way in the best transport.
+
+    Returns
+    -------
+    float
+        m; nan where either set is empty, as no transport exists.
+
+    Raises
+    ------
+    ValueError
+        As `ospa`.
+
+    References
+    ----------
+    Hoffman and Mahler (2004). Departs: Lv's eq. 41 has 0 for an empty set, which rewards losing every target,
+    and leaves the transport matrix out of the sum.
+
+    Examples
+    --------
+    >>> from gmr_gym.evaluation.metrics import wasserstein
+    >>> round(wasserstein([[0.0, 0.0]], [[3.0, 4.0]]), 3)
+    5.0
+    >>> wasserstein([[0.0, 0.0]], [[0.0, 0.0], [6.0, 8.0]], order=1.0)
+    5.0
+    """
     x, y = _checked(estimates, targets, 1.0, order)
     if min(len(x), len(y)) == 0:
         return np.nan
@@ -155,7 +336,7 @@ def wasserstein(estimates, targets, order: float = 2.0) -> float:
     cost, unit = _powers(distance, order)
     copies = lcm(len(x), len(y))
     if copies <= MOST_COPIES:
-        # of so many copies of either side, all alike in weight, a permutation is as cheap as any transport
+        # with copies of equal weight on both sides, the best permutation is as cheap as the best transport
         cost = cost.repeat(copies // len(x), axis=0).repeat(copies // len(y), axis=1)
         return float(unit * cost[linear_sum_assignment(cost)].mean() ** (1 / order))
     j, k = cost.shape
@@ -171,7 +352,7 @@ def wasserstein(estimates, targets, order: float = 2.0) -> float:
 
 
 def _distances(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Euclidean distances (j, k), those whose squares are beyond floats too."""
+    """Euclidean distances (j, k), also where their squares overflow or underflow."""
     distance = cdist(x, y)
     least, most = SAFE
     if distance.size and not (distance.min() > least and distance.max() < most):
@@ -184,26 +365,29 @@ def _distances(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _powers(distance: np.ndarray, order: float, surplus: float | None = None) -> tuple[np.ndarray, float]:
-    """(distance / unit) ** order (j, k), and the unit: 1 where all powers are well within floats, else what
-    the result is about as large as, the `surplus` where that is charged, or how far the farthest has to go at
-    least. What then vanishes is below the last digit of the sum."""
+    """(distance / unit) ** order (j, k), and the unit.
+
+    The unit is 1 where all powers are well within floats. Else it has the magnitude of the result: the
+    `surplus` where that is charged, or the shortest possible longest way. Powers that then vanish are below
+    the last digit of the sum.
+    """
     least, most = float(distance.min(initial=1.0)), float(distance.max(initial=surplus or 1.0))
     if least == 0:
         least = float(distance.min(initial=1.0, where=distance > 0))
     if order * max(log(most), -log(min(least, surplus or 1.0))) < IN_RANGE:
         return distance**order, 1.0
     unit = surplus or _bottleneck(distance) or 1.0
-    # none is more than the best plan as a whole can cost, and need not be told from what is dearer still
+    # capped at the most that the best plan can cost in all: pairs beyond are never used
     return np.minimum(distance / unit, distance.size ** (1 / order)) ** order, unit
 
 
 def _bottleneck(distance: np.ndarray) -> float:
-    """The least of lengths (j, k) within which all mass, 1 / j a row, gets to the columns, 1 / k each."""
+    """The least of the lengths (j, k) within which all mass, 1 / j a row, reaches the columns, 1 / k each."""
     j, k = distance.shape
     source, sink = 0, 1 + j + k
     steps = np.unique(distance)
 
-    def carried(longest: float) -> bool:
+    def reaches(longest: float) -> bool:
         rows, columns = np.nonzero(distance <= longest)
         starts = np.concatenate([np.full(j, source), 1 + rows, 1 + j + np.arange(k)])
         ends = np.concatenate([1 + np.arange(j), 1 + j + columns, np.full(k, sink)])
@@ -214,13 +398,26 @@ def _bottleneck(distance: np.ndarray) -> float:
     low, high = 0, len(steps) - 1
     while low < high:
         middle = (low + high) // 2
-        low, high = (low, middle) if carried(steps[middle]) else (middle + 1, high)
+        low, high = (low, middle) if reaches(steps[middle]) else (middle + 1, high)
     return float(steps[low])
 
 
-def cardinality_error(named: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """By how many targets the numbers named are wrong, (...,) of counts (...,)."""
-    return np.abs(doubles("named", named) - doubles("there", there))  # unsigned counts have no difference
+def cardinality_error(declared: np.ndarray, targets: np.ndarray) -> np.ndarray:
+    """Absolute difference of the numbers of declared and true targets.
+
+    Parameters
+    ----------
+    declared : array_like (...,)
+        Number of declared targets.
+    targets : array_like (...,)
+        Number of true targets.
+
+    Returns
+    -------
+    ndarray (...,)
+    """
+    # as floats: unsigned counts have no negative difference
+    return np.abs(doubles("declared", declared) - doubles("targets", targets))
 
 
 def _checked(estimates, targets, cutoff: float, order: float) -> tuple[np.ndarray, np.ndarray]:

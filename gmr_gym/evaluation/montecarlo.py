@@ -1,4 +1,4 @@
-"""Monte Carlo runs of trackers in a scenario: the loop, on any number of workers, resumable."""
+"""Monte Carlo runs of trackers in a scenario, on any number of workers, resumed where interrupted."""
 
 from collections.abc import Callable, Container, Iterator, Mapping
 from itertools import islice
@@ -20,22 +20,22 @@ from gmr_gym.simulation.single_target import Scenario, draw
 from gmr_gym.version import __version__
 
 BLOCK = 20  # runs in one task, and in one file on disk
-BATCH_FROM = 500  # runs from which it pays to compile the call that plays a block of them together
-_ALONE = Lock()  # the threads of a worker share what limits them
+BATCH_FROM = 500  # runs from which compiling the call for a whole block pays off
+_ALONE = Lock()  # the limit on a worker's threads is shared by them: one block at a time
 
 
 class Runs(NamedTuple):
-    """What one tracker did, run by run (first axis) and scan by scan (second)."""
+    """Results of one tracker, by run (first axis) and scan (second)."""
 
     truth: np.ndarray  # (runs, T, d)
     x: np.ndarray  # (runs, T, d), estimates
-    P: np.ndarray  # (runs, T, d, d), the covariances claimed for them
+    P: np.ndarray  # (runs, T, d, d), covariances of the estimates
     components: np.ndarray  # (runs, T), hypotheses kept
     gate_volume: np.ndarray  # (runs, T), mean over the gates
     gated: np.ndarray  # (runs, T), detections in a gate, mean over the gates
-    off_target: np.ndarray  # (runs, T), given up, or missed by the scenario's loss rule
-    modes: np.ndarray  # (runs, T, r), probability of each of the motions the tracker knows
-    seconds: np.ndarray  # (runs, T), of the tracker alone; nan in a run played together with others
+    off_target: np.ndarray  # (runs, T), track given up, or off target by the scenario's loss rule
+    modes: np.ndarray  # (runs, T, r), probability of each motion model of the tracker
+    seconds: np.ndarray  # (runs, T), time of the tracker alone; nan in a run batched with others
 
 
 def run(
@@ -50,17 +50,54 @@ def run(
     backend: str = "loky",
     scheduler: str | None = None,
 ) -> dict[str, Any]:
-    """Every tracker through the same `runs` episodes: what it did, as Runs, or of many targets as
-    MultiTargetRuns.
+    """Run every tracker through the same `runs` episodes.
 
-    Run i draws its episode from (seed, i) alone, whatever the tracker and the number of runs or of
-    workers; the results are the same to the last bit on any number of workers, `seconds` apart. `jobs`
-    processes of this machine are the workers or, with the backend "dask" or "ray", all that the cluster at
-    the address `scheduler` has. With a `folder`, finished blocks of runs are kept there, found again by the
-    content of scenario, tracker, seed and source code, and not run a second time. progress(done, total)
-    counts runs. Of at least MANY runs, those of a block are played by one compiled call where
-    `gmr_gym.evaluation.batch` offers that, but for the first, which is timed as any tracker is. Raises
-    workers.WorkersLost when they die again and again.
+    Run i draws its episode from (seed, i) alone, whatever the tracker and the number of runs or workers. The
+    results are equal to the last bit on any number of workers, `seconds` apart.
+
+    Parameters
+    ----------
+    scenario : Scenario or MultiTargetScenario
+    trackers : mapping of str to Tracker
+    runs : int
+    seed : int
+    jobs : int
+        Number of processes of this machine, negative numbers counted from -1 for one per core. A cluster uses
+        all its workers.
+    folder : Path or str, optional
+        Where finished blocks of runs are kept. A block is found again by the content of scenario, tracker,
+        seed and source code, and is not run a second time.
+    progress : callable, optional
+        Called as progress(done, total), in runs.
+    backend : {"loky", "dask", "ray"}
+    scheduler : str, optional
+        Address of the cluster, for "dask" and "ray".
+
+    Returns
+    -------
+    dict of str to Runs or MultiTargetRuns
+
+    Raises
+    ------
+    ValueError
+        Naming the argument that is invalid, or blocks in the folder that are not readable.
+    workers.WorkersLost
+        If workers die again and again.
+
+    Notes
+    -----
+    Of at least `BATCH_FROM` runs, those of a block are run by one compiled call where
+    `gmr_gym.evaluation.batch` can, except for the first, which is timed.
+
+    Examples
+    --------
+    >>> from gmr_gym import make_tracker
+    >>> from gmr_gym.evaluation import run
+    >>> from gmr_gym.scenarios.dortenzio import turning_target
+    >>> scenario = turning_target(clutter_rate=20, horizon=3)
+    >>> tracker = make_tracker("nearest-neighbour", scenario.model)
+    >>> run(scenario, {"nearest-neighbour": tracker}, runs=2)["nearest-neighbour"].x.shape
+    (2, 3, 4)
     """
     sweep = _Sweep(scenario, trackers, runs, seed, folder, progress, jobs, backend, scheduler)
     tasks, files = sweep.tasks(), sweep.files()
@@ -68,7 +105,7 @@ def run(
     if folder is not None:
         blocks.check_folder(Path(folder))
     results.update(_computed(sweep, tasks, results, files))
-    # blocks are let go as they are joined: the covariances of many runs are gigabytes
+    # blocks are freed as they are joined: the covariances of many runs take gigabytes
     return {
         name: _joined(
             _kind(scenario), np.concatenate, [results.pop(task) for task in tasks if task[0] == name]
@@ -90,11 +127,30 @@ def run_shard(
     backend: str = "loky",
     scheduler: str | None = None,
 ) -> tuple[int, int]:
-    """One machine's part of `run`, kept in the folder: with shard (i, n) every n-th block of each tracker.
-    How many blocks are in the folder then, and of how many.
+    """Run one machine's part of `run`, and keep it in the folder.
 
-    Which blocks these are their content decides, so n machines that share nothing do all of them, each
-    once. The folders merged (`blocks.merge`), `run` finds every block.
+    With shard (i, n) these are every n-th of the blocks, chosen by their content: n machines that share
+    nothing run all of them, each once. After the folders are merged (`blocks.merge`), `run` finds every
+    block.
+
+    Parameters
+    ----------
+    scenario, trackers, runs, seed, folder, jobs, progress, backend, scheduler
+        As for `run`.
+    shard : (int, int)
+        (i, n), with 1 <= i <= n.
+
+    Returns
+    -------
+    present : int
+        Number of blocks in the folder afterwards.
+    total : int
+        Number of blocks of the whole sweep.
+
+    Raises
+    ------
+    ValueError
+        As `run`, and for an invalid shard.
     """
     i, n = shard
     if not 1 <= i <= n:
@@ -102,11 +158,11 @@ def run_shard(
     sweep = _Sweep(scenario, trackers, runs, seed, folder, progress, jobs, backend, scheduler)
     files = sweep.files()
     Path(folder).mkdir(parents=True, exist_ok=True)  # for `merge`, where this shard has nothing to do
-    # not the first n-th for all: in a sweep of many small parts the first machine had the most to do
+    # the offset depends on the content: else the first machine had the most to do in a sweep of small parts
     mine = [task for task, file in files.items() if (int(file.name[:8], 16) + task[1] // BLOCK) % n == i - 1]
-    # a damaged one is found now, not after all is merged
-    there = {task for task, _ in blocks.load_all({task: files[task] for task in mine}, _kind(scenario))}
-    for _ in _computed(sweep, mine, there, files):
+    # a damaged block is found now, not after the merge
+    present = {task for task, _ in blocks.load_all({task: files[task] for task in mine}, _kind(scenario))}
+    for _ in _computed(sweep, mine, present, files):
         pass
     return sum(file.exists() for file in files.values()), len(files)
 
@@ -117,24 +173,48 @@ def run_once(
     seed: int | np.random.SeedSequence,
     scans: int | None = None,
 ) -> Runs:
-    """One run of all scans, or of the first few; the arrays of Runs without their first axis."""
+    """Run a tracker through one episode.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    tracker : Tracker
+    seed : int or SeedSequence
+    scans : int, optional
+        Number of scans to run; all by default.
+
+    Returns
+    -------
+    Runs
+        Arrays without the axis of runs.
+
+    Examples
+    --------
+    >>> from gmr_gym import make_tracker
+    >>> from gmr_gym.evaluation import run_once
+    >>> from gmr_gym.scenarios.dortenzio import turning_target
+    >>> scenario = turning_target(clutter_rate=20)
+    >>> runs = run_once(scenario, make_tracker("nearest-neighbour", scenario.model), seed=1, scans=3)
+    >>> runs.x.shape, runs.off_target.tolist()
+    ((3, 4), [False, False, False])
+    """
     episode = draw(scenario, seed)
     rows = []
-    unseen = np.full(len(scenario.sensor.R), np.nan)
+    missed = np.full(len(scenario.sensor.R), np.nan)
     for t, (z, origin), report, seconds in islice(play(scenario, tracker, episode), scans):
         gates, x = report.gates, episode.x[t]
-        placed = tracker.model.sensor.to_gate_space(z)
-        own = placed[origin == 0]
-        target = own[0] if len(own) else unseen
+        points = tracker.model.sensor.to_gate_space(z)
+        own = points[origin == 0]
+        target = own[0] if len(own) else missed
         rows.append((
-            x, report.x[0], report.P[0], len(report.mixture.w), *gate_statistics(gates, placed),
+            x, report.x[0], report.P[0], len(report.mixture.w), *gate_statistics(gates, points),
             not report.alive or scenario.loss_rule(gates, x, target), report.modes, seconds,
         ))  # fmt: skip
     return _joined(Runs, np.array, rows)
 
 
 class _Sweep(NamedTuple):
-    """What `run` was asked."""
+    """The arguments of `run`."""
 
     scenario: Scenario | MultiTargetScenario
     trackers: Mapping[str, Any]
@@ -162,21 +242,21 @@ class _Sweep(NamedTuple):
         """Where each block is kept, if anywhere."""
         if self.folder is None:
             return {}
-        # by themselves: hashed together they would tell whether a model is one object or two that are equal
-        world = joblib.hash(self.scenario)
-        told = {
-            name: joblib.hash((world, joblib.hash(tracker), source.code(tracker), self.seed, __version__))
+        # hashed apart: a common hash depends on whether equal models are one object or two
+        scenario = joblib.hash(self.scenario)
+        digests = {
+            name: joblib.hash((scenario, joblib.hash(tracker), source.code(tracker), self.seed, __version__))
             for name, tracker in self.trackers.items()
         }
         return {
-            task: blocks.named(self.folder, told[task[0]], task[1], task[1] + self.size(task))
+            task: blocks.named(self.folder, digests[task[0]], task[1], task[1] + self.size(task))
             for task in self.tasks()
         }
 
 
-def _computed(sweep: _Sweep, tasks: list, there: Container, files: Mapping) -> Iterator[tuple[Any, Any]]:
-    """(task, block) of those of these tasks that are not there yet, as they are finished and kept."""
-    missing = [task for task in tasks if task not in there]
+def _computed(sweep: _Sweep, tasks: list, present: Container, files: Mapping) -> Iterator[tuple[Any, Any]]:
+    """Yield (task, block) of those of the tasks that are not present yet, as they are finished and kept."""
+    missing = [task for task in tasks if task not in present]
     total, left = (sum(map(sweep.size, some)) for some in (tasks, missing))
     done, finished = total - left, len(tasks) - len(missing)
     if sweep.progress and tasks:
@@ -189,8 +269,8 @@ def _computed(sweep: _Sweep, tasks: list, there: Container, files: Mapping) -> I
         sources[name] = {} if sweep.backend == "loky" else source.sources(tracker)
     calls: dict = {}
     for task in missing:
-        asked = sweep.scenario, sweep.trackers[task[0]], sweep.seed, task, sweep.runs
-        calls[task] = _block_alone, sources[task[0]], *asked
+        arguments = sweep.scenario, sweep.trackers[task[0]], sweep.seed, task, sweep.runs
+        calls[task] = _block_alone, sources[task[0]], *arguments
     try:
         for task, result in workers.results(calls, sweep.jobs, sweep.backend, sweep.scheduler):
             if task in files:
@@ -201,39 +281,40 @@ def _computed(sweep: _Sweep, tasks: list, there: Container, files: Mapping) -> I
             yield task, result
     except workers.WorkersLost as error:
         kept = (
-            f"kept in {sweep.folder}: the same again goes on from there" if files else "lost without a folder"
+            f"kept in {sweep.folder}: the same call resumes from there" if files else "lost without a folder"
         )
         raise type(error)(
             f"{error}; {finished} of {len(tasks)} blocks of runs are done and {kept}{error.advice}"
         ) from error
 
 
-def _block_alone(sources: Mapping[str, str], *asked) -> Any:
-    """A block, where the worker may be another machine's, with other source, or with several threads."""
+def _block_alone(sources: Mapping[str, str], *arguments) -> Any:
+    """A block on a worker that may be of another machine, with other source, or have several threads."""
     source.check_sources(sources)
     with _ALONE:
-        return _block(*asked)
+        return _block(*arguments)
 
 
 def _block(scenario, tracker, seed, task, runs):
     first = task[1]
     seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(first, min(first + BLOCK, runs))]
-    # several threads would change the last bits of a sum, and only slow small matrices down
+    # several threads would change the last bits of a sum, and small matrices are slower with them
     with threadpool_limits(1):
         return _played(scenario, tracker, seeds, runs >= BATCH_FROM)
 
 
 def _played(scenario, tracker, seeds, together, scans=None):
-    """The runs of these seeds, all of their scans or the first few; where `together`, and where that can be,
-    all but the first in one call."""
+    """The runs of these seeds, all of their scans or the first few; all but the first in one call if
+    `together` and if `can_batch`.
+    """
     together = together and batch.can_batch(scenario, tracker)
     alone = [_once(scenario)(scenario, tracker, seed, scans) for seed in seeds[: 1 if together else None]]
     runs = _joined(_kind(scenario), np.array, alone)
     if len(alone) == len(seeds):
         return runs
-    truth, *said = batch.run_batch(scenario, tracker, [draw(scenario, seed) for seed in seeds[1:]], scans)
-    sure, untimed = np.ones((*truth.shape[:2], 1)), np.full(truth.shape[:2], np.nan)
-    others = Runs._make((truth, *said, sure, untimed))
+    truth, *fields = batch.run_batch(scenario, tracker, [draw(scenario, seed) for seed in seeds[1:]], scans)
+    modes, untimed = np.ones((*truth.shape[:2], 1)), np.full(truth.shape[:2], np.nan)
+    others = Runs._make((truth, *fields, modes, untimed))
     return _joined(Runs, np.concatenate, [runs, others])
 
 

@@ -1,4 +1,4 @@
-"""What a tracker of many targets does in a run, scored."""
+"""Runs of trackers of many targets, scored."""
 
 from collections.abc import Iterator
 from itertools import islice
@@ -12,12 +12,12 @@ from gmr_gym.filters.tracker import MultiTargetReport, MultiTargetTracker
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario, draw, scan
 
-SIDE = 40  # places along each side of the box at which intensities of clutter are compared
+SIDE = 40  # points along each side of the box at which clutter intensities are compared
 EVERY = 5  # scans between comparisons
 
 
 class MultiTargetRuns(NamedTuple):
-    """What one tracker did, run by run (first axis) and scan by scan (second)."""
+    """Results of one tracker, by run (first axis) and scan (second)."""
 
     ospa: np.ndarray  # (runs, T), m, with the scenario's cutoff and order
     gospa: np.ndarray  # (runs, T), m, and its parts, m^order:
@@ -25,14 +25,14 @@ class MultiTargetRuns(NamedTuple):
     missed: np.ndarray  # (runs, T)
     false: np.ndarray  # (runs, T)
     wasserstein: np.ndarray  # (runs, T), m; nan where either set is empty
-    targets: np.ndarray  # (runs, T), how many there were
-    named: np.ndarray  # (runs, T), how many were named
-    expected: np.ndarray  # (runs, T), how many were expected
+    targets: np.ndarray  # (runs, T), number of true targets
+    named: np.ndarray  # (runs, T), number of declared targets
+    expected: np.ndarray  # (runs, T), expected number of targets
     components: np.ndarray  # (runs, T), of the intensity kept
-    # (runs, T), integral over the box of the difference between believed and true intensity of clutter, as a
-    # share of what is truly expected; nan at scans that are left out
+    # (runs, T), integral over the box of the absolute difference between assumed and true clutter intensity,
+    # over the true expected number; nan at scans between comparisons
     density_error: np.ndarray
-    seconds: np.ndarray  # (runs, T), of the tracker alone
+    seconds: np.ndarray  # (runs, T), time of the tracker alone
 
 
 def run_multi_target_once(
@@ -41,21 +41,35 @@ def run_multi_target_once(
     seed: int | np.random.SeedSequence,
     scans: int | None = None,
 ) -> MultiTargetRuns:
-    """One run of all scans, or of the first few; the arrays of MultiTargetRuns without their first axis."""
+    """Run a tracker of many targets through one episode.
+
+    Parameters
+    ----------
+    scenario : MultiTargetScenario
+    tracker : MultiTargetTracker
+    seed : int or SeedSequence
+    scans : int, optional
+        Number of scans to run; all by default.
+
+    Returns
+    -------
+    MultiTargetRuns
+        Arrays without the axis of runs.
+    """
     episode, rows = draw(scenario, seed), []
     at, grid = list(scenario.position), None
-    for t, (account, seconds) in islice(enumerate(play(tracker, episode)), scans):
+    for t, (report, seconds) in islice(enumerate(play(tracker, episode)), scans):
         x = episode.x[t]
-        truth, found = x[np.isfinite(x).all(axis=1)][:, at], account.x[:, at]
+        truth, found = x[np.isfinite(x).all(axis=1)][:, at], report.x[:, at]
         parts = gospa(found, truth, scenario.cutoff, scenario.order)
         off = np.nan
         if t % EVERY == 0:
             true = scenario.clutter(t)
             grid = places(true) if grid is None else grid
-            off = density_error(account.clutter, true, grid)
+            off = density_error(report.clutter, true, grid)
         rows.append((
             ospa(found, truth, scenario.cutoff, scenario.order), *parts, wasserstein(found, truth),
-            len(truth), len(found), account.expected_targets, len(account.intensity.w), off, seconds,
+            len(truth), len(found), report.expected_targets, len(report.intensity.w), off, seconds,
         ))  # fmt: skip
     return MultiTargetRuns(*map(np.array, zip(*rows, strict=True)))
 
@@ -63,25 +77,52 @@ def run_multi_target_once(
 def play(
     tracker: MultiTargetTracker, episode: MultiTargetEpisode
 ) -> Iterator[tuple[MultiTargetReport, float]]:
-    """What the tracker says of each scan of the episode, and how long it took, s."""
+    """Run a tracker through an episode, scan by scan.
+
+    Parameters
+    ----------
+    tracker : MultiTargetTracker
+    episode : MultiTargetEpisode
+
+    Yields
+    ------
+    report : MultiTargetReport
+    seconds : float
+        Time of the tracker alone.
+    """
     belief = tracker.init()
     for t in range(len(episode.x)):
         z = scan(episode, t).z
         started = perf_counter()
-        belief, account = tracker.step(belief, z)
-        yield account, perf_counter() - started
+        belief, report = tracker.step(belief, z)
+        yield report, perf_counter() - started
 
 
-def density_error(believed: Clutter, true: Clutter, places: np.ndarray) -> float:
-    """Integral of the difference of two intensities over the box, from its value at places (k, p) that stand
-    for equal parts of it, as a share of what the true one expects; nan where that is nothing."""
-    cell = true.volume / len(places)
-    difference = np.abs(believed.density(places) - true.density(places)).sum() * cell
+def density_error(assumed: Clutter, true: Clutter, points: np.ndarray) -> float:
+    """Relative error of a clutter intensity.
+
+    Parameters
+    ----------
+    assumed : Clutter
+        Intensity of the tracker.
+    true : Clutter
+        Intensity of the scenario.
+    points : ndarray (k, p)
+        Points that stand for equal parts of the box, see `places`.
+
+    Returns
+    -------
+    float
+        Integral over the box of the absolute difference, divided by the true expected number; nan where that
+        is 0.
+    """
+    cell = true.volume / len(points)
+    difference = np.abs(assumed.density(points) - true.density(points)).sum() * cell
     return float(difference / true.expected) if true.expected > 0 else np.nan
 
 
 def places(clutter: Clutter) -> np.ndarray:
-    """Middles (SIDE^p, p) of equal parts of the box."""
+    """Centres (SIDE^p, p) of equal parts of the box of the clutter."""
     sides = [
         low + (high - low) * (np.arange(SIDE) + 0.5) / SIDE
         for low, high in zip(clutter.low, clutter.high, strict=True)

@@ -1,4 +1,4 @@
-"""From runs of many targets to figures with intervals: one row of a table per tracker."""
+"""Runs of many targets as numbers with intervals, one row of a table per tracker."""
 
 from collections.abc import Mapping
 
@@ -13,11 +13,21 @@ from gmr_gym.simulation.multi_target import MultiTargetScenario
 def multi_target_summary(
     scenario: MultiTargetScenario, results: Mapping[str, MultiTargetRuns]
 ) -> dict[str, dict[str, Estimate]]:
-    """One row of figures per tracker, means over scans with intervals over runs: ospa and gospa (m), what
-    gospa is made of (m^2 with order 2), cardinality_bias (targets named less those there),
-    cardinality_error (its size), wasserstein (m) over the scans at which it is defined and the share
-    wasserstein_undefined of those at which it is not, density_error, components, time_per_scan (s,
-    median)."""
+    """Summarise runs, one row per tracker: means over scans with intervals over runs.
+
+    Parameters
+    ----------
+    scenario : MultiTargetScenario
+    results : mapping of str to MultiTargetRuns
+
+    Returns
+    -------
+    dict of str to dict of str to Estimate
+        ospa and gospa (m); localisation, missed and false, the parts of gospa (m^2 with order 2);
+        cardinality_bias (declared minus true targets) and cardinality_error (its absolute value); wasserstein
+        (m) over the scans at which it is defined, and wasserstein_undefined, the share of the other scans;
+        density_error, components and time_per_scan (s, median).
+    """
     rows = {}
     for name, runs in results.items():
         surplus = (runs.named - runs.targets).astype(float)
@@ -37,7 +47,18 @@ def multi_target_summary(
 def multi_target_differences(
     scenario: MultiTargetScenario, results: Mapping[str, MultiTargetRuns]
 ) -> dict[str, dict[str, Estimate]]:
-    """Every tracker minus the first, run by run on the same episodes: ospa, gospa (m), cardinality_error."""
+    """Differences of every tracker from the first, run by run on the same episodes.
+
+    Parameters
+    ----------
+    scenario : MultiTargetScenario
+    results : mapping of str to MultiTargetRuns
+
+    Returns
+    -------
+    dict of str to dict of str to Estimate
+        ospa and gospa (m), and cardinality_error.
+    """
     (reference, against), *others = results.items()
     return {
         f"{name} - {reference}": {
@@ -53,16 +74,16 @@ def multi_target_differences(
 
 
 def compared(values: np.ndarray) -> np.ndarray:
-    """Means (runs,) over the scans at which values (runs, T) are defined; nan where none is."""
+    """Means (runs,) over the scans at which values (runs, T) are finite; nan where none is."""
     return mean_where(values, np.isfinite(values))
 
 
 def defined(values: np.ndarray) -> np.ndarray:
-    """Those of the values (runs,) that are numbers: a run without one is left out, it is no 0."""
+    """The finite ones of the values (runs,): a run without a value is left out, not counted as 0."""
     return values[np.isfinite(values)]
 
 
-def mean_where(values: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """Means (runs,) of values (runs, T) over the scans that are `there` (runs, T); nan for none."""
-    total = np.where(there, values, 0.0).sum(axis=1)
-    return np.where(there.any(axis=1), total, np.nan) / np.maximum(there.sum(axis=1), 1)
+def mean_where(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Means (runs,) of values (runs, T) over the scans in the mask (runs, T); nan where there are none."""
+    total = np.where(mask, values, 0.0).sum(axis=1)
+    return np.where(mask.any(axis=1), total, np.nan) / np.maximum(mask.sum(axis=1), 1)

@@ -1,8 +1,8 @@
-"""Detections recorded elsewhere: a file of scans in, a tracker over them, a file of its track out.
+"""Recorded detections: a file of scans is read and tracked, and a file of its track written.
 
-A file of scans is CSV in seconds and metres: the header `time,x,y`, say, then one row `0.5,12.5,-3.0` for
-each detection. Rows of equal time make one scan, and `1.0,,` is a scan that detected nothing. A radar's
-columns are `time,range_m,azimuth_rad,elevation_rad`.
+A file of scans is CSV in seconds and metres: a header such as `time,x,y`, then one row such as
+`0.5,12.5,-3.0` for each detection. Rows of equal time make one scan, and `1.0,,` is a scan without
+detections. A radar's columns are `time,range_m,azimuth_rad,elevation_rad`.
 """
 
 import csv
@@ -19,8 +19,8 @@ from gmr_gym.filters.tracker import Tracker
 from gmr_gym.mixture import moments
 from gmr_gym.points import check_points, present
 
-RESOLUTION = 9  # decimals of a second to which intervals are told apart, at most
-ANY = float(np.finfo(float).max)  # however far a file's detections are: who tracks them has a limit
+RESOLUTION = 9  # decimals of a second to which intervals are resolved, at most
+ANY = float(np.finfo(float).max)  # no limit on the coordinates of a file: the tracker has one
 OFF_GRID = 0.1  # of a period, how far from its multiples a scan may lie
 MOST_FILLED = 1_000_000  # scans; only a period far too short makes more
 
@@ -34,18 +34,33 @@ class Scans(NamedTuple):
 
 
 class Track(NamedTuple):
-    """What a tracker made of the scans."""
+    """Estimates of a tracker, by scan."""
 
     times: np.ndarray  # (T,), s
     x: np.ndarray  # (T, d), estimates
-    P: np.ndarray  # (T, d, d), the covariances claimed for them
+    P: np.ndarray  # (T, d, d), covariances of the estimates
     components: np.ndarray  # (T,), hypotheses kept
-    alive: np.ndarray  # (T,), False once the tracker has given the target up and only coasts
+    alive: np.ndarray  # (T,), False once the tracker has given the track up and only predicts
 
 
 def read_scans(path: Path | str) -> Scans:
-    """Scans from a CSV file in UTF-8 whose rows are in order of time. Blank lines and lines that start
-    with # are passed over; ValueError names the file, line and column of anything else amiss."""
+    """Read scans from a CSV file in UTF-8, whose rows are in order of time.
+
+    Blank lines and lines that start with # are ignored.
+
+    Parameters
+    ----------
+    path : Path or str
+
+    Returns
+    -------
+    Scans
+
+    Raises
+    ------
+    ValueError
+        Naming file, line and column of an invalid cell.
+    """
     lines = _lines(path)
     line, header = next(lines, (1, [""]))
     names = _checked_header(f"{path}, line {line}", header)
@@ -66,7 +81,19 @@ def read_scans(path: Path | str) -> Scans:
 
 
 def check_positions(path: Path | str, scans: Scans) -> None:
-    """ValueError naming the file and the column whose name ends in _rad or _deg: an angle, no position."""
+    """Check that the coordinates of scans are positions.
+
+    Parameters
+    ----------
+    path : Path or str
+        The file, for the message.
+    scans : Scans
+
+    Raises
+    ------
+    ValueError
+        Naming the file and a column that ends in _rad or _deg: an angle.
+    """
     for name in scans.coordinates:
         if name.endswith(("_rad", "_deg")):
             raise ValueError(
@@ -77,8 +104,23 @@ def check_positions(path: Path | str, scans: Scans) -> None:
 
 
 def write_scans(path: Path | str, times, z: Sequence, coordinates: Sequence[str]) -> None:
-    """Writes the scans z, T arrays (k, p), at `times` (T,), in seconds, so that `read_scans` returns every
-    bit; masked rows are absent."""
+    """Write scans as CSV, so that `read_scans` returns every bit.
+
+    Parameters
+    ----------
+    path : Path or str
+    times : array_like (T,)
+        s, increasing, or datetimes.
+    z : sequence of T array_like (k, p)
+        Detections, m and rad; masked rows are absent.
+    coordinates : sequence of p str
+        Names of the columns.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument that is invalid.
+    """
     scans = _checked(Scans(times, list(z), tuple(coordinates)))
     nothing = [[""] * len(scans.coordinates)]
     each = zip(scans.times.tolist(), scans.z, strict=True)
@@ -87,8 +129,23 @@ def write_scans(path: Path | str, times, z: Sequence, coordinates: Sequence[str]
 
 
 def write_track(path: Path | str, track: Track, names: Sequence[str]) -> None:
-    """Writes the track as CSV: time, the d states under `names`, the upper triangle of their
-    covariance (var_a, cov_a_b, ...), components, and alive, 1 or 0."""
+    """Write a track as CSV.
+
+    The columns are time, the states, the upper triangle of their covariance (var_a, cov_a_b, ...),
+    components, and alive, 1 or 0.
+
+    Parameters
+    ----------
+    path : Path or str
+    track : Track
+    names : sequence of d str
+        Names of the states.
+
+    Raises
+    ------
+    ValueError
+        If there are not d names.
+    """
     d = track.x.shape[1]
     if len(names) != d:
         raise ValueError(f"names must name the {d} states of the track, got {len(names)}")
@@ -105,13 +162,28 @@ def track(
     period: float | None = None,
     prior_time: float | None = None,
 ) -> Track:
-    """The scans through the trackers that `build` makes for each interval (s), all with one prior.
+    """Run a tracker over recorded scans.
 
-    period: s, of a sensor that leaves no row where nothing was detected; see `filled`.
-    prior_time: s, the moment the prior describes; by default one period, or else the median interval,
-    before the first scan. A prior of the first scan's own time knows that scan already: it is not
-    stepped through, and the first estimate is the mean and covariance of the prior.
-    Both may be given as `times.duration` and `times.seconds` take them.
+    Parameters
+    ----------
+    scans : Scans
+    build : callable
+        Makes the tracker for an interval, s; all of them have one prior.
+    period : float or timedelta, optional
+        Period, s, of a sensor whose file has no row where nothing was detected; see `filled`.
+    prior_time : float or datetime, optional
+        Time that the prior describes, s. By default one period, or else the median interval, before the first
+        scan. A prior at the time of the first scan includes that scan already: the first estimate is then the
+        mean and covariance of the prior.
+
+    Returns
+    -------
+    Track
+
+    Raises
+    ------
+    ValueError
+        Naming the argument that is invalid.
     """
     if period is not None:
         period = duration(period, "period")
@@ -132,8 +204,23 @@ def track(
 
 
 def filled(scans: Scans, period: float) -> Scans:
-    """With an empty scan at each multiple of `period` (s) after the first scan that has none; ValueError
-    for a time further than a tenth of a period from all of them."""
+    """Add an empty scan at each multiple of the period that has none.
+
+    Parameters
+    ----------
+    scans : Scans
+    period : float or timedelta
+        s, counted from the first scan.
+
+    Returns
+    -------
+    Scans
+
+    Raises
+    ------
+    ValueError
+        If a time is further than a tenth of a period from every multiple.
+    """
     times, z, coordinates = _checked(scans)
     period = duration(period, "period")
     _check_positive(period=period)
@@ -149,7 +236,21 @@ def filled(scans: Scans, period: float) -> Scans:
 
 
 def from_first_detection(scans: Scans) -> Scans:
-    """Without the empty scans before the first detection; ValueError when there is none."""
+    """Drop the empty scans before the first detection.
+
+    Parameters
+    ----------
+    scans : Scans
+
+    Returns
+    -------
+    Scans
+
+    Raises
+    ------
+    ValueError
+        If there is no detection.
+    """
     held = [i for i, points in enumerate(scans.z) if len(present(points))]
     if not held:
         raise ValueError(f"scans hold no detection: all {len(scans.z)} are empty")
@@ -177,7 +278,7 @@ def _checked_header(where: str, names: Sequence[str]) -> tuple[str, ...]:
         raise ValueError(f"{where}, column 1: a header is time,x,... with commas, got {','.join(names)!r}")
     for i, name in enumerate(names):
         if not name or name != name.strip() or not name.isprintable() or name in names[:i]:
-            raise ValueError(f"{where}, column {i + 1}: {name!r} is no name or is there twice")
+            raise ValueError(f"{where}, column {i + 1}: {name!r} is not a name, or is used twice")
     return tuple(names)
 
 
@@ -208,7 +309,7 @@ def _checked(scans: Scans) -> Scans:
     times, T = seconds(scans.times), len(scans.z)
     if times.shape != (T,) or T == 0 or not np.isfinite(times).all():
         raise ValueError(f"times must be finite, one for each of the {T} scans in z")
-    for i in np.flatnonzero(_told_apart(np.diff(times), times) <= 0)[:1]:
+    for i in np.flatnonzero(_resolved(np.diff(times), times) <= 0)[:1]:
         before, after = np.asarray(scans.times)[i : i + 2]
         raise ValueError(f"times must increase, but {after} follows {before}")
     p = len(scans.coordinates)
@@ -216,18 +317,18 @@ def _checked(scans: Scans) -> Scans:
 
 
 def _intervals(times: np.ndarray, period: float | None, prior_time: float | None) -> np.ndarray:
-    """From the prior to the first scan and on from scan to scan (T,), s."""
+    """Intervals (T,), s: from the prior to the first scan, then from scan to scan."""
     gaps = np.diff(times)
     if prior_time is None:
         usual = np.quantile(gaps, 0.5, method="lower") if len(gaps) else 0.0
         prior_time = times[0] - (usual if period is None else period)
-    intervals = _told_apart(np.append(times[0] - prior_time, gaps), times)
+    intervals = _resolved(np.append(times[0] - prior_time, gaps), times)
     if not (0 <= intervals[0] < np.inf and intervals.any()):
         raise ValueError(f"give a period, or a prior_time before {times[0]} (at it if a second scan follows)")
     return intervals
 
 
-def _told_apart(gaps: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """The gaps, s, to as many decimals as there are between such times: seconds since 1970 hold six."""
+def _resolved(gaps: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """The gaps, s, rounded to the decimals that such times resolve: seconds since 1970 have six."""
     between = 4 * np.spacing(np.abs(times).max())
     return gaps.round(min(RESOLUTION, int(-np.log10(between) // 1)))

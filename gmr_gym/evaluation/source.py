@@ -1,4 +1,4 @@
-"""The source code that a run depends on: what names finished runs, and what every worker must have alike."""
+"""The source code that a run depends on. It names finished runs, and every worker must have the same."""
 
 import marshal
 import socket
@@ -10,7 +10,7 @@ from pathlib import Path
 import joblib
 
 PACKAGE = "gmr_gym"
-# of the package's source, what only looks at runs and has no part in them
+# of the package's source, what only reads finished runs
 NOT_HASHED = (
     "cli.py", "envs", "evaluation/curves.py", "evaluation/multi_target_summary.py", "evaluation/summary.py",
     "experiments",
@@ -18,8 +18,8 @@ NOT_HASHED = (
 
 
 def code(tracker) -> str:
-    """Digest of the source that a run depends on, so that an edited tracker is run again."""
-    # what was typed at a prompt has no file, but its own code
+    """Digest of the source that a run of the tracker depends on, so that an edited tracker is run again."""
+    # a class typed at a prompt has no file, but has code
     typed = [
         marshal.dumps(thing.__code__.replace(co_filename=""))
         for thing in _things(tracker)
@@ -29,29 +29,39 @@ def code(tracker) -> str:
 
 
 def sources(tracker) -> dict[str, str]:
-    """Digest of each module that a run depends on, by its name; the package is one."""
+    """Digest of each module that a run of the tracker depends on, by name; the package is one module."""
     modules = {thing.__module__ for thing in _things(tracker)}
     return {name: digest(name) for name in (PACKAGE, *sorted(modules)) if name == PACKAGE or _file(name)}
 
 
 def digest(module: str) -> str:
-    """Of the files of a module that is imported here."""
+    """Digest of the files of an imported module."""
     if module != PACKAGE:
         return joblib.hash(Path(_file(module) or "").read_bytes())
     root = Path(__file__).parents[1]
-    own = [file for file in root.glob("**/*.py") if not _only_looks(file.relative_to(root))]
+    own = [file for file in root.glob("**/*.py") if not _is_not_hashed(file.relative_to(root))]
     return joblib.hash([file.read_bytes() for file in sorted(own)])
 
 
-def _only_looks(file: Path) -> bool:
-    return any(looker in (file.as_posix(), *map(Path.as_posix, file.parents)) for looker in NOT_HASHED)
+def _is_not_hashed(file: Path) -> bool:
+    return any(entry in (file.as_posix(), *map(Path.as_posix, file.parents)) for entry in NOT_HASHED)
 
 
-def check_sources(told: Mapping[str, str]) -> None:
-    """Raises ValueError where a module here is not what another machine was `told` (by name) it is: its
-    runs would be kept under a name that is not theirs."""
-    for module, wanted in told.items():
-        # a program's own classes travel by value, and its file here is another program's
+def check_sources(expected: Mapping[str, str]) -> None:
+    """Check that the modules of this process have the digests of another machine.
+
+    Parameters
+    ----------
+    expected : mapping of str to str
+        Digest of each module by name, see `sources`.
+
+    Raises
+    ------
+    ValueError
+        If a module differs: its runs would be kept under a name that is not theirs.
+    """
+    for module, wanted in expected.items():
+        # classes of __main__ are sent by value, and its file here belongs to another program
         if module != "__main__" and module in sys.modules and _imported(module) != wanted:
             raise ValueError(
                 f"{module} on {socket.gethostname()} is not the source that this sweep was started with; "
@@ -67,7 +77,7 @@ def _file(module: str) -> str | None:
 
 
 def _things(tracker) -> Iterator[Callable]:
-    """The class of a tracker and the functions it holds, and those of trackers that it holds."""
+    """The class of a tracker and the functions it holds, and those of the trackers it holds."""
     yield type(tracker)
     for field in getattr(tracker, "__dataclass_fields__", ()):
         part = getattr(tracker, field, None)

@@ -1,4 +1,4 @@
-"""Moments and durations as they are given from outside, in seconds."""
+"""Times and durations in many forms, as seconds."""
 
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -12,19 +12,41 @@ EPOCH, MICROSECOND = datetime(1970, 1, 1, tzinfo=UTC), timedelta(microseconds=1)
 
 
 def seconds(times, name: str = "times") -> np.ndarray:
-    """Times of any shape as floats of their own: numbers are seconds; of datetimes, datetime64 of any unit or
-    datetime.datetime, the seconds since 1970 in UTC, for which one without a time zone is taken; of time
-    differences their length. What is the same moment is the same float.
+    """Times as seconds.
 
-    ValueError naming the argument for anything else, for what is not a time, and for datetimes of which some
-    have a time zone and some have none."""
+    Parameters
+    ----------
+    times : array_like
+        Numbers are seconds. Datetimes, datetime64 of any unit or datetime.datetime, become seconds since 1970
+        in UTC; one without a time zone is taken as UTC. Time differences become their length.
+    name : str
+        Name of the argument, for messages.
+
+    Returns
+    -------
+    ndarray of float
+        A new array of the same shape. Equal times give equal floats, whatever their form.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, for anything else, for NaT, and for datetimes of which only some have a time
+        zone.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gmr_gym.evaluation.times import seconds
+    >>> seconds(np.array(["1970-01-01T00:00:01.5"], "datetime64[ms]")).tolist()
+    [1.5]
+    """
     check_unmasked(name, times)
     array = np.asarray(times)
     if array.dtype.kind in "mM":
         return _counted(array, name)
     try:
         if array.dtype.kind == "O":
-            return _told(array, name)
+            return _of_objects(array, name)
         return array.astype(float, casting="same_kind")
     except (TypeError, OverflowError):
         raise ValueError(
@@ -33,15 +55,31 @@ def seconds(times, name: str = "times") -> np.ndarray:
 
 
 def duration(value, name: str) -> float:
-    """One length of time, a number of seconds or a time difference, in seconds; ValueError naming the
-    argument for anything else."""
+    """A duration in seconds.
+
+    Parameters
+    ----------
+    value : float, timedelta or timedelta64
+        A number is in seconds.
+    name : str
+        Name of the argument, for messages.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, for anything else.
+    """
     if isinstance(value, datetime | np.datetime64):
         raise ValueError(f"{name} must be seconds or a time difference, got the moment {value}")
     return float(seconds(value, name))
 
 
 def _counted(array: np.ndarray, name: str) -> np.ndarray:
-    """Of datetime64 or timedelta64."""
+    """Seconds of datetime64 or timedelta64."""
     for i in np.flatnonzero(np.isnat(array))[:1]:
         raise ValueError(f"{name} must be given in full, but number {i} is NaT, not a time")
     if np.datetime_data(array.dtype)[0] not in DECIMALS:
@@ -56,8 +94,8 @@ def _counted(array: np.ndarray, name: str) -> np.ndarray:
     return np.array(found, float).reshape(array.shape)
 
 
-def _told(array: np.ndarray, name: str) -> np.ndarray:
-    """Of objects, datetimes or numbers; TypeError for others."""
+def _of_objects(array: np.ndarray, name: str) -> np.ndarray:
+    """Seconds of objects, datetimes or numbers; TypeError for others."""
     values = array.ravel().tolist()
     moments = [value for value in values if isinstance(value, datetime)]
     if len({value.tzinfo is None for value in moments}) > 1:
@@ -71,7 +109,7 @@ def _one(value: Any, name: str) -> float:
     if isinstance(value, datetime):
         value = (value if value.tzinfo else value.replace(tzinfo=UTC)) - EPOCH
     if isinstance(value, timedelta):
-        # those of pandas know nanoseconds besides
+        # those of pandas have nanoseconds as well
         return (value // MICROSECOND * 1000 + getattr(value, "nanoseconds", 0)) / 10**9
     if not isinstance(value, int | float | np.number):
         raise TypeError

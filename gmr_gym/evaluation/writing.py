@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Files that are written whole or not at all."""
 
 import os
 from collections.abc import Iterator
@@ -8,9 +8,25 @@ from pathlib import Path
 
 @contextmanager
 def whole(file: Path | str) -> Iterator[Path]:
-    """A path beside `file`, with its ending, to write to: when the block ends it takes the place of the file,
-    and when it raises it is gone and the file is what it was. Makes the folders on the way; OSError names
-    the file. What is no plain file, as /dev/stdout, is written to as it stands."""
+    """A temporary path beside `file`, with its ending, to write to.
+
+    When the block ends, the temporary file replaces the file; when it raises, the temporary file is deleted
+    and the file stays as it was. Missing folders are made. What is not a plain file, such as /dev/stdout, is
+    written to directly.
+
+    Parameters
+    ----------
+    file : Path or str
+
+    Yields
+    ------
+    Path
+
+    Raises
+    ------
+    OSError
+        Naming the file.
+    """
     file = Path(file)
     if file.exists() and not file.is_file():
         yield file
@@ -24,7 +40,7 @@ def whole(file: Path | str) -> Iterator[Path]:
             partial.replace(target)
         finally:
             partial.unlink(missing_ok=True)
-    except OSError as error:  # of a disk that is full it does not say which
+    except OSError as error:  # of a full disk the error names no file
         if error.errno is None:
             raise
         raise OSError(error.errno, error.strerror, str(file)) from error

@@ -1,1 +1,1 @@
-"""The worlds, one module each; a module reads like its paper's section on the simulation."""
+"""The scenarios, one module each; a module reads like its paper's section on the simulation."""

@@ -1,5 +1,7 @@
-"""D'Ortenzio, Manes and Orguner, "Adaptive mixture approximation for target tracking in clutter",
-section 4: one turning target, a fixed field of view, a filter that is told a little wrong."""
+"""D'Ortenzio, Manes and Orguner, "Adaptive mixture approximation for target tracking in clutter", section 4.
+
+One turning target, a fixed field of view, and a filter model that differs a little from the truth.
+"""
 
 import numpy as np
 
@@ -26,13 +28,52 @@ def turning_target(
     window=None,
     trajectory=None,
 ) -> Scenario:
-    """The paper's scenario, 150 false detections a scan, every number of it open to change.
+    """The paper's scenario: 150 false alarms per scan; every number can be changed.
 
-    clutter_rate (per scan) or clutter_density (per m^2): 150 a scan when neither is given.
-    sensor_deviation: of the detections, m; the told_ figures (m, m/s^2) are the filter's.
-    box: ((x, y), (x, y)), m, the field of view on the ground; the path's bounding box when None.
-    window: (width, height), m, of a field of view that follows the submitted estimate instead.
-    trajectory: (T, 2) or (T, 4), another truth at one scan a second, m and m/s.
+    Parameters
+    ----------
+    clutter_rate : float, optional
+        False alarms per scan. 150 when neither it nor `clutter_density` is given.
+    clutter_density : float, optional
+        False alarms per m^2 and scan, instead of `clutter_rate`.
+    detection_probability : float
+        P_D, of the truth and of the filter model.
+    sensor_deviation : float
+        Standard deviation of the true measurement noise, m.
+    told_sensor_deviation : float
+        Standard deviation of the measurement noise that the filter assumes, m.
+    told_acceleration_deviation : float
+        Standard deviation of the process noise that the filter assumes, m/s^2.
+    horizon : int, optional
+        Number of scans; all of the path by default.
+    box : ((x, y), (x, y)), optional
+        Field of view on the ground, m; by default the bounding box of the path.
+    window : (width, height), optional
+        Field of view, m, that follows the submitted estimate, instead of `box`.
+    trajectory : array_like (T, 2) or (T, 4), optional
+        Another truth, one scan per second: positions, or positions and velocities, m and m/s.
+
+    Returns
+    -------
+    Scenario
+
+    Raises
+    ------
+    ValueError
+        Naming the argument that is invalid, or if both `box` and `window` are given.
+
+    References
+    ----------
+    D'Ortenzio, Manes and Orguner, section 4 and Table 1.
+
+    Examples
+    --------
+    >>> from gmr_gym.scenarios.dortenzio import turning_target
+    >>> scenario = turning_target(clutter_rate=20, horizon=50)
+    >>> scenario.horizon, scenario.clutter_rate, scenario.cutoff
+    (50, 20.0, 100.0)
+    >>> scenario.window.follows
+    False
     """
     if trajectory is None:
         x, start = printed_path(), np.array(START)
@@ -49,7 +90,7 @@ def turning_target(
     if clutter_rate is None and clutter_density is None:
         clutter_rate = 150.0
     return along(
-        shortened(x, horizon),  # after the box: a shorter episode has no denser clutter
+        shortened(x, horizon),  # after the box: a shorter episode keeps the density of the clutter
         start,
         view,
         period=PERIOD,
@@ -63,7 +104,7 @@ def turning_target(
 
 
 def printed_path() -> np.ndarray:
-    """States (100, 4) of eq. 20; the truth has no process noise."""
+    """States (100, 4) of eq. 20. The truth has no process noise."""
     F = constant_velocity(PERIOD, 1.0).F
     x, states = np.array(START), []
     for scans, acceleration in ACCELERATIONS:

@@ -1,6 +1,9 @@
 """Li, Wu and Zhang, "An interacting multiple models probabilistic data association algorithm for maneuvering
-target tracking in clutter", section 4: a highly manoeuvring target seen by an aircraft's radar. The paper
-gives no numbers beyond the period and the models; all others are ours."""
+target tracking in clutter", section 4.
+
+A highly manoeuvring target, seen by an aircraft's radar. The paper gives only the period and the models; all
+other numbers are ours.
+"""
 
 from functools import partial
 from typing import NamedTuple
@@ -14,7 +17,7 @@ from gmr_gym.models.motions import constant_velocity, singer, with_accelerations
 from gmr_gym.models.radar import WIDEST, modified_unbiased, radar, spherical
 from gmr_gym.models.switching import sticky_switching
 from gmr_gym.points import check_unmasked
-from gmr_gym.scenarios.planar import moving_as_told, shortened
+from gmr_gym.scenarios.planar import moving_by_model, shortened
 from gmr_gym.simulation.loss import truth_outside_gates
 from gmr_gym.simulation.single_target import Scenario, Truth, Window, scripted
 
@@ -22,7 +25,7 @@ DURATION = 60.0  # s, of the legs
 SCANS = 600  # of a drawn target
 SPEED = 298.0  # m/s, of the target
 HEADING = -0.1  # rad, from x towards y, at first
-WANDERING = 2.0  # m/s^2, deviation of the acceleration of a target that flies straight, a scan
+WANDERING = 2.0  # m/s^2, standard deviation of the acceleration of a target that flies straight, per scan
 PLATFORM = np.array([250.0, 0.0, 0.0])  # m/s, of the radar's aircraft, which flies straight
 GRAVITY = 9.80665  # m/s^2
 # seconds, turn about the vertical and pull out of the horizontal, g, with which the target flies: straight, a
@@ -32,15 +35,15 @@ LEGS = (
     (8.0, 0.0, -5.0), (4.0, 0.0, 5.0), (6.0, 0.0, 0.0),
 )  # fmt: skip
 JERK_TIME = 0.5  # s, in which a load comes on
-SIGHT = 8.0  # deviations of an angle, half the window's width
+SIGHT = 8.0  # standard deviations of an angle, half the window's width
 DEPTH = 500.0  # m, half the window's depth, or
-BENT = 8.0  # times r s^2 where that is more: by so much angles bend the range of a mean
-UNSURE = (0.0, 20.0, 10.0)  # m/s and m/s^2, deviations of the prior's velocity and acceleration
+BENT = 8.0  # times r s^2 where that is more: r s^2 is the scale of the range bias from angle errors
+UNSURE = (0.0, 20.0, 10.0)  # m/s and m/s^2, standard deviations of the prior's velocity and acceleration
 PATIENCE = 10  # scans in a row
 
 
 class Regime(NamedTuple):
-    """How far away, and how sharp the radar is: what counts is r s^2 / s_r."""
+    """Distance of the target and accuracy of the radar. What counts is r s^2 / s_r."""
 
     start: tuple[float, float, float]  # m, of the target relative to the radar
     range_deviation: float  # m
@@ -69,23 +72,51 @@ def airborne_radar(
     platform=None,
     horizon: int | None = None,
 ) -> Scenario:
-    """A target that flies straight, turns at 5 to 6 g, climbs and dives, seen from a moving aircraft; in
-    every episode elsewhere, and drifting, by one draw of what the prior does not know: of the position what
-    one detection would leave open, of the velocity 20 m/s on each axis.
+    """A target that flies straight, turns at 5 to 6 g, climbs and dives, seen from a moving aircraft.
 
-    regime: "near", "far" or "extreme", where the target starts and how sharp the radar is, unless
-    range_deviation (m) and angle_deviation (rad, azimuth and elevation) are given.
-    clutter_rate: a scan, uniform in range, azimuth and elevation about the submitted estimate.
-    update: what a tracker's detections do to its Gaussians, one of `gmr_gym.models.radar.UPDATES`.
-    time_constant (s) and acceleration (m/s^2): of the Singer model that trackers are told beside nearly
-    constant velocity; stay: probability that a motion lasts from scan to scan.
-    period: s, of a scan.
-    trajectory, platform: (T, 3) positions or (T, 6) with velocities of target and radar, a row a scan. What
-    is tracked is the target relative to the platform, whose own turns a tracker is not told. trajectory
-    "drawn": a target that does as the tracker is told, anew in every episode, nearly constant velocity alone.
+    Every episode displaces the default path by one draw from the prior: in position by the covariance of one
+    detection, in velocity by 20 m/s on each axis. What is tracked is the target relative to the platform.
 
-    Raises ValueError naming the argument, also where target and platform come within 10 range deviations of
-    each other: a bearing then means nothing.
+    Parameters
+    ----------
+    regime : {"near", "far", "extreme"}
+        Where the target starts, and the accuracy of the radar.
+    clutter_rate : float
+        False alarms per scan, uniform in range, azimuth and elevation about the submitted estimate.
+    detection_probability : float
+        P_D, of the truth and of the filter model.
+    range_deviation, angle_deviation : float, optional
+        Standard deviations of range, m, and of azimuth and elevation, rad, instead of the regime's.
+    update : str
+        How a tracker updates a Gaussian by a detection, one of `gmr_gym.models.radar.UPDATES`.
+    time_constant, acceleration : float
+        Time constant, s, and acceleration, m/s^2, of the Singer model, which the filter model has beside
+        nearly constant velocity.
+    stay : float
+        Probability that a motion model lasts from scan to scan.
+    period : float
+        Time between scans, s.
+    trajectory : array_like (T, 3) or (T, 6), or "drawn", optional
+        Positions of the target, or positions and velocities, one row per scan. "drawn": a target that moves
+        by the filter model, nearly constant velocity alone, drawn anew in every episode.
+    platform : array_like (T, 3) or (T, 6), optional
+        The same of the radar. Its turns are unknown to the tracker.
+    horizon : int, optional
+        Number of scans; all of the path by default.
+
+    Returns
+    -------
+    Scenario
+
+    Raises
+    ------
+    ValueError
+        Naming the argument that is invalid; also if target and platform come within 10 standard deviations of
+        the range of each other, where a bearing means nothing.
+
+    References
+    ----------
+    Li, Wu and Zhang, section 4.
     """
     if regime not in REGIMES:
         raise ValueError(f"regime must be one of {', '.join(REGIMES)}, got {regime!r}")
@@ -98,7 +129,7 @@ def airborne_radar(
         raise ValueError(f"angle_deviation must be positive and at most {WIDEST} rad, got {angle}")
     check_probability("detection_probability", detection_probability)
     if not 0 <= clutter_rate <= 1e5:
-        raise ValueError(f"clutter_rate must lie between 0 and 1e5 a scan, got {clutter_rate}")
+        raise ValueError(f"clutter_rate must lie between 0 and 1e5 per scan, got {clutter_rate}")
     if not 0.01 <= period <= 10:
         raise ValueError(f"period must lie between 0.01 and 10 s, got {period}")
     drawn = isinstance(trajectory, str) and trajectory == "drawn"
@@ -119,24 +150,24 @@ def airborne_radar(
     nearest = np.linalg.norm(x[:, :3], axis=1).min()
     if nearest < 10 * sharp:
         raise ValueError(
-            f"platform and target must keep 10 range deviations apart, but come within {nearest:g} m"
+            f"platform and target must keep 10 sigma of the range apart, but come within {nearest:g} m"
         )
-    # no further than once round, where clutter would fall twice
+    # at most one full turn, beyond which clutter would fall twice
     bend = float(np.linalg.norm(x[0, :3])) * angle**2
     half = np.array([max(DEPTH, BENT * bend), min(SIGHT * angle, np.pi), SIGHT * angle])
-    # no clutter, nothing that a lone point outside could betray
+    # without clutter there is no need to hide detections outside the window
     window = Window(-half, half, follows=True, limits_view=clutter_rate > 0)
     density = clutter_rate / window.volume
     start = x[0].copy()
     start[:3] -= period * start[3:6]
     start[6:] = 0.0
     prior = np.diag(np.repeat(UNSURE, 3) ** 2)
-    # of the position what a detection would tell
+    # the position has the covariance of one detection
     prior[:3, :3] = modified_unbiased(spherical(start[None, :3]), (sharp, angle, angle)).R[0]
     motions = [with_accelerations(constant_velocity(period, WANDERING, 3))]
     if not drawn:
         motions.append(singer(period, time_constant, acceleration, 3))
-    told = model(
+    assumed = model(
         tuple(motions),
         radar((sharp, angle, angle), 9, update),
         detection_probability,
@@ -147,13 +178,13 @@ def airborne_radar(
     )  # fmt: skip
     truth = partial(scripted, x)
     if drawn:
-        truth = partial(_wandering, told, len(x))
+        truth = partial(_nearly_constant_velocity, assumed, len(x))
     elif trajectory is None:
         truth = partial(_displaced, x, period, prior[:6, :6])
     return Scenario(
-        model=told,
+        model=assumed,
         truth=truth,
-        sensor=told.sensor,
+        sensor=assumed.sensor,
         detection_probability=detection_probability,
         clutter_rate=float(clutter_rate),
         window=window,
@@ -161,19 +192,20 @@ def airborne_radar(
         period=period,
         position=(0, 1, 2),
         velocity=(3, 4, 5),
-        loss_rule=partial(truth_outside_gates, told.sensor.H),
+        loss_rule=partial(truth_outside_gates, assumed.sensor.H),
         patience=PATIENCE,
         cutoff=5 * float(np.sqrt(np.trace(prior[:3, :3]))),
     )
 
 
-def _wandering(told: Model, horizon: int, rng: np.random.Generator) -> Truth:
-    return moving_as_told(told, np.zeros(horizon, int), rng)
+def _nearly_constant_velocity(assumed: Model, horizon: int, rng: np.random.Generator) -> Truth:
+    return moving_by_model(assumed, np.zeros(horizon, int), rng)
 
 
 def _displaced(x: np.ndarray, period: float, P: np.ndarray, rng: np.random.Generator) -> Truth:
-    """The path x (T, 9), its first position and all of its velocities off by one draw of covariance P (6, 6),
-    one period before the first scan."""
+    """The path x (T, 9), displaced by one draw of covariance P (6, 6) for the position and velocity one
+    period before the first scan.
+    """
     off = np.linalg.cholesky(P) @ rng.standard_normal(6)
     time = period * np.arange(1, len(x) + 1)[:, None]
     displaced = x.copy()
@@ -183,8 +215,22 @@ def _displaced(x: np.ndarray, period: float, P: np.ndarray, rng: np.random.Gener
 
 
 def flight(start: np.ndarray, period: float) -> np.ndarray:
-    """States (T, 9) of the target at the scans of a minute, from its position one period before the first:
-    what the legs command, each load coming on and off within `JERK_TIME`, at constant speed."""
+    """States of the target at the scans of one minute, flown at constant speed.
+
+    The target follows `LEGS`; each load comes on and off within `JERK_TIME`.
+
+    Parameters
+    ----------
+    start : ndarray (3,)
+        Position one period before the first scan, m.
+    period : float
+        Time between scans, s.
+
+    Returns
+    -------
+    ndarray (T, 9)
+        Positions, velocities and accelerations, m and s.
+    """
     step = 1e-3
     times = step * np.arange(1, round(DURATION / step) + 1)
     ends = np.cumsum([seconds for seconds, _, _ in LEGS])
@@ -203,13 +249,13 @@ def flight(start: np.ndarray, period: float) -> np.ndarray:
 
 
 def _straight(start, velocity: np.ndarray, scans: int, period: float) -> np.ndarray:
-    """States (T, 9) of what flies straight from `start`, one period before the first."""
+    """States (T, 9) of a straight flight from `start`, one period before the first."""
     t = period * np.arange(1, scans + 1)[:, None]
     return np.hstack([start + t * velocity, np.tile(velocity, (scans, 1)), np.zeros((scans, 3))])
 
 
 def _states(name: str, path, period: float) -> np.ndarray:
-    """Positions (T, 3), or with velocities (T, 6), as states (T, 9); what is not given by differences."""
+    """Positions (T, 3), or with velocities (T, 6), as states (T, 9); missing derivatives by differences."""
     check_unmasked(name, path)
     try:
         x = np.array(path, float)

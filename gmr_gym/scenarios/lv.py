@@ -1,6 +1,9 @@
 """Lv, Lian and Han, "Unknown clutter estimation by FMM approach in multitarget tracking algorithm", section
-7.1: three targets that cross groups of clutter, which trackers take for uniform. Velocities, accelerations
-and the time of the spawn are not given; they are ours, as are the expected numbers of births."""
+7.1.
+
+Three targets that cross groups of clutter, where trackers assume uniform clutter. Velocities, accelerations
+and the time of the spawn are not given in the paper; they are ours, as are the expected numbers of births.
+"""
 
 from functools import partial
 from typing import NamedTuple
@@ -31,14 +34,14 @@ GROUPS = (
     (0.2, (200.0, -200.0), (200.0, 200.0)),
 )
 ELLIPSE_95 = gate_threshold(0.95, 2)  # squared Mahalanobis distance
-# expected number a scan, and where
+# expected number per scan, and position
 BIRTHS = ((0.02, (200.0, 800.0)), (0.02, (800.0, -800.0)))
-SPAWNS = 0.01  # expected of a target, a scan
-# deviations of a new target's position, m (printed), velocity, m/s, and acceleration, m/s^2, about those
-# places at rest, or about where its parent moves
+SPAWNS = 0.01  # expected number per target and scan
+# standard deviations of a new target's position, m (printed), velocity, m/s, and acceleration, m/s^2: about
+# the birth position at rest, or about the predicted state of its parent
 NEW = (10.0, 15.0, 0.3)
-TOLD_PROCESS = 0.3  # m/s^2: what is told is so loose that a wrong detection or two can be survived
-LITTLE = 1e-6  # false detections a scan, told where there are none
+TOLD_PROCESS = 0.3  # m/s^2, of the filter model: so loose that a track survives a wrong detection or two
+LITTLE = 1e-6  # false alarms per scan that the filter model has where there are none
 # scans (from 1) of birth and last sight, state at birth; target 3 spawns from target 2
 FIRST = (1, 70, (200.0, 800.0, -12.0, -16.0, 0.0, 0.1))
 SECOND = (20, 90, (800.0, -800.0, -15.0, 9.0, 0.04, 0.1))
@@ -46,7 +49,7 @@ THIRD = (45, 100, (-2.0, 20.0))  # velocity, m/s
 
 
 class Group(NamedTuple):
-    """Clutter that crowds in an ellipse along the axes."""
+    """A group of clutter in an ellipse along the axes."""
 
     share: float
     centre: np.ndarray  # (2,), m, at the first scan
@@ -68,31 +71,59 @@ def unknown_clutter(
 ) -> MultiTargetScenario:
     """Three targets in a square of 2 km, and clutter in groups.
 
-    clutter: "groups", "uniform" (no groups: all of clutter_rate is spread evenly) or "dense" (groups four
-    times denser).
-    clutter_rate: false detections a scan, uniform_share of them uniform, the rest in groups.
-    groups: (share, (x, y), (semi-axis, semi-axis)), m, each perhaps with a drift (vx, vy), m/s, after the
-    first scan; half of a group is uniform in its ellipse, half Gaussian with that 95 % ellipse. The shares
-    and uniform_share sum to 1.
-    group_density: a factor on the groups' false detections, which adds to clutter_rate.
-    births: what trackers are told, (expected number a scan, (x, y)) each; where left out, 0.02 at the two
-    places of the paper, or where the targets of `trajectory` first appear.
-    trajectory: (T, m, 4) or (T, m, 6) states [x, y, vx, vy] or with [ax, ay], nan or masked where a
-        target is absent.
-    told: "uniform", as much clutter as there is but spread evenly, or "true".
+    Half of the clutter of a group is uniform in its ellipse, half Gaussian with that ellipse as its 95 %
+    ellipse.
+
+    Parameters
+    ----------
+    clutter : {"groups", "uniform", "dense"}
+        "uniform" has no groups and spreads all of `clutter_rate` evenly; "dense" has groups four times
+        denser.
+    clutter_rate : float
+        False alarms per scan. The share `uniform_share` is uniform, the rest in groups.
+    detection_probability : float
+        P_D, of the truth and of the filter model.
+    uniform_share : float
+        Share of the uniform clutter; with the groups' shares it sums to 1.
+    groups : sequence of (share, (x, y), (semi-axis, semi-axis)[, (vx, vy)])
+        Centre and semi-axes, m, and a drift, m/s, after the first scan.
+    group_density : float
+        Factor on the clutter of the groups; it adds to `clutter_rate`.
+    births : sequence of (expected number per scan, (x, y)), optional
+        Births that trackers assume. By default 0.02 at the paper's two positions, or where the targets of
+        `trajectory` first appear.
+    trajectory : array_like (T, m, 4) or (T, m, 6), optional
+        States [x, y, vx, vy], or with [ax, ay], m and s; nan or masked where a target is absent.
+    horizon : int, optional
+        Number of scans; all of the path by default.
+    told : {"uniform", "true"}
+        Clutter that trackers assume: the true expected number spread evenly, or the true intensity.
+
+    Returns
+    -------
+    MultiTargetScenario
+
+    Raises
+    ------
+    ValueError
+        Naming the argument that is invalid.
+
+    References
+    ----------
+    Lv, Lian and Han, section 7.1 and Table 1.
 
     Departs: Q has T^2 in the middle where eq. 35 has T^2/2, which is no covariance; states are in the order
-    above, not axis by axis. Raises ValueError naming the argument.
+    above, not axis by axis.
     """
     check_probability("detection_probability", detection_probability)
     if clutter not in ("groups", "uniform", "dense"):
         raise ValueError(f"clutter must be groups, uniform or dense, got {clutter!r}")
-    if told is True:  # as a literal it reads so
+    if told is True:  # a command line reads true as a literal
         told = "true"
     if told not in ("uniform", "true"):
         raise ValueError(f"told must be uniform or true, got {told!r}")
     if not 0 <= clutter_rate <= 1e4:
-        raise ValueError(f"clutter_rate must lie between 0 and 1e4 a scan, got {clutter_rate}")
+        raise ValueError(f"clutter_rate must lie between 0 and 1e4 per scan, got {clutter_rate}")
     if not 0 < group_density <= 100:
         raise ValueError(f"group_density must be positive and at most 100, got {group_density}")
     if clutter == "uniform":
@@ -110,7 +141,7 @@ def unknown_clutter(
     density = 4 * group_density if clutter == "dense" else group_density
     true = partial(_intensity, parts, share * clutter_rate, density * clutter_rate)
     if told == "true" and any(group.drift.any() for group in parts):
-        raise ValueError("told must be uniform where groups drift: a tracker is told of one intensity")
+        raise ValueError("told must be uniform where groups drift: a tracker assumes one intensity")
     if told == "true" and clutter_rate > 0:
         believed = true(0)
     else:
@@ -118,7 +149,7 @@ def unknown_clutter(
     x = None if trajectory is None else _states(trajectory)
     scans = len(shortened(np.empty(SCANS) if x is None else x, horizon))
     if births is None:
-        births = BIRTHS if x is None else [(BIRTHS[0][0], place) for place in _appearances(x)]
+        births = BIRTHS if x is None else [(BIRTHS[0][0], position) for position in _appearances(x)]
     new = np.diag(np.repeat(NEW, 2) ** 2)
     sensor = position_sensor(SENSOR_DEVIATION, rates=2)
     return MultiTargetScenario(
@@ -147,9 +178,21 @@ def unknown_clutter(
 
 
 def three_targets(rng: np.random.Generator) -> np.ndarray:
-    """States (100, 3, 6) of the paper's targets, nan where absent, with its process noise: two at constant
-    acceleration, born at the two places, and one at constant velocity, spawned where the second is; each
-    begins off by 10 m on each axis."""
+    """States of the paper's targets, with its process noise.
+
+    Two move at constant acceleration, born at the two positions of the paper. One moves at constant velocity,
+    spawned at the position of the second. Initial positions are off by 10 m (standard deviation) on each
+    axis.
+
+    Parameters
+    ----------
+    rng : Generator
+
+    Returns
+    -------
+    ndarray (100, 3, 6)
+        m and s; nan where a target is absent.
+    """
     x = np.full((SCANS, 3, 6), np.nan)
     accelerating, straight = constant_acceleration(PERIOD, PROCESS), constant_velocity(PERIOD, PROCESS)
     for i, (born, last, state) in enumerate((FIRST, SECOND)):
@@ -170,7 +213,7 @@ def _given(x: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def _flown(motion: Motion, state: np.ndarray, scans: int, rng: np.random.Generator) -> np.ndarray:
-    """States (scans, d) from one whose position is off by `NEW`."""
+    """States (scans, d) from an initial state whose position has the standard deviation of `NEW`."""
     x = np.empty((scans, len(state)))
     x[0] = state
     x[0, :2] += NEW[0] * rng.standard_normal(2)
@@ -182,8 +225,7 @@ def _flown(motion: Motion, state: np.ndarray, scans: int, rng: np.random.Generat
 
 
 def _intensity(groups: list[Group], uniform: float, rate: float, t: int) -> Clutter:
-    """The true clutter at scan t (from 0): `uniform` points, and of `rate` what each group has as its
-    share."""
+    """The true clutter at scan t (from 0): `uniform` points, and of `rate` the share of each group."""
     if not groups:
         return Clutter(LOW, HIGH, float(uniform), no_components(2), no_components(2))
     half = rate / 2 * np.array([group.share for group in groups])
@@ -218,15 +260,15 @@ def _groups(groups) -> list[Group]:
 def _births(births, P: np.ndarray) -> Mixture:
     try:
         w = np.array([expected for expected, _ in births], float)
-        places = np.array([place for _, place in births], float)
-        fits = len(w) > 0 and w.ndim == 1 and places.shape == (len(w), 2)
+        positions = np.array([position for _, position in births], float)
+        fits = len(w) > 0 and w.ndim == 1 and positions.shape == (len(w), 2)
     except (TypeError, ValueError):
         fits = False
     if not fits:
         raise ValueError(f"births must be (expected number, (x, y)) each, got {births}")
-    if not ((w > 0) & (w <= 100)).all() or not (np.abs(places) <= 1e6).all():
-        raise ValueError(f"births must be of positive numbers at finite places, got {births}")
-    return Mixture(w, np.hstack([places, np.zeros((len(w), 4))]), np.tile(P, (len(w), 1, 1)))
+    if not ((w > 0) & (w <= 100)).all() or not (np.abs(positions) <= 1e6).all():
+        raise ValueError(f"births must be of positive numbers at finite positions, got {births}")
+    return Mixture(w, np.hstack([positions, np.zeros((len(w), 4))]), np.tile(P, (len(w), 1, 1)))
 
 
 def _states(trajectory) -> np.ndarray:
@@ -243,13 +285,13 @@ def _states(trajectory) -> np.ndarray:
     if not (np.abs(x[~absent]) <= 1e6).all():
         raise ValueError("trajectory must be finite and within a million of zero, or nan in a whole state")
     if never := np.flatnonzero(absent.all(axis=0)).tolist():
-        raise ValueError(f"trajectory must show every target, but of {never} there is nothing")
+        raise ValueError(f"trajectory must show every target, but {never} are absent throughout")
     if x.shape[2] == 4:
         x = np.concatenate((x, np.where(absent, np.nan, 0.0)[..., None].repeat(2, axis=2)), axis=2)
     return x
 
 
 def _appearances(x: np.ndarray) -> np.ndarray:
-    """Positions (m, 2) at which the targets are first there."""
+    """Positions (m, 2) at which the targets first appear."""
     first = np.argmax(~np.isnan(x[:, :, 0]), axis=0)
     return x[first, np.arange(x.shape[1]), :2]

@@ -1,5 +1,7 @@
-"""Maybeck, Kozak and Smith, "Mixed-model multiple-hypothesis tracking of targets in clutter", section V:
-an F-16 that flies level, turns and jinks, seen in the north-up plane."""
+"""Maybeck, Kozak and Smith, "Mixed-model multiple-hypothesis tracking of targets in clutter", section V.
+
+An F-16 that flies level, turns and jinks, seen in the north-up plane.
+"""
 
 from functools import partial
 
@@ -12,7 +14,7 @@ from gmr_gym.models.kalman import position_sensor
 from gmr_gym.models.model import Model, model
 from gmr_gym.models.motions import constant_acceleration
 from gmr_gym.points import check_unmasked
-from gmr_gym.scenarios.planar import following_box, moving_as_told, shortened
+from gmr_gym.scenarios.planar import following_box, moving_by_model, shortened
 from gmr_gym.simulation.loss import detection_outside_gates
 from gmr_gym.simulation.single_target import Scenario, Truth, scripted
 
@@ -20,10 +22,10 @@ PERIOD = 0.5  # s
 SENSOR_DEVIATION = 10.0  # m, R = 100 m^2
 JERKS = (0.5, 4.0)  # benign and aggressive
 SWITCHING = ((0.9, 0.1), (0.1, 0.9))  # eq. 20; its own transpose
-# Departs: not given. As unsure of the position as the sensor is, of the rest by a few units
+# Departs: not given. The variance of the position is the sensor's, the others are of a few units
 PRIOR = (100.0, 100.0, 25.0, 25.0, 4.0, 4.0)  # m^2, m^2/s^2, m^2/s^4
 PATIENCE = 5  # scans in a row
-WILDEST = 20.0  # m/s^2: a target drawn with wilder ones may leave the space of actions
+WILDEST = 20.0  # m/s^2: a target drawn with larger jerks may leave the action space
 
 
 def agile_flight(
@@ -35,14 +37,39 @@ def agile_flight(
     trajectory=None,
     horizon: int | None = None,
 ) -> Scenario:
-    """The paper's scenario on a reconstructed flight (the paper's own is not published).
+    """The paper's scenario on a reconstructed flight; the paper's own is not published.
 
-    clutter_density: per m^2, in a square of `side` m centred on the submitted estimate carried forward.
-    jerks: (r,), deviations of the acceleration's change from scan to scan, m/s^2, one motion each.
-    switching: (r, r), column-stochastic, what a tracker is told; no matter for one motion.
-    trajectory: (T, 6) at two scans a second, [north, up], velocities, accelerations, another truth; or
-    "drawn", for a target that does as the tracker is told: anew in every episode, its motions switching as
-    `switching` says.
+    Parameters
+    ----------
+    clutter_density : float
+        False alarms per m^2 and scan.
+    detection_probability : float
+        P_D, of the truth and of the filter model.
+    side : float
+        Side of the square, m, in which clutter falls, centred on the predicted estimate.
+    jerks : array_like (r,)
+        Standard deviations of the change of the acceleration from scan to scan, m/s^2, one motion model each.
+    switching : array_like (r, r)
+        Transition matrix of the filter model, column-stochastic; not used for one motion model.
+    trajectory : array_like (T, 6) or "drawn", optional
+        Another truth, two scans per second: [north, up], velocities, accelerations, m and s. "drawn": a
+        target that moves by the filter model, its motion models switching by `switching`, drawn anew in every
+        episode.
+    horizon : int, optional
+        Number of scans; all of the path by default.
+
+    Returns
+    -------
+    Scenario
+
+    Raises
+    ------
+    ValueError
+        Naming the argument that is invalid.
+
+    References
+    ----------
+    Maybeck, Kozak and Smith, section V and eq. 20.
     """
     drawn = isinstance(trajectory, str) and trajectory == "drawn"
     x = f16_flight() if trajectory is None or drawn else _states(trajectory)
@@ -53,8 +80,8 @@ def agile_flight(
     view = following_box((side, side))
     rate = clutter_density * view.volume
     if rate > 1e5:
-        raise ValueError(f"clutter must be at most 1e5 points a scan in the window, got {rate:g}")
-    told = model(
+        raise ValueError(f"clutter must be at most 1e5 false alarms per scan, got {rate:g} in the window")
+    assumed = model(
         tuple(constant_acceleration(PERIOD, jerk) for jerk in _positive("jerks", jerks)),
         position_sensor(SENSOR_DEVIATION, rates=2),
         detection_probability,
@@ -67,9 +94,9 @@ def agile_flight(
         raise ValueError(f"jerks must be at most {WILDEST} m/s^2 for a drawn target, got {jerks}")
     x = shortened(x, horizon)
     return Scenario(
-        model=told,
-        truth=partial(_switching, told, len(x)) if drawn else partial(scripted, x),
-        sensor=told.sensor,
+        model=assumed,
+        truth=partial(_switching, assumed, len(x)) if drawn else partial(scripted, x),
+        sensor=assumed.sensor,
         detection_probability=detection_probability,
         clutter_rate=float(rate),
         window=view,
@@ -83,13 +110,13 @@ def agile_flight(
     )
 
 
-def _switching(told: Model, horizon: int, rng: np.random.Generator) -> Truth:
-    """One truth that keeps the model's word: a Markov chain of modes, and the motions they stand for."""
-    modes = np.arange(len(told.motions))
-    now, mode = rng.choice(modes, p=told.mode_prior), np.empty(horizon, int)
+def _switching(assumed: Model, horizon: int, rng: np.random.Generator) -> Truth:
+    """One truth drawn from the filter model: a Markov chain of modes, and the motions of those modes."""
+    modes = np.arange(len(assumed.motions))
+    now, mode = rng.choice(modes, p=assumed.mode_prior), np.empty(horizon, int)
     for t in range(horizon):
-        mode[t] = now = rng.choice(modes, p=told.switching[:, now])
-    return moving_as_told(told, mode, rng)
+        mode[t] = now = rng.choice(modes, p=assumed.switching[:, now])
+    return moving_by_model(assumed, mode, rng)
 
 
 def _states(trajectory) -> np.ndarray:

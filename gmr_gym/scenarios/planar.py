@@ -1,4 +1,4 @@
-"""One target on a given path in the plane, seen in position, told as nearly constant velocity."""
+"""One target on a given path in the plane, its position measured, tracked with nearly constant velocity."""
 
 from functools import partial
 
@@ -27,11 +27,41 @@ def along(
     told_sensor_deviation: float,
     told_acceleration_deviation: float,
 ) -> Scenario:
-    """Scenario of the true states x (T, 4), [px, py, vx, vy], one period after `start` (4,).
+    """Scenario of a given path.
 
-    Clutter is given as a rate (per scan) or as a density (per m^2), the other being None. The
-    tracker starts from the truth with unit covariance, is told the clutter density and P_D, and
-    for the noise its own figures. A track is lost when the true position lies outside every gate.
+    The tracker starts from the true state with unit covariance. The filter model has the true clutter density
+    and P_D, and noise of its own. A track is lost when the true position lies outside every gate.
+
+    Parameters
+    ----------
+    x : ndarray (T, 4)
+        True states [px, py, vx, vy], m and m/s.
+    start : ndarray (4,)
+        True state one period before the first scan.
+    window : Window
+        Where clutter falls.
+    period : float
+        Time between scans, s.
+    clutter_rate : float or None
+        False alarms per scan.
+    clutter_density : float or None
+        False alarms per m^2 and scan. Exactly one of the two is given.
+    detection_probability : float
+        P_D, of the truth and of the filter model.
+    sensor_deviation : float
+        Standard deviation of the true measurement noise, m.
+    told_sensor_deviation, told_acceleration_deviation : float
+        Standard deviations of the measurement noise, m, and the process noise, m/s^2, that the filter
+        assumes.
+
+    Returns
+    -------
+    Scenario
+
+    Raises
+    ------
+    ValueError
+        Naming the argument that is invalid.
     """
     if clutter_rate is not None and clutter_density is None:
         rate = clutter_rate
@@ -40,7 +70,7 @@ def along(
     else:
         raise ValueError("give either clutter_rate (per scan) or clutter_density (per m^2)")
     if not 0 <= rate <= 1e6:
-        raise ValueError(f"clutter must be between 0 and a million points a scan, got {rate:g}")
+        raise ValueError(f"clutter must be between 0 and a million false alarms per scan, got {rate:g}")
     check_probability("detection_probability", detection_probability)
     for name, value in (
         ("sensor_deviation", sensor_deviation),
@@ -50,17 +80,17 @@ def along(
     ):
         if not 0 < value < np.inf:
             raise ValueError(f"{name} must be positive and finite, got {value}")
-    told = model(
+    assumed = model(
         constant_velocity(period, told_acceleration_deviation),
         position_sensor(told_sensor_deviation),
         detection_probability,
         gate_probability=0.999,
-        # a tracker told of no clutter at all could not explain a second detection
+        # a filter model without clutter could not explain a second detection
         clutter_density=max(rate / window.volume, np.finfo(float).tiny),
         prior=gaussian(start, np.eye(4)),
     )
     return Scenario(
-        model=told,
+        model=assumed,
         truth=partial(scripted, x),
         sensor=position_sensor(sensor_deviation),
         detection_probability=detection_probability,
@@ -70,17 +100,31 @@ def along(
         period=period,
         position=(0, 1),
         velocity=(2, 3),
-        loss_rule=partial(truth_outside_gates, told.sensor.H),
+        loss_rule=partial(truth_outside_gates, assumed.sensor.H),
         patience=1,
         cutoff=100.0,
     )
 
 
 def path(trajectory, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """States (T, 4) and the state (4,) one period before them, of a path (T, 2) of positions or
-    (T, 4) of positions and velocities; velocities come from central differences where not given.
+    """States of a path, and the state one period before it.
 
-    Raises ValueError for another shape, fewer than three points, or a number that is not finite.
+    Parameters
+    ----------
+    trajectory : array_like (T, 2) or (T, 4)
+        Positions, or positions and velocities, m and m/s. Missing velocities are central differences.
+    period : float
+        Time between rows, s.
+
+    Returns
+    -------
+    x : ndarray (T, 4)
+    start : ndarray (4,)
+
+    Raises
+    ------
+    ValueError
+        For another shape, fewer than three points, or a number that is not finite.
     """
     check_unmasked("trajectory", trajectory)
     x = np.array(trajectory, float)
@@ -94,8 +138,23 @@ def path(trajectory, period: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def shortened(x: np.ndarray, horizon: int | None) -> np.ndarray:
-    """The first `horizon` scans of x, all of them for None; ValueError when there are fewer, or for a
-    fraction."""
+    """The first scans of a path.
+
+    Parameters
+    ----------
+    x : ndarray (T, ...)
+    horizon : int or None
+        Number of scans; all for None.
+
+    Returns
+    -------
+    ndarray (horizon, ...)
+
+    Raises
+    ------
+    ValueError
+        If x has fewer scans, or `horizon` is not a whole number.
+    """
     if horizon is None:
         return x
     if not 1 <= horizon <= len(x) or horizon != int(horizon):
@@ -106,7 +165,22 @@ def shortened(x: np.ndarray, horizon: int | None) -> np.ndarray:
 
 
 def fixed_box(low, high) -> Window:
-    """A window on the ground between two opposite corners (2,), m."""
+    """A window that is fixed on the ground.
+
+    Parameters
+    ----------
+    low, high : array_like (2,)
+        Opposite corners, m, the lower one first.
+
+    Returns
+    -------
+    Window
+
+    Raises
+    ------
+    ValueError
+        If the corners are not finite, or the lower one is not first.
+    """
     low, high = np.array(low, float), np.array(high, float)
     if low.shape != (2,) or high.shape != (2,) or not (np.isfinite(low) & np.isfinite(high)).all():
         raise ValueError(f"box must be two finite corners ((x, y), (x, y)), got {low}, {high}")
@@ -116,16 +190,31 @@ def fixed_box(low, high) -> Window:
 
 
 def bounding_box(points: np.ndarray) -> Window:
-    """The window on the ground that just holds the points (n, 2), no side of it under 100 m."""
+    """The smallest window on the ground that holds the points (n, 2), with sides of at least 100 m."""
     low, high = points.min(axis=0), points.max(axis=0)
     widening = np.maximum(100.0 - (high - low), 0.0) / 2
-    # detections of a target on the edge fall outside and are seen all the same, about one in twenty
+    # detections of a target on the edge may fall outside and are reported all the same, about one in twenty
     # on the printed path: the paper's field of view is no larger
     return fixed_box(low - widening, high + widening)._replace(limits_view=False)
 
 
 def following_box(sides) -> Window:
-    """A window (width, height), m, centred on the submitted estimate carried forward."""
+    """A window centred on the predicted estimate.
+
+    Parameters
+    ----------
+    sides : array_like (2,)
+        Width and height, m.
+
+    Returns
+    -------
+    Window
+
+    Raises
+    ------
+    ValueError
+        If the sides are not two positive lengths.
+    """
     try:
         sides = np.array(sides, float)
     except (TypeError, ValueError):
@@ -135,15 +224,27 @@ def following_box(sides) -> Window:
     return Window(-sides / 2, sides / 2, follows=True)
 
 
-def moving_as_told(told: Model, mode: np.ndarray, rng: np.random.Generator) -> Truth:
-    """The truth of a target that starts as the prior says, one period before the first scan, and takes
-    the model's motions in the order mode (T,), with their noise."""
-    w, m, P = told.prior
+def moving_by_model(assumed: Model, mode: np.ndarray, rng: np.random.Generator) -> Truth:
+    """Draw a truth from the filter model.
+
+    Parameters
+    ----------
+    assumed : Model
+        The filter model. The target starts from its prior, one period before the first scan.
+    mode : ndarray (T,)
+        Index of the motion model of each scan.
+    rng : Generator
+
+    Returns
+    -------
+    Truth
+    """
+    w, m, P = assumed.prior
     first = rng.choice(len(w), p=w) if len(w) > 1 else 0
     x = rng.multivariate_normal(m[first], P[first], method="cholesky")
     states = np.empty((len(mode), len(x)))
     for t, p in enumerate(mode):
-        F, Q, offset = told.motions[p]
+        F, Q, offset = assumed.motions[p]
         x = rng.multivariate_normal(F @ x + offset, Q, method="eigh")  # Q may be singular
         states[t] = x
     return Truth(states, mode)

@@ -1,5 +1,4 @@
-"""Real aircraft as truth: recorded flights, seen through the sensor and clutter of
-D'Ortenzio, section 4."""
+"""Recorded flights as truth, with the sensor and clutter of D'Ortenzio, section 4."""
 
 from gmr_gym.data.loader import flight
 from gmr_gym.scenarios.planar import along, following_box, path, shortened
@@ -20,11 +19,40 @@ def recorded_flight(
     horizon: int | None = None,
     window=(1000.0, 1000.0),
 ) -> Scenario:
-    """A recorded flight in clutter of the paper's density, in a window (width, height), m, that
-    follows the submitted estimate: a box about the path would give the path away.
+    """A recorded flight in clutter of D'Ortenzio's density, in a window that follows the submitted estimate.
 
-    segment: one of gmr_gym.data.flight_names(); the rest as in TurningTarget, except that the filter
-    is told 6 m/s^2, since these aircraft pull up to 8 where the paper's target pulls 3.
+    A box about the path would show where the path is.
+
+    Parameters
+    ----------
+    segment : str
+        One of `gmr_gym.data.flight_names()`.
+    clutter_rate : float, optional
+        False alarms per scan.
+    clutter_density : float, optional
+        False alarms per m^2 and scan; the paper's when neither is given.
+    detection_probability : float
+        P_D, of the truth and of the filter model.
+    sensor_deviation : float
+        Standard deviation of the true measurement noise, m.
+    told_sensor_deviation : float
+        Standard deviation of the measurement noise that the filter assumes, m.
+    told_acceleration_deviation : float
+        Standard deviation of the process noise that the filter assumes, m/s^2. These aircraft reach 8 m/s^2,
+        where the paper's target reaches 3.
+    horizon : int, optional
+        Number of scans; all of the flight by default.
+    window : (width, height)
+        Size of the window, m.
+
+    Returns
+    -------
+    Scenario
+
+    Raises
+    ------
+    ValueError
+        Naming the argument that is invalid.
     """
     x, start = path(flight(segment), PERIOD)
     if clutter_rate is None and clutter_density is None:

@@ -1,5 +1,8 @@
 """Zhang and Liu, "Single maneuvering target tracking in clutter based on multiple model algorithm with
-Gaussian mixture reduction", section 6.1: a target that switches between constant accelerations."""
+Gaussian mixture reduction", section 6.1.
+
+A target that switches between constant accelerations.
+"""
 
 from functools import partial
 from itertools import pairwise
@@ -11,7 +14,7 @@ from gmr_gym.mixture import gaussian
 from gmr_gym.models.kalman import Motion, motion, sensor
 from gmr_gym.models.model import Model, model
 from gmr_gym.models.switching import sticky_switching
-from gmr_gym.scenarios.planar import fixed_box, following_box, moving_as_told
+from gmr_gym.scenarios.planar import fixed_box, following_box, moving_by_model
 from gmr_gym.simulation.loss import truth_outside_gates
 from gmr_gym.simulation.single_target import Scenario, Truth, Window
 
@@ -26,15 +29,15 @@ SCANS = 45
 # Departs: when and to what the target switches is not given beyond "at k = 16 and k = 30"; scans 1 to
 # 15 are the first model's, 16 to 29 and 30 to 45 another's, each of the others equally likely
 SWITCHES = (16, 30)
-# Departs: not given; a mode lasts fifteen scans on average, as it does in the truth
+# Departs: not given; a mode lasts fifteen scans on average, as in the truth
 STAY = 14 / 15
 # Departs: both cases print 3e-3, though the second is said to be denser; the first gate then holds 240
-# false detections and most tracks are lost
+# false alarms and most tracks are lost
 CLUTTER = {"1": 1e-4, "2": 3e-4, "stress": 1e-3, "clear": 0.0}  # m^-2
 GATE = 25.0  # squared Mahalanobis distance; the paper gives none
 MARGIN = 2750.0  # m, of the region about the nominal path: 10 km by 19 km for the paper's models
-WIDEST = 20_000.0  # m, of a view on clutter: twice the region
-DENSEST = 0.1  # m^-2, a hundred times the stress case: clutter is drawn by squares of 500 m
+WIDEST = 20_000.0  # m, of a window on clutter: twice the region
+DENSEST = 0.1  # m^-2, a hundred times the stress case: clutter is drawn by cells of 500 m
 
 
 def jump_markov(
@@ -47,16 +50,41 @@ def jump_markov(
     stay: float = STAY,
     window=(1000.0, 1000.0),
 ) -> Scenario:
-    """The paper's scenario, every number of it open to change; the filter's models are the truth's.
+    """The paper's scenario; every number can be changed. The filter has the true motion models.
 
-    case: "1", "2", "stress" or "clear", that is 1e-4, 3e-4, 1e-3 or no false detections per m^2;
-    clutter_density, if given, takes its place.
-    process_variance: Q is this times the identity; (m/s)^2 as printed, (m/s^2)^2 in the standard form.
-    discretisation: "printed", B = [0; T] and G = [T; 1] per axis, or "standard", both [T^2/2; T].
-    accelerations: (r, 2), m/s^2, one model each; the target starts with the first.
-    stay: probability of keeping a model, as the filter is told; the others share the rest.
-    window: (width, height), m, of the view about the submitted estimate on clutter that fills a region
-    of 10 km by 19 km and stands fast on its ground.
+    Clutter fills a region of 10 km by 19 km and lies on its ground; the window follows the estimate.
+
+    Parameters
+    ----------
+    case : {"1", "2", "stress", "clear"}
+        Clutter of 1e-4, 3e-4, 1e-3 or no false alarms per m^2.
+    clutter_density : float, optional
+        False alarms per m^2 and scan, instead of the case's.
+    detection_probability : float
+        P_D, of the truth and of the filter model.
+    process_variance : float
+        Q is this times the identity: (m/s)^2 as printed, (m/s^2)^2 in the standard form.
+    discretisation : {"printed", "standard"}
+        "printed": B = [0; T] and G = [T; 1] per axis; "standard": both [T^2/2; T].
+    accelerations : array_like (r, 2)
+        m/s^2, one motion model each. The target starts with the first.
+    stay : float
+        Probability of keeping a motion model, in the filter model; the others share the rest equally.
+    window : (width, height)
+        Size of the window, m.
+
+    Returns
+    -------
+    Scenario
+
+    Raises
+    ------
+    ValueError
+        Naming the argument that is invalid.
+
+    References
+    ----------
+    Zhang and Liu, section 6.1 and Table 2.
     """
     view = following_box(window)
     density = _checked_density(case, clutter_density, view)
@@ -64,21 +92,21 @@ def jump_markov(
         raise ValueError(f"stay must lie in [0, 1], got {stay}")
     check_probability("detection_probability", detection_probability)
     motions = _motions(accelerations, process_variance, discretisation)
-    told = model(
+    assumed = model(
         motions,
         sensor(np.eye(2, 4), SENSOR_VARIANCE * np.eye(2)),
         detection_probability,
-        # a target at acquisition that falls outside every gate would be lost for good: the gates leave
-        # out 4 in a million, and a miss keeps that weight at P_D = 1. Without clutter nothing is gated
+        # a target outside every gate at acquisition would be lost for good: the gates leave out 4 in a
+        # million, and at P_D = 1 a miss keeps that weight. Without clutter nothing is gated
         gate_probability=float(-np.expm1(-GATE / 2)) if density > 0 else 1.0,
         clutter_density=max(density, np.finfo(float).tiny),
         prior=gaussian(START, np.diag(PRIOR)),
         switching=sticky_switching(stay, len(motions)),
     )
     return Scenario(
-        model=told,
-        truth=partial(_jumping, told),
-        sensor=told.sensor,
+        model=assumed,
+        truth=partial(_jumping, assumed),
+        sensor=assumed.sensor,
         detection_probability=detection_probability,
         clutter_rate=density * view.volume,
         window=view,
@@ -86,7 +114,7 @@ def jump_markov(
         period=PERIOD,
         position=(0, 1),
         velocity=(2, 3),
-        loss_rule=partial(truth_outside_gates, told.sensor.H),
+        loss_rule=partial(truth_outside_gates, assumed.sensor.H),
         patience=1,
         cutoff=100.0,
         region=_region(np.abs(accelerations).max(), process_variance),
@@ -101,7 +129,7 @@ def _checked_density(case, clutter_density, view: Window) -> float:
         raise ValueError(f"clutter_density must lie between 0 and {DENSEST} per m^2, got {density}")
     if density * view.volume > 1e5:
         raise ValueError(
-            f"clutter must be at most 1e5 points a scan in the window, got {density * view.volume:g}"
+            f"clutter must be at most 1e5 false alarms per scan, got {density * view.volume:g} in the window"
         )
     if density > 0 and (view.high > WIDEST / 2).any():
         raise ValueError(f"window must be at most {WIDEST:g} m wide and high where there is clutter")
@@ -134,13 +162,13 @@ def _motions(accelerations, process_variance, discretisation) -> tuple[Motion, .
     return tuple(motion(F, Q, B @ u) for u in accelerations)
 
 
-def _jumping(told: Model, rng: np.random.Generator) -> Truth:
-    """One truth: the first model, then at each switch one of the others, and the process noise of all."""
+def _jumping(assumed: Model, rng: np.random.Generator) -> Truth:
+    """One truth: the first motion model, at each switch one of the others, with process noise throughout."""
     mode = np.zeros(SCANS, int)
     for first, last in pairwise((*SWITCHES, SCANS + 1)):
-        others = np.delete(np.arange(len(told.motions)), mode[first - 2])
+        others = np.delete(np.arange(len(assumed.motions)), mode[first - 2])
         mode[first - 1 : last - 1] = rng.choice(others) if len(others) else 0
-    return moving_as_told(told, mode, rng)
+    return moving_by_model(assumed, mode, rng)
 
 
 def _region(acceleration, process_variance):

@@ -1,6 +1,6 @@
-"""How any world is drawn: truth, detections and clutter of one target or many, each scan from its seed.
+"""How scenarios are drawn: the truth, the detections and the clutter of one target or many, from a seed.
 
-Stands on `models`, and knows no filter. Open `single_target.py` first, then `scans.py`.
+Stands on `models` and knows no filter. Open `single_target.py` first, then `scans.py`.
 """
 
 from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario

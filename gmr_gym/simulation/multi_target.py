@@ -1,5 +1,4 @@
-"""The world of many targets: their truth, their detections and the clutter about them, drawn before the first
-scan."""
+"""Scenarios of many targets: truth, detections and clutter, all drawn before the first scan."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,15 +14,16 @@ from gmr_gym.simulation.single_target import Scan, stream
 
 @dataclass(frozen=True)
 class MultiTargetScenario:
-    """The world of targets that come and go, and what a tracker is told of it.
+    """A scenario of targets that appear and disappear, and the model that a tracker assumes.
 
-    Nothing outside the box of the clutter is ever reported, be it clutter or a target.
+    The sensor reports nothing outside the box of the clutter, neither clutter nor targets. `model` and
+    `model.sensor` are the filter model; `sensor`, `detection_probability` and `clutter` are the true ones.
     """
 
-    model: MultiTargetModel  # what a tracker is told
+    model: MultiTargetModel  # that a tracker assumes
     truth: Callable[[np.random.Generator], np.ndarray]  # states (T, m, d), nan where a target is absent
-    targets: int  # m, all that ever appear
-    sensor: Sensor  # the world's own; population.sensor is what the tracker believes
+    targets: int  # m, the number that ever appear
+    sensor: Sensor  # the true one; model.sensor is the one that the tracker assumes
     detection_probability: float
     clutter: Callable[[int], Clutter]  # the true intensity at scan t (from 0)
     horizon: int  # scans, T
@@ -35,12 +35,12 @@ class MultiTargetScenario:
 
     @property
     def busiest(self) -> float:
-        """Expected number of false detections in the scan that has most of them."""
+        """Expected number of false alarms in the scan that has most of them."""
         return max(self.clutter(t).expected for t in range(self.horizon))
 
 
 class MultiTargetEpisode(NamedTuple):
-    """Everything that chance decides in one episode: nothing in it depends on what a tracker submits."""
+    """One drawn episode. Nothing in it depends on the estimates of a tracker."""
 
     x: np.ndarray  # (T, m, d), true states, nan where a target is absent
     z: np.ndarray  # (N, p), the detections of all scans, those of one scan in random order
@@ -49,9 +49,34 @@ class MultiTargetEpisode(NamedTuple):
 
 
 def draw(scenario: MultiTargetScenario, seed: int | np.random.SeedSequence) -> MultiTargetEpisode:
-    """One episode; truth, detection and clutter each draw from their own stream.
+    """Draw one episode.
 
-    Raises ValueError for a truth that has not the scans and the targets that the scenario names."""
+    Truth, detections and clutter have a random stream each.
+
+    Parameters
+    ----------
+    scenario : MultiTargetScenario
+    seed : int or SeedSequence
+
+    Returns
+    -------
+    MultiTargetEpisode
+
+    Raises
+    ------
+    ValueError
+        If the truth has another number of scans or targets than the scenario.
+
+    Examples
+    --------
+    >>> from gmr_gym.scenarios.lv import unknown_clutter
+    >>> from gmr_gym.simulation.multi_target import draw, scan
+    >>> episode = draw(unknown_clutter(horizon=5), seed=1)
+    >>> episode.x.shape
+    (5, 3, 6)
+    >>> scan(episode, 0).z.shape[1]
+    2
+    """
     for_truth, for_detection, for_clutter = (stream(seed, i) for i in range(3))
     x = scenario.truth(for_truth)
     shape = (scenario.horizon, scenario.targets)
@@ -59,33 +84,56 @@ def draw(scenario: MultiTargetScenario, seed: int | np.random.SeedSequence) -> M
         raise ValueError(f"truth must be {shape[0]} scans of {shape[1]} targets, got shape {x.shape}")
     R = scenario.sensor.R
     noise = for_detection.standard_normal((*shape, len(R))) @ np.linalg.cholesky(R).T
-    heard = scenario.sensor.measure(x) + noise  # nan where absent, which no box holds
+    measured = scenario.sensor.measure(x) + noise  # nan where a target is absent: in no box
     detected = for_detection.random(shape) < scenario.detection_probability
     ranks = for_detection.random(shape)
     scans = []
     for t in range(scenario.horizon):
         clutter = scenario.clutter(t)
-        seen = np.flatnonzero(detected[t] & inside(clutter, heard[t]))
+        seen = np.flatnonzero(detected[t] & inside(clutter, measured[t]))
         false = draw_clutter(clutter, for_clutter)
-        # ranks of their own, so that clutter stands in the same order whoever is among it
+        # clutter has ranks of its own: its order does not depend on the targets detected
         order = np.argsort(np.concatenate((ranks[t, seen], for_clutter.random(len(false)))))
         origin = np.concatenate((seen, np.full(len(false), -1)))
-        scans.append(Scan(np.concatenate((heard[t, seen], false))[order], origin[order]))
+        scans.append(Scan(np.concatenate((measured[t, seen], false))[order], origin[order]))
     z, origin = map(np.concatenate, zip(*scans, strict=True))
     return MultiTargetEpisode(x, z, origin, np.cumsum([0, *(len(one.z) for one in scans)]))
 
 
-def scan(crowd: MultiTargetEpisode, t: int) -> Scan:
-    """Scan t (from 0) of the episode."""
-    span = slice(crowd.first[t], crowd.first[t + 1])
-    return Scan(crowd.z[span], crowd.origin[span])
+def scan(episode: MultiTargetEpisode, t: int) -> Scan:
+    """Scan t (from 0) of an episode.
+
+    Parameters
+    ----------
+    episode : MultiTargetEpisode
+    t : int
+        Number of the scan, from 0.
+
+    Returns
+    -------
+    Scan
+    """
+    span = slice(episode.first[t], episode.first[t + 1])
+    return Scan(episode.z[span], episode.origin[span])
 
 
 def draw_clutter(clutter: Clutter, rng: np.random.Generator) -> np.ndarray:
-    """False detections (k, p) of one scan: a Poisson process of intensity `clutter.density` inside the box.
+    """Draw the false alarms of one scan.
 
-    Points of Gaussians and ellipses that fall outside the box are dropped, not drawn again: so the density
-    inside is as it stands, and `clutter.expected` is more than what is seen where a part reaches out."""
+    They form a Poisson process of intensity `clutter.density` inside the box. Points of Gaussians and
+    ellipses that fall outside the box are dropped, not drawn again. The density inside the box is then as
+    given, and `clutter.expected` exceeds the expected number of points where a component reaches out.
+
+    Parameters
+    ----------
+    clutter : Clutter
+    rng : Generator
+
+    Returns
+    -------
+    ndarray (k, p)
+        False alarms, m.
+    """
     low, high = clutter.low, clutter.high
     p = len(low)
     parts = [low + (high - low) * rng.random((rng.poisson(clutter.uniform), p))]
@@ -100,5 +148,5 @@ def draw_clutter(clutter: Clutter, rng: np.random.Generator) -> np.ndarray:
 
 
 def inside(clutter: Clutter, z: np.ndarray) -> np.ndarray:
-    """Which of the points z (k, p) lie in the clutter's box (k,)."""
+    """Mask (k,) of the points z (k, p) that lie in the box of the clutter."""
     return np.all((clutter.low <= z) & (z <= clutter.high), axis=1)

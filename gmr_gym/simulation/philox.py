@@ -1,9 +1,9 @@
-"""Random numbers that are functions of a key and a counter: any one of them without those before it.
+"""Counter-based random numbers: any number is drawn from a key and a counter, without those before it.
 
-Philox4x32-10 (Salmon, Moraes, Dror and Shaw 2011): two words of key and four of counter make four words of
+Philox4x32-10 (Salmon, Moraes, Dror and Shaw 2011): two words of key and four of counter give four words of
 32 bits. The first word of the counter holds the stream and, in its lower 28 bits, the number of the draw; the
-others are the caller's `at`: a scan, and a square of the ground. Sixty-four bits are used in place of
-thirty-two so that products fit; the compiler makes loops of it that fill eight lanes.
+other three are the caller's `at`: a scan and a cell of the ground. Words are kept in 64 bits, so that their
+products fit; the compiler turns the loops into vectors of eight lanes.
 """
 
 import math
@@ -17,14 +17,14 @@ MULTIPLIERS = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 WEYL = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
 WORD, HALF = np.uint64(0xFFFFFFFF), np.uint64(32)
 DRAWS = 28  # bits of the first word that count the draws of a stream
-LANES = 8  # that the loops are turned into; what they write of is rounded up to them
-FEW = 10.0  # a Poisson rate below which multiplying uniforms is faster, and above which the other holds
+LANES = 8  # of a vector; the number of words drawn is rounded up to a multiple of it
+FEW = 10.0  # Poisson rate below which uniforms are multiplied; transformed rejection needs a larger one
 
 
-# inlined as source: a loop with a call in it would not be turned into vectors
+# inlined as source: a loop with a call in it is not vectorised
 @kernel(inline="always")
 def block(c0, c1, c2, c3, k0, k1):
-    """The four words of a counter of four under a key of two, all of them as uint64 below 2**32."""
+    """The four words of a counter c (4 words) under a key k (2 words), all uint64 below 2**32."""
     for _ in range(ROUNDS):
         a, b = MULTIPLIERS[0] * c0, MULTIPLIERS[1] * c2
         c0, c1, c2, c3 = (b >> HALF) ^ c1 ^ k0, b & WORD, (a >> HALF) ^ c3 ^ k1, a & WORD
@@ -40,7 +40,7 @@ def uniform(a, b):
 
 @leaf_kernel
 def pair(key, stream, draw, at):
-    """Two uniforms in [0, 1): of key (2,), a stream's draw and the place `at`, three words."""
+    """Two uniforms in [0, 1) of key (2,), stream, draw and the counter words `at` (3,)."""
     a, b, c, d = block(
         np.uint64((stream << DRAWS) + draw), np.uint64(at[0]), np.uint64(at[1]), np.uint64(at[2]),
         np.uint64(key[0]), np.uint64(key[1]),
@@ -50,17 +50,19 @@ def pair(key, stream, draw, at):
 
 @leaf_kernel
 def points_into(z, n, low, high, centre, key, stream, at, buffer):
-    """The first n rows of z (capacity, p), contiguous, become points uniform between low and high (p,) about
-    centre (p,): row i of the i-th pairs of the stream and of those after it, each of which gives two
-    coordinates. For `words` see `buffer_for`."""
+    """Writes n points, uniform between low and high (p,) about centre (p,), to the first rows of z.
+
+    z (capacity, p) is contiguous. Row i takes the i-th pairs of the stream and of those after it, one pair
+    for two coordinates. `buffer` comes from `buffer_for`.
+    """
     p, flat = z.shape[1], z.reshape(-1)
     w0, w1, w2, w3 = buffer[0], buffer[1], buffer[2], buffer[3]
     c1, c2, c3 = np.uint64(at[0]), np.uint64(at[1]), np.uint64(at[2])
     k0, k1 = np.uint64(key[0]), np.uint64(key[1])
     for c in range(0, p, 2):
         first = np.uint32((stream + c // 2) << DRAWS)
-        # words first and numbers after them: either loop is turned into vectors as wide as they come, one of
-        # both would not be; and no word is left for a loop that does one at a time
+        # words first, numbers after them: two loops are vectorised, one loop of both would not be. The number
+        # of words is a multiple of the lanes, so that none is left for a scalar loop
         for i in range((n + LANES - 1) & -LANES):
             w0[i], w1[i], w2[i], w3[i] = block(np.uint64(first + np.uint32(i)), c1, c2, c3, k0, k1)
         start = low[c] + centre[c]
@@ -85,7 +87,7 @@ def points_into(z, n, low, high, centre, key, stream, at, buffer):
 
 @kernel
 def buffer_for(n):
-    """Room for the words of n points, for `points_into` to write to: many scans share it."""
+    """Buffer for the words of n points, which `points_into` writes to; it may be used again."""
     return np.empty((4, n + LANES), np.uint32)
 
 
@@ -102,8 +104,11 @@ def normals_into(out, key, stream, at):
 
 @leaf_kernel
 def poisson(rate, key, stream, at):
-    """A Poisson count of that rate, at least 0: by transformed rejection with squeeze (Hörmann 1993, PTRS),
-    a rate below `FEW` by multiplying uniforms until they are less than exp(-rate)."""
+    """A Poisson number of the given rate, at least 0.
+
+    By transformed rejection with squeeze (Hörmann 1993, PTRS); below the rate `FEW` by multiplying uniforms
+    until their product is at most exp(-rate).
+    """
     draw = np.int64(0)
     if rate < FEW:
         least, product, count = math.exp(-rate), 1.0, 0

@@ -1,5 +1,4 @@
-"""A scan made in place: clutter that is a function of a key and of the scan's number, and the target's own
-detection among it."""
+"""Scans made in place: the target's detection among clutter that a key and the scan's number decide."""
 
 from typing import NamedTuple
 
@@ -9,16 +8,16 @@ from gmr_gym.kernels import ZERO, kernel, leaf_kernel
 from gmr_gym.linalg import cholesky_into
 from gmr_gym.simulation.philox import buffer_for, normals_into, pair, points_into, poisson
 
-CELL = 500.0  # m, side of the squares in which clutter on the ground is drawn
+CELL = 500.0  # m, side of the square cells in which clutter on the ground is drawn
 # streams of an episode's key
 NOISE, DETECTION, COUNT, GROUND_COUNT = map(np.int64, range(4))
-PLACES, GROUND_PLACES = np.int64(4), np.int64(8)  # and those after them, one for every two coordinates
+POSITIONS, GROUND_POSITIONS = np.int64(4), np.int64(8)  # and those after them, one for every two coordinates
 
 
 class View(NamedTuple):
-    """What `scan_into` has to know of a scenario; `simulate.view_of` reads it off."""
+    """What `scan_into` needs of a scenario; `single_target.view_of` makes it."""
 
-    clutter_rate: float  # expected false detections in the window, a scan
+    clutter_rate: float  # expected false alarms in the window, per scan
     low: np.ndarray  # (p,), m, of the window, relative to its centre
     high: np.ndarray  # (p,), m
     limits_view: bool
@@ -27,37 +26,34 @@ class View(NamedTuple):
 
 
 @kernel
-def measure_all(measurement, key, R):
-    """Adds to what a sensor would say of T scans (T, p) the noise of covariance R (p, p) that goes with the
-    key (2,). Returns for every scan two numbers (T,) in [0, 1): the target is detected if the first is below
-    its probability, and the second decides where among the clutter its detection stands."""
-    L, normal, detection_draw, slot = (
-        factor(R),
-        np.empty(len(R)),
-        np.empty(len(measurement)),
-        np.empty(len(measurement)),
-    )
-    for t in range(len(measurement)):
-        detection_draw[t], slot[t] = add_noise(measurement[t], key, t, L, normal)
+def measure_all(z, key, R):
+    """Adds measurement noise of covariance R (p, p), drawn by the key (2,), to the measurements z (T, p).
+
+    Returns `detection_draw` and `slot` (T,), uniform in [0, 1). The target is detected where the first is
+    below its detection probability; the second decides its detection's place among the clutter.
+    """
+    L, normal, detection_draw, slot = factor(R), np.empty(len(R)), np.empty(len(z)), np.empty(len(z))
+    for t in range(len(z)):
+        detection_draw[t], slot[t] = add_noise(z[t], key, t, L, normal)
     return detection_draw, slot
 
 
 @leaf_kernel
-def add_noise(measurement, key, t, L, normal):
-    """`measure_all` of scan t alone, z (p,), for noise of covariance L L'; normal (p,) is written over."""
+def add_noise(z, key, t, L, normal):
+    """`measure_all` for scan t alone, z (p,), with noise of covariance L L'; `normal` (p,) is overwritten."""
     at = (t, ZERO, ZERO)
     normals_into(normal, key, NOISE, at)
     for r in range(len(L)):
         noise = 0.0
         for c in range(r + 1):
             noise += L[r, c] * normal[c]
-        measurement[r] += noise
+        z[r] += noise
     return pair(key, DETECTION, ZERO, at)
 
 
 @kernel
 def factor(R):
-    """Lower factor L (p, p) of the covariance R = L L'."""
+    """Lower Cholesky factor L (p, p) of the covariance R = L L'."""
     L = np.zeros_like(R)
     cholesky_into(L, R)
     return L
@@ -65,16 +61,18 @@ def factor(R):
 
 @kernel
 def scan_into(z, view, key, t, centre, target, detected, slot):
-    """Scan t of the episode that has the key (2,), by a linear sensor whose View is placed at centre (p,),
-    zeros where it stands fast: its k detections, one a row of z (capacity, p), among them that of the target
-    (p,) where it is `detected` and in sight, in a place that `slot` in [0, 1) decides. Returns k and the
-    target's row, -1 for none; the rows from k on are left as they are."""
+    """Writes the k detections of scan t to the first rows of z (capacity, p), for a linear sensor.
+
+    The view is placed at centre (p,), zeros for a fixed window. The target's detection (p,) is among them
+    where it is `detected` and in view; `slot` in [0, 1) decides its place. Returns k and the target's row, -1
+    for none. The rows from k on stay as they are.
+    """
     return scan_by(z, view, key, t, centre, target, detected, slot, buffer_for(len(z)))
 
 
 @leaf_kernel
 def scan_by(z, view, key, t, centre, target, detected, slot, buffer):
-    """`scan_into` by way of `buffer_for` as many points as z has rows."""
+    """`scan_into` with a buffer from `buffer_for`, of as many points as z has rows."""
     seen = detected
     if view.limits_view:
         for c in range(len(target)):
@@ -94,8 +92,10 @@ def scan_by(z, view, key, t, centre, target, detected, slot, buffer):
 
 @kernel(nogil=True)
 def scans_into(first, last, R, z, *given):
-    """One scan of each of the episodes from `first` to before `last` of n, by a sensor of noise R (p, p), to
-    z (n, capacity, p). What is given is the rest of what `_scans_into` takes."""
+    """One scan of each of the episodes first, ..., last - 1 of n, to z (n, capacity, p).
+
+    R (p, p) is the measurement noise; the other arguments are those of `_scans_into`.
+    """
     p = len(R)
     _scans_into(
         first, last, np.zeros(p), np.empty(p), np.empty(p), factor(R), buffer_for(z.shape[1]), z, *given
@@ -105,31 +105,35 @@ def scans_into(first, last, R, z, *given):
 @leaf_kernel
 def _scans_into(
     first, last, centre, measurement, normal, L, buffer,
-    z, mask, origin, was, view, window_motion, chance, key, expected, of, t, estimates,
+    z, mask, origin, was, view, window_motion, detection_probability, key, z_hat, of, t, estimates,
 ):  # fmt: skip
-    """Scan t[i] of the episode with key[i] (n, 2), or nothing where it has none of that number. What the
-    sensor would say of the truth without noise is `expected` (m, T, p), in the row of[i]; the target's
-    probability of detection is `chance`, and the estimate (n, d) of the scan before, as `carried`, places the
-    window. For `mask`, `origin` and `was` (n, 2) see `label_into`."""
+    """Scan t[i] of the episode with key[i] (n, 2), empty past the last scan.
+
+    `z_hat` (m, T, p) holds noise-free measurements of the truth; episode i uses row of[i].
+    `detection_probability` is the target's. The estimate (n, d) of the scan before and `window_motion` place
+    the window. For `mask`, `origin` and `was` (n, 2) see `label_into`.
+    """
     for i in range(first, last):
         k, place, now = 0, -1, t[i]
-        if now < expected.shape[1]:
+        if now < z_hat.shape[1]:
             centre_into(centre, window_motion, estimates[i])
             for c in range(len(measurement)):
-                measurement[c] = expected[of[i], now, c]
+                measurement[c] = z_hat[of[i], now, c]
             detection_draw, slot = add_noise(measurement, key[i], now, L, normal)
-            k, place = scan_by(
-                z[i], view, key[i], now, centre, measurement, detection_draw < chance, slot, buffer
-            )
+            detected = detection_draw < detection_probability
+            k, place = scan_by(z[i], view, key[i], now, centre, measurement, detected, slot, buffer)
         label_into(z[i], mask[i], origin[i], was[i], k, place)
 
 
 @leaf_kernel
 def label_into(z, mask, origin, was, k, place):
-    """Tells of a scan of k detections in the rows of z (capacity, p): mask (capacity,) 1 for a detection and
-    0 for none, origin (capacity,) 0 in the target's row `place`, unless that is -1, then -1, and -2 for no
-    detection; rows from k on are zeros. All of it has been so of an earlier scan, whose k and place `was`
-    (2,) holds, and then holds these; 0 and -1 for nothing, of which z and mask are zeros, origin -2."""
+    """Writes mask and origin (capacity,) of a scan of k detections in the first rows of z (capacity, p).
+
+    mask is 1 for a detection, else 0. origin is 0 in the target's row `place` (-1 for none), -1 for clutter
+    and -2 for no detection. Rows of z from k on become zeros. The arrays hold the previous scan, whose (k,
+    place) is in `was` (2,); only what changes is written, and `was` is updated. For blank arrays was = (0,
+    -1).
+    """
     filled, stood = was[0], was[1]
     for i in range(filled, k):
         mask[i], origin[i] = 1, -1
@@ -146,7 +150,7 @@ def label_into(z, mask, origin, was, k, place):
 
 @leaf_kernel
 def centre_into(centre, window_motion, estimate):
-    """Where the next scan's window stands (p,) after the estimate (d,): nowhere else for no motion."""
+    """Writes the centre (p,) of the next scan's window after the estimate (d,): zeros for an empty motion."""
     F, offset, H = window_motion
     d = len(F)
     for c in range(len(H)):
@@ -160,8 +164,10 @@ def centre_into(centre, window_motion, estimate):
 
 @leaf_kernel
 def insert_into(z, k, place, target):
-    """Puts the target (p,) in its place among the first k rows of z, whose order says nothing; the row that
-    stood there becomes the last. Returns k + 1 and the place."""
+    """Writes the target (p,) to row `place` of the first k rows of z; the row there before becomes the last.
+
+    The order of the rows carries no information. Returns k + 1 and the place.
+    """
     for c in range(len(target)):
         z[k, c] = z[place, c]
         z[place, c] = target[c]
@@ -170,25 +176,28 @@ def insert_into(z, k, place, target):
 
 @leaf_kernel
 def clutter_into(z, view, key, t, centre, buffer):
-    """Clutter of scan t, uniform in the window placed at centre (p,), one point a row of z (capacity, p), by
-    way of `buffer_for` as many; returns how many, always less than the rows."""
+    """Writes the clutter of scan t, uniform in the window at centre (p,), to the first rows of z (capacity,
+    p).
+
+    `buffer` comes from `buffer_for`. Returns the number of points, always less than the rows.
+    """
     at = (t, ZERO, ZERO)
     k = min(poisson(view.clutter_rate, key, COUNT, at), len(z) - 1)
-    points_into(z, k, view.low, view.high, centre, key, PLACES, at, buffer)
+    points_into(z, k, view.low, view.high, centre, key, POSITIONS, at, buffer)
     return k
 
 
-# said, or it would be compiled as its callers are
+# it allocates: without the option it would be compiled as its callers, without reference counting
 @kernel(_nrt=True)
 def ground_into(z, view, key, t, centre, slot):
-    """What a window at centre (2,) shows of the clutter of scan t that stands fast on a region's ground, one
-    point a row of z (capacity, 2); returns how many, always less than the rows, and how many of them rank
-    below `slot`.
+    """Writes the clutter of scan t that lies on the ground of a region and in the window at centre (2,).
 
-    It is a Poisson process, drawn square by square from streams that each square of the grid about the
-    region's corner has to itself. Its order is by ranks of its own: that of the squares would give the
-    target away."""
-    low, high, squares = np.empty(2), np.empty(2), np.empty((2, 2), np.int64)
+    It goes to the first rows of z (capacity, 2). Returns the number of points, always less than the rows, and
+    how many of them rank below `slot`. The clutter is a Poisson process, drawn cell by cell; each cell of the
+    grid about the region's corner has its own streams. The points are ordered by ranks of their own: the
+    order of the cells would show where the target is.
+    """
+    low, high, cells = np.empty(2), np.empty(2), np.empty((2, 2), np.int64)
     corner, expected = view.region_low, view.clutter_rate * CELL**2
     for c in range(2):
         low[c] = max(view.low[c] + centre[c], corner[c])
@@ -196,15 +205,15 @@ def ground_into(z, view, key, t, centre, slot):
         expected /= view.high[c] - view.low[c]
         if not low[c] < high[c]:
             return 0, 0
-        squares[c, 0], squares[c, 1] = (low[c] - corner[c]) // CELL, (high[c] - corner[c]) // CELL
+        cells[c, 0], cells[c, 1] = (low[c] - corner[c]) // CELL, (high[c] - corner[c]) // CELL
     ranks, k, none, one = np.empty(len(z)), ZERO, np.zeros(3), np.ones(3)
-    for i in range(squares[0, 0], squares[0, 1] + 1):
-        for j in range(squares[1, 0], squares[1, 1] + 1):
-            # squares are counted from 1: 0 is where the episode's other streams are
+    for i in range(cells[0, 0], cells[0, 1] + 1):
+        for j in range(cells[1, 0], cells[1, 1] + 1):
+            # cells are counted from 1: counter word 0 holds the episode's other streams
             at = (t, i + 1, j + 1)
             points = np.empty((poisson(expected, key, GROUND_COUNT, at), 3))
             buffer = buffer_for(len(points))
-            points_into(points, len(points), none, one, none, key, GROUND_PLACES, at, buffer)
+            points_into(points, len(points), none, one, none, key, GROUND_POSITIONS, at, buffer)
             for n in range(len(points)):
                 x, y = corner[0] + CELL * (i + points[n, 0]), corner[1] + CELL * (j + points[n, 1])
                 if low[0] <= x <= high[0] and low[1] <= y <= high[1] and k < len(z) - 1:

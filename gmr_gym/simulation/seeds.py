@@ -15,18 +15,18 @@ FOLD, OVER = np.uint64(16), WORD + np.uint64(1)
 
 @kernel
 def keys_of(seeds):
-    """What `simulate.key_of` says of each of the seeds (n,), int64 and not negative: keys (n, 2)."""
+    """Keys (n, 2) of the seeds (n,), int64 and not negative; each as `single_target.key_of` gives it."""
     pool, keys = np.zeros(POOL, np.uint64), np.empty((len(seeds), 2), np.uint32)
     for n in range(len(seeds)):
         seed, factor = np.uint64(seeds[n]), FIRST
-        for i in range(POOL):  # words that a seed has not got are hashed as zeros
+        for i in range(POOL):  # missing words of a seed are hashed as zeros
             pool[i], factor = _hashed(seed & WORD, factor, FIRST_FACTOR)
             seed >>= HALF
         for source in range(POOL):
             for i in range(POOL):
                 if i != source:
                     word, factor = _hashed(pool[source], factor, FIRST_FACTOR)
-                    # a difference of products, but never below zero
+                    # OVER keeps the difference of products from going below zero
                     less = (RIGHT * word) & WORD
                     mixed = (((LEFT * pool[i]) & WORD) + OVER - less) & WORD
                     pool[i] = mixed ^ (mixed >> FOLD)

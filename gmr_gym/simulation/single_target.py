@@ -1,4 +1,4 @@
-"""The world: a scenario's truth, its detections and its clutter, one scan at a time."""
+"""Scenarios of one target: the truth, its detections and the clutter, one scan at a time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,62 +17,78 @@ from gmr_gym.simulation.scans import View, centre_into, clutter_into, insert_int
 
 LossRule = Callable[[Gates, np.ndarray, np.ndarray], bool]
 UNUSED = np.random.default_rng(0)
-NOWHERE = np.empty(0)  # m, the corners of no region
+NOWHERE = np.empty(0)  # m, corners where there is no region
 
 
 class Truth(NamedTuple):
-    """States at scans 1, 2, ... and which of the model's motions led to each."""
+    """True states at scans 1, 2, ... and the motion model that led to each."""
 
     x: np.ndarray  # (T, d)
     mode: np.ndarray  # (T,), index into model.motions, -1 where the target follows none of them
 
 
 class Window(NamedTuple):
-    """Where clutter falls: a box on the ground, or one carried along by the tracker's estimate."""
+    """The box in which clutter falls: fixed on the ground, or centred on the predicted estimate."""
 
     low: np.ndarray  # (p,), m; relative to the centre when it follows
     high: np.ndarray  # (p,), m
     follows: bool
-    # whether the sensor sees nothing outside: not so where the paper's truth runs along the edge
+    # whether the sensor reports nothing outside; False where the paper's truth runs along the edge
     limits_view: bool = True
 
     @property
     def volume(self) -> float:
+        """Volume of the box, m^p (radians for angles)."""
         return float(np.prod(self.high - self.low))
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """The world of one target, and what a tracker is told of it.
+    """A scenario of one target, and the model that a tracker assumes.
 
-    A window that follows is centred on the latest submitted estimate carried forward one period. A
-    detection of the target outside a window that ends sight is not seen: a lone point there would
-    betray it. Where there is a region, clutter stands fast on its ground whoever looks, and the window
-    that follows is what is seen of it: only what it covers is ever drawn.
+    A window that follows is centred on the latest submitted estimate, predicted one period ahead. Where the
+    window limits the view, a detection of the target outside it is not reported: a single point out there
+    would give the target away. With a `region`, clutter lies on the ground of that region and does not depend
+    on the window; the window that follows is the part of it in view, and only that part is drawn.
+
+    Raises
+    ------
+    ValueError
+        If there is a region and the sensor is not of the plane.
     """
 
     model: Model
     truth: Callable[[np.random.Generator], Truth]
-    sensor: MeasurementModel  # the world's own; model.sensor is what the tracker believes
+    sensor: MeasurementModel  # the true one; model.sensor is the one that the tracker assumes
     detection_probability: float
-    clutter_rate: float  # expected false detections in the window, a scan
+    clutter_rate: float  # expected false alarms in the window, per scan
     window: Window
     horizon: int  # scans
     period: float  # s
     position: tuple[int, ...]  # which states are coordinates, m
     velocity: tuple[int, ...]  # which states are velocities, m/s
-    loss_rule: LossRule  # (gates, true state, target's detection) -> is the target out of sight?
+    loss_rule: LossRule  # (gates, true state, target's detection) -> is this scan off target?
     patience: int  # scans in a row off target that make a track lost
     cutoff: float  # m, an error beyond counts as this much
-    region: Window | None = None  # in the plane: where there is clutter and sight; None for all of the window
+    region: Window | None = None  # in the plane: ground with clutter and in view; None for all of the window
 
     def __post_init__(self):
         if self.region is not None and not (len(self.region.low) == len(self.window.low) == 2):
             raise ValueError("a region needs a sensor of the plane: window and region with two sides each")
 
     def centre(self, estimate: np.ndarray) -> np.ndarray:
-        """Where the window of the next scan is centred after the estimate (d,) of this one: on it,
-        carried forward one period, or, fixed on the ground, nowhere else than where it was."""
+        """Centre of the window of the next scan.
+
+        Parameters
+        ----------
+        estimate : ndarray (d,)
+            Estimate of this scan.
+
+        Returns
+        -------
+        ndarray (p,)
+            Measurement of the estimate predicted one period ahead; zeros for a fixed window.
+        """
         centre = np.zeros(len(self.window.low))
         if self.window.follows:
             motion, sensor = self.model.motions[0], self.model.sensor
@@ -83,26 +99,48 @@ class Scenario:
 
 
 class Episode(NamedTuple):
-    """What chance decides in one episode whatever a tracker submits; its clutter follows from the key."""
+    """One drawn episode: all that does not depend on the estimates. The clutter follows from the key."""
 
     x: np.ndarray  # (T, d), true states
-    mode: np.ndarray  # (T,), the motion that led to each, -1 for none of the model's
-    z: np.ndarray  # (T, p), what the sensor would say of them
-    detected: np.ndarray  # (T,), whether it does
-    slot: np.ndarray  # (T,), in [0, 1): where among the clutter the target's detection stands
-    key: np.ndarray  # (2,), of everything but the truth: with a scan's number it makes the scan
+    mode: np.ndarray  # (T,), index of the motion that led to each, -1 for none of the model's
+    z: np.ndarray  # (T, p), noisy measurements of them
+    detected: np.ndarray  # (T,), whether the target is detected
+    slot: np.ndarray  # (T,), in [0, 1): place of the target's detection among the clutter
+    key: np.ndarray  # (2,), from which, with a scan's number, detections and clutter are drawn
 
 
 class Scan(NamedTuple):
-    """The detections of one scan, and whose they are."""
+    """The detections of one scan and their origins."""
 
     z: np.ndarray  # (k, p)
-    origin: np.ndarray  # (k,), index of the target, 0 where there is but one; -1 clutter
+    origin: np.ndarray  # (k,), index of the target (0 for a single one), -1 for clutter
 
 
 def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
-    """One episode: its truth drawn by a generator of its own, and of its detections and clutter, which are
-    functions of the seed's key and of a scan's number, the part that waits for no estimate."""
+    """Draw one episode.
+
+    The truth is drawn by a generator of its own. Detections and clutter are functions of the seed's key and
+    the number of a scan; the clutter of a scan is drawn later, by `scan`, as it may depend on the estimate.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    seed : int or SeedSequence
+
+    Returns
+    -------
+    Episode
+
+    Examples
+    --------
+    >>> from gmr_gym.scenarios.dortenzio import turning_target
+    >>> from gmr_gym.simulation import draw
+    >>> episode = draw(turning_target(), seed=1)
+    >>> episode.x.shape
+    (100, 4)
+    >>> draw(turning_target(), seed=1).z[0].round(1).tolist() == episode.z[0].round(1).tolist()
+    True
+    """
     x, mode = draw_truth(scenario, seed)
     key, z = key_of(seed), np.array(scenario.sensor.measure(x))
     detection_draw, slot = measure_all(z, key, scenario.sensor.R)
@@ -112,17 +150,29 @@ def draw(scenario: Scenario, seed: int | np.random.SeedSequence) -> Episode:
 
 def draw_truth(scenario: Scenario, seed: int | np.random.SeedSequence) -> Truth:
     """The truth of the episode of a seed."""
-    # a script draws nothing, and a generator of its own would take as long as ten scans
+    # a scripted truth draws nothing, and making a generator takes as long as ten scans
     return scenario.truth(UNUSED if is_scripted(scenario) else stream(seed, 0))
 
 
 def is_scripted(scenario: Scenario) -> bool:
-    """Whether the target goes the same way in every episode."""
+    """Whether the target takes the same path in every episode."""
     return getattr(scenario.truth, "func", None) is scripted
 
 
 def scripted(x: np.ndarray, rng: np.random.Generator) -> Truth:
-    """The truth of a target whose states x (T, d) chance has no part in."""
+    """The truth of a target that follows the same path in every episode.
+
+    Parameters
+    ----------
+    x : ndarray (T, d)
+        States.
+    rng : Generator
+        Not used.
+
+    Returns
+    -------
+    Truth
+    """
     return Truth(x, np.full(len(x), -1))
 
 
@@ -132,7 +182,7 @@ def key_of(seed: int | np.random.SeedSequence) -> np.ndarray:
 
 
 def stream(seed: int | np.random.SeedSequence, i: int) -> np.random.Generator:
-    """Stream i of a seed."""
+    """Random generator of stream i of a seed."""
     sequence = _sequence(seed)
     # not spawn(), which would give other streams when one sequence is drawn from twice
     return np.random.default_rng(np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, i)))
@@ -144,14 +194,17 @@ def _sequence(seed: int | np.random.SeedSequence) -> np.random.SeedSequence:
 
 @lru_cache
 def capacity(clutter_rate: float) -> int:
-    """Detections that a scan has room for: the quantile of the clutter at 1 - 1e-12, and the target's own."""
+    """Detections that an array for one scan has room for.
+
+    It is the quantile of the Poisson clutter at 1 - 1e-12, plus one for the target.
+    """
     share = 1 - 1e-12
     quantile = np.ceil(pdtrik(share, clutter_rate))
     return int(quantile - (pdtr(quantile - 1, clutter_rate) >= share)) + 1  # rounding may step over it
 
 
 def view_of(scenario: Scenario) -> View:
-    """What `scan_into` has to know of the scenario."""
+    """What `scan_into` needs of a scenario."""
     low, high, _, limits_view = scenario.window
     region = scenario.region
     corners = (NOWHERE, NOWHERE) if region is None else (region.low, region.high)
@@ -159,8 +212,10 @@ def view_of(scenario: Scenario) -> View:
 
 
 def window_motion(scenario: Scenario) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """F (d, d), offset (d,) and H (p, d) by which `centre_into` places the window, empty where it stands
-    fast; None where the sensor is not linear."""
+    """F (d, d), offset (d,) and H (p, d) by which `centre_into` places the window.
+
+    Empty arrays for a fixed window; None where the sensor is not linear.
+    """
     motion, sensor = scenario.model.motions[0], scenario.model.sensor
     if not isinstance(sensor, Sensor):
         return None
@@ -170,7 +225,31 @@ def window_motion(scenario: Scenario) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Scan:
-    """Scan t (from 0) of the episode; centre (p,) places a window that follows."""
+    """Scan t of an episode.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    episode : Episode
+    t : int
+        Number of the scan, from 0.
+    centre : ndarray (p,)
+        Centre of a window that follows, see `Scenario.centre`; not used for a fixed window.
+
+    Returns
+    -------
+    Scan
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gmr_gym.scenarios.dortenzio import turning_target
+    >>> from gmr_gym.simulation import draw, scan
+    >>> scenario = turning_target(clutter_rate=0, detection_probability=1)
+    >>> first = scan(scenario, draw(scenario, seed=1), 0, np.zeros(2))
+    >>> first.z.shape, first.origin.tolist()
+    ((1, 2), [0])
+    """
     z = np.empty((capacity(scenario.clutter_rate), len(centre)))
     if not scenario.window.follows:
         centre = np.zeros(len(centre))
@@ -184,19 +263,39 @@ def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Sc
 def make_scan(
     z: np.ndarray, scenario: Scenario, view: View, episode: Episode, t: int, centre: np.ndarray
 ) -> tuple[int, int]:
-    """`scan` written to the rows of z (capacity, p), for a centre that is zeros where the window does not
-    follow: how many detections there are, and the row of the target's own, -1 for none."""
-    make = scan_into if isinstance(scenario.sensor, Sensor) else partial(_settled_into, scenario)
+    """`scan` written to the first rows of z (capacity, p).
+
+    Parameters
+    ----------
+    z : ndarray (capacity, p)
+        Overwritten.
+    scenario : Scenario
+    view : View
+        `view_of` the scenario.
+    episode : Episode
+    t : int
+        Number of the scan, from 0.
+    centre : ndarray (p,)
+        Zeros for a fixed window.
+
+    Returns
+    -------
+    k : int
+        Number of detections.
+    place : int
+        Row of the target's detection, -1 for none.
+    """
+    make = scan_into if isinstance(scenario.sensor, Sensor) else partial(_wrapped_into, scenario)
     return make(z, view, episode.key, t, centre, episode.z[t], episode.detected[t], episode.slot[t])
 
 
-def _settled_into(scenario, z, view, key, t, centre, target, detected, slot) -> tuple[int, int]:
-    """`scan_into` for a sensor that reports not every point of its space, and not all where they fell."""
+def _wrapped_into(scenario, z, view, key, t, centre, target, detected, slot) -> tuple[int, int]:
+    """`scan_into` for a sensor that wraps points, and does not report all of them."""
     k = clutter_into(z, view, key, t, centre, buffer_for(len(z)))
-    settled, possible = scenario.sensor.wrap_and_validate(z[:k])
-    settled = settled[possible]
-    k = len(settled)
-    z[:k] = settled
+    wrapped, possible = scenario.sensor.wrap_and_validate(z[:k])
+    wrapped = wrapped[possible]
+    k = len(wrapped)
+    z[:k] = wrapped
     away = scenario.sensor.relative(target, centre) if scenario.window.follows else target
     seen = detected and (not view.limits_view or bool(((view.low <= away) & (away <= view.high)).all()))
     return insert_into(z, k, int(slot * (k + 1)), target) if seen else (k, -1)

@@ -1,4 +1,4 @@
-"""Thresholds of a tracker as actions: what a policy sees, sets and is rewarded for, scan by scan.
+"""Thresholds of a tracker as actions: what a policy observes, sets and is rewarded for, scan by scan.
 
 Stands on `evaluation` and all below, without Gymnasium. Open `thresholds.py` first, then `features.py`.
 """

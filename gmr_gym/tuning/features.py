@@ -1,4 +1,13 @@
-"""What may be known before thresholds are chosen: the full posterior of a scan, in a few numbers."""
+r"""Features of a scan's full posterior, known before its thresholds are chosen.
+
+Notes
+-----
+The feature "entropy" is the entropy of the n weights, scaled by that of the largest posterior:
+
+.. math:: 2 H / \log 2000 - 1, \quad H = -\sum_{i=1}^{n} w_i \log w_i
+
+The others are listed at `FEATURES`.
+"""
 
 from math import log
 from typing import NamedTuple
@@ -13,9 +22,9 @@ from gmr_gym.models.kalman import innovation
 from gmr_gym.models.model import Model
 from gmr_gym.reduction.merge_cost import total_cost
 
-# In this order, and scaled so that most of them lie within [-1, 1] most of the time. n: hypotheses of the
-# full posterior, w: their weights, c: cost of merging them all, S = H P H' + R: covariance of a detection,
-# R: that of its noise and lambda: the clutter density, as the tracker is told
+# In this order, and scaled so that most lie within [-1, 1] most of the time. n: hypotheses of the
+# full posterior, w: their weights, c: cost of merging them all, S = H P H' + R: innovation covariance,
+# R: measurement noise and lambda: clutter density, all of the filter model
 FEATURES = (
     "size",  # 2 log n / log 2000 - 1
     "entropy",  # 2 H / log 2000 - 1, H = -sum w log w
@@ -24,7 +33,7 @@ FEATURES = (
     "second",  # 2 w2 / w1 - 1, w2 the second largest, 0 where there is none
     "over_1e-2",  # 2 log n' / log 2000 - 1, n' the hypotheses that weigh more than 1e-2, at least one
     "over_1e-3",  # the same of 1e-3
-    "over_1e-4",  # of 1e-4: what pruning at such a weight would leave to be merged
+    "over_1e-4",  # of 1e-4: what pruning at that weight would leave
     "over_1e-5",  # of 1e-5
     "missed",  # 2 (weight of the hypotheses without a detection) - 1
     "spread",  # log(|S| / |R|) / 2p - 1, P the covariance of the whole posterior
@@ -33,13 +42,13 @@ FEATURES = (
     "separation",  # 2 c / (c + H) - 1: 1 when hypotheses lie far apart, -1 when on top of each other
     "gated",  # log10(1 + detections in the gate of a predicted hypothesis, on average)
     "evidence",  # log(P_D N(z; H m, S) / lambda) / 5, by weight over hypotheses with a detection, 0 for none
-    "given_up",  # 2 (share of c that the last reduction gave up) - 1, -1 before the first
+    "given_up",  # 2 (relative loss of the last reduction, a share of c) - 1, -1 before the first
     "kept",  # 2 log(hypotheses kept of the last scan) / log 2000 - 1
     "work",  # log10(1 + work of the last scan) / 3 - 1
     "expected",  # log10(lambda times the area of the gate of a predicted hypothesis, on average)
     "clutter",  # log10(lambda times the area of a gate about R alone)
     "detection",  # 5 (P_D - 0.8)
-    "manoeuvre",  # log10(tr(H Q H') / tr(R)) / 2 + 0.5, Q the noise of the motion it is told
+    "manoeuvre",  # log10(tr(H Q H') / tr(R)) / 2 + 0.5, Q the process noise of the filter model
 )
 BOUND = 2.0  # no feature lies outside +- this
 LOG_MOST = log(MAX_HYPOTHESES)
@@ -59,25 +68,36 @@ def at_start(model: Model) -> Memory:
 
 
 def model_features(model: Model) -> np.ndarray:
-    """The features "clutter", "detection" and "manoeuvre" (3,): what the model says, and goes on saying for
-    the whole of an episode. Its sensor must be linear."""
+    """The features "clutter", "detection" and "manoeuvre", which are constant through an episode.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model; its sensor must be linear.
+
+    Returns
+    -------
+    ndarray (3,)
+    """
     H, R = model.sensor.H, model.sensor.R
     area = volumes(Gates(np.zeros((1, len(R))), R[None], gate_threshold(model.gate_probability, len(R))))[0]
     index = np.trace(H @ model.motion.Q @ H.T) / np.trace(R)
     return np.array([
         np.log10(model.clutter_density * area),
         5 * (model.detection_probability - 0.8),
-        0.5 * np.log10(max(index, 1e-12)) + 0.5,  # a motion without noise stands at the edge
+        0.5 * np.log10(max(index, 1e-12)) + 0.5,  # without process noise it is clipped to the bound
     ])  # fmt: skip
 
 
 @kernel
 def observe(w, m, P, detection, log_density, S, H, R, log_weights, known, kept, relative_loss, work):
-    """FEATURES (k,) of a scan's full posterior w, m, P, each within +-BOUND, the cost of merging everything,
-    and how many hypotheses have a detection, of log N(z; H m, S) `log_density`. S are the covariances of the
-    predicted hypotheses' gates, `known` is `model_features` of the model,
-    `log_weights` is log(P_D / lambda), and the rest
-    is the Memory. Features do not depend on the order of the hypotheses."""
+    """FEATURES (k,) of a scan's full posterior w, m, P, the cost of merging all of it, and its detections.
+
+    Each feature is clipped to +-BOUND, and none depends on the order of the hypotheses. `detection` is -1 for
+    a hypothesis without one, `log_density` is log N(z; H m, S), S are the covariances of the predicted
+    hypotheses' gates, `log_weights` is log(P_D / lambda), `known` is `model_features`, and the rest is the
+    Memory. The last result is the number of hypotheses with a detection.
+    """
     entropy, square, first, second, hit, evidence = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     pairs, over_2, over_3, over_4, over_5 = 0, 0, 0, 0, 0
     for i in range(len(w)):
@@ -123,7 +143,7 @@ def observe(w, m, P, detection, log_density, S, H, R, log_weights, known, kept, 
         2 * relative_loss - 1,
         2 * np.log(kept) / LOG_MOST - 1,
         np.log10(1 + work) / 3 - 1,
-        # a gate is to one about R alone as the roots of their determinants
+        # the areas of two gates are in the ratio of the roots of their determinants
         np.log10(gates.mean()) + known[0],
         known[0],
         known[1],

@@ -1,4 +1,4 @@
-"""Instances of the tuning problem: rows of a table, each of which is a world to track in."""
+"""Instances of the tuning problem: rows of a table, each of which makes a scenario."""
 
 import csv
 from difflib import get_close_matches
@@ -18,29 +18,41 @@ TABLES = ("train", "valid", "test", "extrapolation")
 PERIOD = 1.0  # s
 SCANS = 100  # of an episode, fewer where the path is shorter
 AREA = 1316.5 * 662.5  # m^2, D'Ortenzio's field of view
-WINDOW = (1000.0, 1000.0)  # m, follows the estimate: a box about the path would give the path away
+WINDOW = (1000.0, 1000.0)  # m, follows the estimate: a box about the path would show where the path is
 
 
 class Instance(NamedTuple):
-    """One world, and what the filter is told of it where that differs."""
+    """One scenario, and the filter model where it differs."""
 
     instance_id: str
     trajectory: str  # one of trajectory_names(), or jump-markov-N, a path drawn from the seed N
     first_scan: int  # of the path, from 0: the state there is the prior, the episode starts one scan later
-    manoeuvre: float  # accelerations are those of the path times this
-    clutter_rate: float  # expected false detections a scan in D'Ortenzio's field of view
-    detection_probability: float  # in the world and as told
-    sensor_deviation: float  # m
-    told_sensor_deviation: float  # m
-    told_acceleration_deviation: float  # m/s^2
+    manoeuvre: float  # factor on the accelerations of the path
+    clutter_rate: float  # expected false alarms per scan in D'Ortenzio's field of view
+    detection_probability: float  # of the truth and of the filter model
+    sensor_deviation: float  # m, standard deviation of the true measurement noise
+    told_sensor_deviation: float  # m, the same in the filter model
+    told_acceleration_deviation: float  # m/s^2, process noise of the filter model
 
 
 def instances(table: str) -> dict[str, Instance]:
-    """Instances by their id, in the order of the table: one of TABLES, or the path of a CSV file with the
-    fields of Instance for columns, in any order.
+    """Read a table of instances.
 
-    Raises ValueError naming file, row and column for a missing file, an unknown or missing column, a value
-    of which no world can be made, and an id used twice.
+    Parameters
+    ----------
+    table : str
+        One of `TABLES`, or the path of a CSV file whose columns are the fields of Instance, in any order.
+
+    Returns
+    -------
+    dict of str to Instance
+        By id, in the order of the table.
+
+    Raises
+    ------
+    ValueError
+        Naming file, row and column, for a missing file, an unknown or missing column, a value of which no
+        scenario can be made, and an id used twice.
     """
     file = files("gmr_gym.data") / "instances" / f"{table}.csv" if table in TABLES else Path(table)
     try:
@@ -61,7 +73,7 @@ def instances(table: str) -> dict[str, Instance]:
     for column in Instance._fields:
         if header.count(column) != 1:
             times = header.count(column)
-            raise ValueError(f"{table}: column {column!r} must stand there once, not {times} times")
+            raise ValueError(f"{table}: column {column!r} must appear once, not {times} times")
     found: dict[str, Instance] = {}
     for row in rows:
         where = f"{table}, row {rows.line_num}"
@@ -69,7 +81,7 @@ def instances(table: str) -> dict[str, Instance]:
             raise ValueError(f"{where}: {len(row)} cells for {len(header)} columns")
         instance = _checked(where, dict(zip(header, row, strict=True)))
         if instance.instance_id in found:
-            raise ValueError(f"{where}, column instance_id: {instance.instance_id!r} is there already")
+            raise ValueError(f"{where}, column instance_id: {instance.instance_id!r} is used twice")
         found[instance.instance_id] = instance
     if not found:
         raise ValueError(f"{table}: no instances below the header")
@@ -77,15 +89,31 @@ def instances(table: str) -> dict[str, Instance]:
 
 
 def world(instance: Instance) -> Scenario:
-    """The scenario of an instance: D'Ortenzio's sensor and filter along its path, in clutter seen through a
-    window that follows the estimate. ValueError for a path that is not there or too short."""
+    """The scenario of an instance.
+
+    It has D'Ortenzio's sensor and filter model along the instance's path, in clutter in a window that follows
+    the estimate.
+
+    Parameters
+    ----------
+    instance : Instance
+
+    Returns
+    -------
+    Scenario
+
+    Raises
+    ------
+    ValueError
+        For an unknown path, or one that is too short.
+    """
     x = trajectory(instance.trajectory)[instance.first_scan :][: SCANS + 1]
     if len(x) < 4:
         raise ValueError(
             f"{instance.trajectory} has {len(x)} scans from scan {instance.first_scan}, wanted at least 4"
         )
     x, _ = path(x, PERIOD)
-    # what the path would be without any acceleration stays; the rest grows with the accelerations
+    # the path without any acceleration stays; the difference from it scales with the accelerations
     times = PERIOD * np.arange(len(x))[:, None]
     straight = np.hstack([x[0, :2] + times * x[0, 2:], np.repeat(x[:1, 2:], len(x), axis=0)])
     x = straight + instance.manoeuvre * (x - straight)
@@ -109,9 +137,24 @@ def trajectory_names() -> tuple[str, ...]:
 
 
 def trajectory(name: str) -> np.ndarray:
-    """Positions, or positions and velocities, (T, 2) or (T, 4) at one scan a second, m and m/s: the path of
-    D'Ortenzio, every second epoch of Maybeck's flight, a recorded flight, or "jump-markov-N", that which
-    Zhang's target draws from the seed N. ValueError for another name."""
+    """A path at one scan per second.
+
+    Parameters
+    ----------
+    name : str
+        "turning-target": D'Ortenzio's path; "agile-flight": every second epoch of Maybeck's flight; the name
+        of a recorded flight; or "jump-markov-N": the path that Zhang's target draws from the seed N.
+
+    Returns
+    -------
+    ndarray (T, 2) or (T, 4)
+        Positions, or positions and velocities, m and m/s.
+
+    Raises
+    ------
+    ValueError
+        For another name.
+    """
     kind, _, number = name.rpartition("-")
     if name == "turning-target":
         return np.vstack([START, printed_path()])
@@ -130,9 +173,10 @@ def _checked(where: str, cells: dict[str, str]) -> Instance:
         try:
             values[column] = value = kind(cells[column])
         except ValueError:
-            raise ValueError(f"{where}, column {column}: {cells[column]!r} is no {kind.__name__}") from None
+            wanted = "a whole number" if kind is int else "a number"
+            raise ValueError(f"{where}, column {column}: {cells[column]!r} is not {wanted}") from None
         if value == "" or (kind is not str and not _possible(column, value)):
-            raise ValueError(f"{where}, column {column}: {cells[column]!r} is impossible")
+            raise ValueError(f"{where}, column {column}: {cells[column]!r} is invalid")
     instance = Instance(**values)  # type: ignore[arg-type]
     try:
         world(instance)

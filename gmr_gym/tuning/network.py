@@ -1,5 +1,7 @@
-"""A small network from features to thresholds: a file of plain arrays, read without trust, and its forward
-pass. Nothing is unpickled, and no framework is needed."""
+"""A small network from features to thresholds: a file of plain arrays, and its forward pass.
+
+The file is read without trust: nothing is unpickled, and no framework is needed.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,20 +14,20 @@ from gmr_gym.kernels import kernel
 
 FORMAT = "gmr_gym thresholds 1"
 ACTIVATIONS = ("tanh", "relu")
-MOST_LAYERS, MOST_UNITS = 8, 4096  # a file that asks for more is none of ours
-MOST_SIGNAL = 1e300  # what a unit could sum to; of more the sum might be no number
+MOST_LAYERS, MOST_UNITS = 8, 4096  # a file with more was not written here
+MOST_SIGNAL = 1e300  # largest sum of a unit; a larger one might overflow
 
 
 class Network(NamedTuple):
-    """Layers with an activation between them, over features first made of mean 0 and deviation 1."""
+    """Layers with an activation between them, over features normalised to mean 0 and standard deviation 1."""
 
-    features: tuple[str, ...]  # names of what goes in
-    parameters: tuple[str, ...]  # names of what comes out, see `thresholds.from_action`
+    features: tuple[str, ...]  # names of the inputs
+    parameters: tuple[str, ...]  # names of the outputs, see `thresholds.from_action`
     mean: np.ndarray  # (k,)
-    deviation: np.ndarray  # (k,), positive
+    deviation: np.ndarray  # (k,), standard deviation, positive
     reach: float  # normalised features are clipped to +- this
     activation: str  # one of ACTIVATIONS
-    squashed: bool  # whether what comes out is tanh of the last layer, or clipped to +- 1
+    squashed: bool  # whether the output is tanh of the last layer; else it is clipped to +- 1
     weights: tuple[np.ndarray, ...]  # (out, in) each
     biases: tuple[np.ndarray, ...]  # (out,) each
 
@@ -35,8 +37,15 @@ class Network(NamedTuple):
         return forward(rows, *self.packed()).reshape(*np.shape(features)[:-1], -1)
 
     def packed(self) -> tuple[np.ndarray, np.ndarray]:
-        """What `forward` takes: the sizes of the layers after two flags, whether units are tanh and whether
-        what comes out is; and all numbers in the order in which they are used."""
+        """The arguments of `forward`.
+
+        Returns
+        -------
+        layout : ndarray of int
+            Whether units are tanh, whether the output is tanh, then the sizes of the layers.
+        numbers : ndarray of float
+            All numbers, in the order in which they are used.
+        """
         layout = [self.activation == "tanh", self.squashed, len(self.mean), *map(len, self.biases)]
         parts = [np.array([self.reach]), self.mean, self.deviation]
         for W, b in zip(self.weights, self.biases, strict=True):
@@ -45,7 +54,13 @@ class Network(NamedTuple):
 
 
 def save(file: Path | str, network: Network) -> None:
-    """The network as an .npz of plain arrays."""
+    """Write a network as an .npz of plain arrays.
+
+    Parameters
+    ----------
+    file : Path or str
+    network : Network
+    """
     layers: dict[str, Any] = {}
     for i, (W, b) in enumerate(zip(network.weights, network.biases, strict=True)):
         layers |= {f"weights_{i}": W, f"biases_{i}": b}
@@ -57,16 +72,33 @@ def save(file: Path | str, network: Network) -> None:
 
 
 def load(file: Path | str, features: Sequence[str], parameters: Sequence[str]) -> Network:
-    """The network in a file, for these features and any of these parameters. Raises ValueError naming the
-    file and what is wrong with it: no such file, truncated, foreign or of another version, other features,
-    unknown parameters, shapes that do not fit, numbers of another kind or not finite, or so large that a sum
-    of them might not be."""
+    """Read a network from a file.
+
+    Parameters
+    ----------
+    file : Path or str
+    features : sequence of str
+        The features that it must take.
+    parameters : sequence of str
+        The parameters that it may set.
+
+    Returns
+    -------
+    Network
+
+    Raises
+    ------
+    ValueError
+        Naming the file and what is wrong: missing, truncated, foreign or of another version; other features
+        or unknown parameters; shapes that do not fit; numbers of another type, not finite, or so large that a
+        sum of them might overflow.
+    """
     file = Path(file)
     try:
         arrays = archive.load(file)
     except ValueError as error:
-        raise ValueError(f"{file} is no policy that can be read: {error}") from None
-    arrays.pop(archive.DIGEST, None)  # a policy of another program's may have none
+        raise ValueError(f"{file} is not a readable policy: {error}") from None
+    arrays.pop(archive.DIGEST, None)  # a policy from another program may have none
     try:
         return _checked(arrays, tuple(features), tuple(parameters))
     except ValueError as error:
@@ -75,7 +107,7 @@ def load(file: Path | str, features: Sequence[str], parameters: Sequence[str]) -
 
 @kernel
 def forward(features, layout, numbers):
-    """Actions (n, j) for features (n, k) of a `Network.packed`."""
+    """Actions (n, j) for features (n, k), of a network given by `Network.packed`."""
     curved, squashed, sizes = layout[0] > 0, layout[1] > 0, layout[2:]
     depth, k = len(sizes) - 1, sizes[0]
     mean, deviation = numbers[1 : 1 + k], numbers[1 + k : 1 + 2 * k]
@@ -90,7 +122,7 @@ def forward(features, layout, numbers):
             for r in range(units):
                 y[r] = numbers[at + r]
             for c in range(width):
-                # units side by side: one unit after another, its sum could not be turned into vectors
+                # all units at once: the loop over them is vectorised, a sum of one unit is not
                 column, value = numbers[at + (c + 1) * units :], x[c]
                 for r in range(units):
                     y[r] += column[r] * value
@@ -166,14 +198,14 @@ def _checked(
 
 
 def _check_sums(numbers: dict[str, np.ndarray], depth: int, activation: str) -> None:
-    """Raise ValueError naming the weights of a layer in which some features could make a sum overflow."""
+    """Raises ValueError naming the weights of a layer in which some features could make a sum overflow."""
     signal = np.full(len(numbers["mean"]), numbers["reach"])
     for i in range(depth):
         with np.errstate(over="ignore"):
             signal = np.abs(numbers[f"biases_{i}"]) + np.abs(numbers[f"weights_{i}"]) @ signal
         if not (signal <= MOST_SIGNAL).all():
             raise ValueError(
-                f"weights_{i} with biases_{i} must sum to at most {MOST_SIGNAL:g} of whatever reaches them, "
+                f"weights_{i} with biases_{i} must sum to at most {MOST_SIGNAL:g} for any input, "
                 f"but unit {signal.argmax()} could come to {signal.max():g}"
             )
         signal = np.ones(len(signal)) if activation == "tanh" else signal

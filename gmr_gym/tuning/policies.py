@@ -1,8 +1,8 @@
-"""Policies that set thresholds: policy(features (k,), t) -> action (j,), t the scan from 0.
+"""Policies that set thresholds: policy(features (k,), t) -> action (j,), with t the scan from 0.
 
 The features are those of `gmr_gym.tuning.features`, and the action is what
-`gmr_gym.tuning.thresholds.from_action` takes. A learned policy and those that it has to beat go through the
-same door.
+`gmr_gym.tuning.thresholds.from_action` takes. Learned policies and the ones they are compared with have this
+one interface.
 """
 
 from collections.abc import Sequence
@@ -18,17 +18,24 @@ from gmr_gym.tuning.network import Network
 
 @dataclass(frozen=True)
 class Constant:
-    """The same thresholds at every scan."""
+    """The same action at every scan."""
 
     action: np.ndarray  # (j,)
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
+        """The action (j,) at scan t."""
         return self.action
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """Thresholds by the clock: row i for scans i * every and on, the last row from then on."""
+    """Actions by time: row i for the scans from i * every on, the last row from then on.
+
+    Raises
+    ------
+    ValueError
+        If `every` is not a positive whole number.
+    """
 
     actions: np.ndarray  # (m, j)
     every: int  # scans
@@ -37,39 +44,52 @@ class Schedule:
         check_count(self.every, "every")
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
+        """The action (j,) at scan t."""
         return self.actions[min(t // self.every, len(self.actions) - 1)]
 
 
 @dataclass(frozen=True)
 class Rule:
-    """Log thresholds linear in a few features, kept within the box. On "kept" or "given_up" alone it steers
-    the number of hypotheses, or the loss of a reduction, towards a target."""
+    """Log thresholds that are linear in a few features, clipped to the box.
+
+    On "kept" or "given_up" alone it is a controller of the number of hypotheses, or of the loss of a
+    reduction.
+    """
 
     names: Sequence[str]  # i of FEATURES
     gain: np.ndarray  # (j, i)
     bias: np.ndarray  # (j,)
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
-        return np.clip(self.bias + self.gain @ features[places(self.names)], -1, 1)
+        """The action (j,) for the features (k,) of scan t."""
+        return np.clip(self.bias + self.gain @ features[feature_index(self.names)], -1, 1)
 
 
 @dataclass(frozen=True)
 class ByTable:
-    """Thresholds by what is known of the world, as an engineer tabulates them: those of the nearest cell."""
+    """A table of actions by features of the scenario; the action of the nearest cell is taken."""
 
     names: Sequence[str]  # i of FEATURES, such as "clutter" and "detection"
     cells: np.ndarray  # (m, i), their values
     actions: np.ndarray  # (m, j)
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
-        distance = ((self.cells - features[places(self.names)]) ** 2).sum(axis=1)
+        """The action (j,) for the features (k,) of scan t."""
+        distance = ((self.cells - features[feature_index(self.names)]) ** 2).sum(axis=1)
         return self.actions[distance.argmin()]
 
 
 @dataclass
 class Random:
-    """Thresholds drawn evenly over the box anew every so many scans. It remembers what it drew, and goes on
-    with its own stream from episode to episode."""
+    """Actions drawn uniformly from the box, anew every so many scans.
+
+    It keeps its last draw, and its random stream continues from episode to episode.
+
+    Raises
+    ------
+    ValueError
+        If `every` is not a positive whole number.
+    """
 
     size: int  # j
     every: int  # scans
@@ -80,10 +100,11 @@ class Random:
         check_count(self.every, "every")
 
     def watching(self, env: Any) -> "Random":
-        """Itself: having a stream, it plays one episode after another and no two at once."""
+        """Itself: with one stream it plays one episode after another, never two at once."""
         return self
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
+        """The action (j,) at scan t."""
         if t % self.every == 0:
             self._action = self.rng.uniform(-1, 1, self.size)
         return self._action
@@ -91,20 +112,27 @@ class Random:
 
 @dataclass(frozen=True)
 class ByNetwork:
-    """What a trained network says of the features."""
+    """The actions of a trained network."""
 
     network: Network
 
     def __call__(self, features: np.ndarray, t: int) -> np.ndarray:
+        """The action (j,) for the features (k,) of scan t."""
         return self.network(features)
 
     def many(self, features: np.ndarray, t: int) -> np.ndarray:
-        """The actions (n, j) for features (n, k) of as many episodes, each as if alone."""
+        """The actions (n, j) for features (n, k) of n episodes, each as if alone."""
         return self.network(features)
 
 
-def places(names: Sequence[str]) -> list[int]:
-    """Where the named features stand; ValueError for one that is not there."""
+def feature_index(names: Sequence[str]) -> list[int]:
+    """Indices of the named features among `FEATURES`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
+    """
     for name in names:
         if name not in FEATURES:
             raise ValueError(f"unknown feature {name!r}; choose from {', '.join(FEATURES)}")

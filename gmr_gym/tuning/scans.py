@@ -1,7 +1,7 @@
-"""Scans of MHTs whose thresholds are set from outside, each with its own target, many of them in one call.
+"""Scans of MHTs whose thresholds are set from outside, many episodes in one call.
 
-An episode is a record, and n of them are an array (n,): what there is to see, what the tracker is told of it,
-and the posterior that waits for its thresholds.
+An episode is a record, and n of them are an array (n,): the target and its detections, the filter model, and
+the posterior that waits for its thresholds.
 """
 
 import numba
@@ -17,14 +17,14 @@ from gmr_gym.tuning.hindsight import FORESEEN, hindsight, lookahead
 from gmr_gym.tuning.instances import SCANS
 from gmr_gym.tuning.thresholds import RANGES, adapt
 
-LEAST = RANGES["prune"][0]  # what weighs less enters no reduction
+LEAST = RANGES["prune"][0]  # hypotheses that weigh less enter no reduction
 EPISODE = np.dtype(
     [
-        # the world
+        # the scenario
         ("x", "f8", (SCANS, 4)),
         ("z", "f8", (SCANS, 2)),  # detections of the target
         ("slot", "f8", (SCANS,)),
-        ("ahead", "f8", (SCANS, FORESEEN)),  # see `threshold_hindsight.ahead`
+        ("lookahead", "f8", (SCANS, FORESEEN)),  # see `hindsight.lookahead`
         ("key", "u4", (2,)),
         ("clutter_rate", "f8"),
         ("low", "f8", (2,)),
@@ -32,7 +32,7 @@ EPISODE = np.dtype(
         ("capacity", "i8"),  # detections
         ("cutoff", "f8"),  # m
         ("patience", "i8"),  # scans in a row beyond the cutoff that make a target lost
-        # what the tracker is told
+        # the filter model
         ("prior", "f8", (1, 4)),
         ("prior_covariance", "f8", (1, 4, 4)),
         ("F", "f8", (4, 4)),
@@ -40,12 +40,12 @@ EPISODE = np.dtype(
         ("offset", "f8", (4,)),
         ("H", "f8", (2, 4)),
         ("R", "f8", (2, 2)),
-        ("odds", "f8", (3,)),
+        ("log_weights", "f8", (3,)),  # see `gate_and_log_weights`
         ("known", "f8", (3,)),
-        # what has come of it
-        ("t", "i8"),  # the scan, from 0, that waits for its thresholds; -1 before the first look
-        ("scans", "i8"),  # in all; where t is as many, no episode is running
-        ("strayed", "i8"),  # scans in a row beyond the cutoff
+        # the state of the episode
+        ("t", "i8"),  # the scan, from 0, that waits for its thresholds; -1 before the first is processed
+        ("scans", "i8"),  # in all; where t equals it, no episode is running
+        ("scans_off", "i8"),  # scans in a row beyond the cutoff
         ("hypotheses", "i8"),  # of the posterior that may enter a reduction
         ("w", "f8", (MAX_HYPOTHESES,)),
         ("m", "f8", (MAX_HYPOTHESES, 4)),
@@ -53,7 +53,7 @@ EPISODE = np.dtype(
         ("cost", "f8"),  # of merging all of the posterior
         ("gated", "i8"),  # Gaussians updated
         ("kept", "i8"),  # of the scan before: see `Memory`
-        ("given_up", "f8"),
+        ("relative_loss", "f8"),
         ("work", "i8"),
         ("detected", "u1", (SCANS,)),
         ("limits_view", "u1"),
@@ -75,21 +75,32 @@ STEP = np.dtype(
 
 
 def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode, patience: int) -> None:
-    """Puts an episode of a scenario of `instances.world` into its record (), to be looked at."""
+    """Write an episode to its record. Its first scan is not processed yet.
+
+    Parameters
+    ----------
+    episode : ndarray of EPISODE ()
+        Overwritten.
+    scenario : Scenario
+        Of `instances.world`.
+    drawn : Episode
+    patience : int
+        Consecutive scans beyond the cutoff that make a target lost.
+    """
     view, model, n = view_of(scenario), scenario.model, scenario.horizon
     episode["x"][:n], episode["z"][:n], episode["slot"][:n] = drawn.x, drawn.z, drawn.slot
     episode["detected"][:n], episode["key"] = drawn.detected, drawn.key
     for name in ("clutter_rate", "low", "high", "limits_view"):
         episode[name] = getattr(view, name)
-    episode["ahead"][:n] = lookahead(scenario, drawn)
+    episode["lookahead"][:n] = lookahead(scenario, drawn)
     episode["capacity"] = capacity(view.clutter_rate)
     episode["cutoff"], episode["patience"] = scenario.cutoff, patience
     episode["prior"], episode["prior_covariance"] = model.prior.m, model.prior.P
     episode["F"], episode["Q"], episode["offset"] = model.motion
     episode["H"], episode["R"] = model.sensor.H, model.sensor.R
-    episode["odds"], episode["known"] = gate_and_log_weights(model), model_features(model)
-    episode["t"], episode["scans"], episode["strayed"] = -1, n, 0
-    episode["kept"], episode["given_up"], episode["work"] = 1, 0.0, 0
+    episode["log_weights"], episode["known"] = gate_and_log_weights(model), model_features(model)
+    episode["t"], episode["scans"], episode["scans_off"] = -1, n, 0
+    episode["kept"], episode["relative_loss"], episode["work"] = 1, 0.0, 0
 
 
 def stepped(
@@ -100,12 +111,27 @@ def stepped(
     steps: np.ndarray,
     observations: np.ndarray,
 ) -> None:
-    """Reduces the posteriors of the episodes at `rows` by the thresholds (n, 4), see `Thresholds`, and looks
-    at their next scans: what came of it to the same rows of `steps` (n,), and FEATURES of the next scan to
-    those of the observations (n, k), zeros where the episode is over. Of an episode that has just begun it
-    looks at the first scan, and there is nothing to reduce."""
+    """Reduce the posteriors of episodes by thresholds, and process their next scans.
+
+    An episode that has just begun only has its first scan processed: there is no posterior to reduce yet.
+
+    Parameters
+    ----------
+    episodes : ndarray of EPISODE (n,)
+        Overwritten.
+    rows : ndarray of int
+        The episodes to step.
+    thresholds : ndarray (n, 4)
+        As `Thresholds`.
+    price : float
+        Of a unit of work.
+    steps : ndarray of STEP (n,)
+        Receives the results.
+    observations : ndarray (n, k)
+        Receives FEATURES of the next scan, zeros where the episode is over.
+    """
     threads = max(1, min(numba.config.NUMBA_NUM_THREADS, len(rows)))  # type: ignore[attr-defined]
-    if threads > 1:  # dealt out so that each thread has as much to merge
+    if threads > 1:  # sorted by work, so that each thread has about as much to merge
         rows = rows[np.argsort(-episodes["hypotheses"][rows], kind="stable")]
     shares = [rows[first::threads].copy() for first in range(threads)]
     together(step, [(episodes, share, thresholds, price, steps, observations) for share in shares])
@@ -113,6 +139,7 @@ def stepped(
 
 @kernel(nogil=True)
 def step(episodes, rows, thresholds, price, steps, observations):
+    """`stepped` for one thread's rows."""
     for i in rows:
         e = episodes[i]
         w, m, P, estimate = np.ones(1), e.prior[:], e.prior_covariance[:], e.prior[0]
@@ -131,8 +158,12 @@ def step(episodes, rows, thresholds, price, steps, observations):
 
 @kernel
 def score(e, estimate, thresholds, price, out):
-    """What the estimate (d,) of the scan at which the episode stands is worth; a loss sends it to the end."""
-    # the sensor sees positions
+    """Scores the estimate (d,) of the current scan to `out`; a loss moves the episode to its end.
+
+    With error e, cutoff c, work k and price q the reward is -min(e / c, 1) - q k; a loss adds -1 for each
+    scan left.
+    """
+    # the sensor measures positions
     squared, left = 0.0, e.scans - e.t - 1
     for r in range(len(e.H)):
         away = 0.0
@@ -154,44 +185,36 @@ def score(e, estimate, thresholds, price, out):
 
 @kernel
 def look(e, w, m, P, estimate, observation):
-    """The scan at which the episode stands, expanded from the belief w, m, P; the window is centred by the
-    estimate (d,), and the features go to the observation (k,)."""
+    """Predicts the belief w, m, P to the current scan and updates it by the detections; writes the features
+    (k,).
+
+    The window is centred by the estimate (d,).
+    """
     d, p, t = len(estimate), len(e.R), e.t
-    ahead, centre = e.offset.copy(), np.zeros(p)
+    predicted, centre = e.offset.copy(), np.zeros(p)
     for r in range(d):
         for c in range(d):
-            ahead[r] += e.F[r, c] * estimate[c]
+            predicted[r] += e.F[r, c] * estimate[c]
     for r in range(p):
         for c in range(d):
-            centre[r] += e.H[r, c] * ahead[c]
+            centre[r] += e.H[r, c] * predicted[c]
     nowhere = np.empty(0)
     view = View(e.clutter_rate, e.low[:], e.high[:], e.limits_view > 0, nowhere, nowhere)
     z = np.empty((e.capacity, p))
     k, _ = scan_into(z, view, e.key[:], t, centre, e.z[t], e.detected[t] > 0, e.slot[t])
-    size, log_miss, log_detect = e.odds[0], e.odds[1], e.odds[2]
+    threshold, log_miss, log_detect = e.log_weights[0], e.log_weights[1], e.log_weights[2]
     _, S, w, m, P, _, detection, log_density = expand_scan(
-        w, m, P, e.F[:], e.Q[:], e.offset[:], e.H[:], e.R[:], size, log_miss, log_detect, z[:k]
+        w, m, P, e.F[:], e.Q[:], e.offset[:], e.H[:], e.R[:], threshold, log_miss, log_detect, z[:k]
     )
-    seen, e.cost, e.gated = observe(
-        w,
-        m,
-        P,
-        detection,
-        log_density,
-        S,
-        e.H[:],
-        e.R[:],
-        log_detect,
-        e.known[:],
-        e.kept,
-        e.relative_loss,
-        e.work,
-    )
-    for f in range(len(seen)):
-        observation[f] = seen[f]
-    if len(observation) > len(seen):
-        observation[len(seen) :] = hindsight(
-            w, m, P, e.H[:], size, e.x[t], e.scans - t, e.scans_off, e.ahead[t]
+    features, e.cost, e.gated = observe(
+        w, m, P, detection, log_density, S, e.H[:], e.R[:], log_detect, e.known[:],
+        e.kept, e.relative_loss, e.work,
+    )  # fmt: skip
+    for f in range(len(features)):
+        observation[f] = features[f]
+    if len(observation) > len(features):
+        observation[len(features) :] = hindsight(
+            w, m, P, e.H[:], threshold, e.x[t], e.scans - t, e.scans_off, e.lookahead[t]
         )
     w, m, P, _ = select(w, m, P, heaviest_mask(w, len(e.w)) & above_threshold(w, w, LEAST))
     e.hypotheses = n = len(w)

@@ -1,4 +1,4 @@
-"""The thresholds of adaptive merging as numbers that somebody sets scan by scan."""
+"""The thresholds of adaptive merging, as numbers set scan by scan, and as actions."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,27 +12,57 @@ from gmr_gym.reduction.merge_cost import total_cost
 
 
 class Thresholds(NamedTuple):
-    """What decides how far a posterior is reduced; by default as D'Ortenzio sets it, section 4."""
+    """Thresholds of the reduction of a posterior; by default those of D'Ortenzio, section 4.
 
-    alpha: float = 0.05  # of the cost of merging everything, the share that merging may spend
+    Examples
+    --------
+    >>> from gmr_gym.tuning import Thresholds
+    >>> Thresholds(alpha=0.1)
+    Thresholds(alpha=0.1, prune=0.0005, prune_density=1e-10, components=100)
+    """
+
+    alpha: float = 0.05  # share of the cost of merging everything that merging may spend
     prune: float = 5e-4  # gamma: a hypothesis that weighs less does not enter the merging
     prune_density: float = 1e-10  # gamma~, s^2/m^4 for a planar position and velocity
     components: int = 100  # N_M: merging goes on past alpha down to so many
 
 
 DORTENZIO = Thresholds()
-# An action of -1 and of 1; in between it is the logarithm that is linear. Below 1e-4 alpha merges next to
-# nothing and above a half everything that matters is gone. gamma multiplies the work by about three a decade,
-# and at 1e-2 it leaves a few hypotheses.
+# Thresholds of the actions -1 and 1; the scale between is logarithmic. Below 1e-4 alpha merges next to
+# nothing, above a half it merges all that matters. Each decade of gamma changes the work by a factor of about
+# three, and at 1e-2 it leaves a few hypotheses.
 RANGES = {"alpha": (1e-4, 0.5), "prune": (1e-6, 1e-2), "prune_density": (1e-14, 1e-6), "components": (2, 200)}
 
 LIMITS, COMPONENTS = np.array(list(RANGES.values()), float), list(RANGES).index("components")
 
 
 def from_action(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = DORTENZIO) -> Thresholds:
-    """The thresholds that an action (k,) in [-1, 1] stands for, one of `parameters` each, on a logarithmic
-    scale over RANGES; the others are those of `rest`. Raises ValueError for another shape, and for a number
-    that is not finite or outside the box."""
+    """The thresholds that an action stands for.
+
+    Parameters
+    ----------
+    action : array_like (k,)
+        Numbers in [-1, 1], on a logarithmic scale over `RANGES`.
+    parameters : sequence of k str
+        Names of the thresholds that the action sets.
+    rest : Thresholds
+        Where the other thresholds come from.
+
+    Returns
+    -------
+    Thresholds
+
+    Raises
+    ------
+    ValueError
+        For another shape, and for a number that is not finite or outside the box.
+
+    Examples
+    --------
+    >>> from gmr_gym.tuning.thresholds import from_action
+    >>> from_action([1.0, -1.0], ["alpha", "components"])
+    Thresholds(alpha=0.5, prune=0.0005, prune_density=1e-10, components=2)
+    """
     check_unmasked("action", action)
     try:
         action = np.array(action).astype(float, casting="same_kind", copy=False)
@@ -50,8 +80,26 @@ def from_action(action: np.ndarray, parameters: Sequence[str], rest: Thresholds 
 
 
 def check_actions(actions: np.ndarray, n: int, parameters: Sequence[str], used: np.ndarray) -> np.ndarray:
-    """Actions (n, k) as floats; ValueError for another shape, and for what `from_action` refuses in one that
-    is `used` (n,)."""
+    """Check the actions of n environments.
+
+    Parameters
+    ----------
+    actions : array_like (n, k)
+    n : int
+    parameters : sequence of k str
+        Names of the thresholds that the actions set.
+    used : ndarray of bool (n,)
+        The rows that must be finite and in [-1, 1].
+
+    Returns
+    -------
+    ndarray (n, k)
+
+    Raises
+    ------
+    ValueError
+        For another shape, and for an invalid action in a row that is used.
+    """
     shape = n, len(parameters)
     check_unmasked("actions", actions)
     try:
@@ -73,38 +121,65 @@ def check_actions(actions: np.ndarray, n: int, parameters: Sequence[str], used: 
 
 
 def threshold_index(parameters: Sequence[str]) -> np.ndarray:
-    """Where the named thresholds stand (k,) among all."""
+    """Indices (k,) of the named thresholds among the fields of `Thresholds`."""
     return np.array([Thresholds._fields.index(name) for name in parameters])
 
 
 @kernel
-def from_actions(actions, places, rest):
-    """`from_action` for actions (n, k) that set the thresholds at `places` (k,): rows (n, 4)."""
+def from_actions(actions, at, rest):
+    """`from_action` for actions (n, k) that set the thresholds of the indices `at` (k,); rows (n, 4)."""
     out = np.empty((len(actions), len(rest)))
     for i in range(len(actions)):
         out[i] = rest
-        for a in range(len(places)):
-            low, high = LIMITS[places[a]]
+        for a in range(len(at)):
+            low, high = LIMITS[at[a]]
             value = low * (high / low) ** ((actions[i, a] + 1) / 2)
-            out[i, places[a]] = np.rint(value) if places[a] == COMPONENTS else value
+            out[i, at[a]] = np.rint(value) if at[a] == COMPONENTS else value
     return out
 
 
 def to_action(thresholds: Thresholds, parameters: Sequence[str]) -> np.ndarray:
-    """The action (k,) that stands for the thresholds named in `parameters`: `from_action` backwards.
-    ValueError for one outside its range."""
+    """The action that stands for thresholds: the inverse of `from_action`.
+
+    Parameters
+    ----------
+    thresholds : Thresholds
+    parameters : sequence of k str
+        Names of the thresholds in the action.
+
+    Returns
+    -------
+    ndarray (k,)
+
+    Raises
+    ------
+    ValueError
+        For a threshold outside its range.
+
+    Examples
+    --------
+    >>> from gmr_gym.tuning import Thresholds
+    >>> from gmr_gym.tuning.thresholds import to_action
+    >>> to_action(Thresholds(alpha=0.5, components=20), ["alpha", "components"]).round(3).tolist()
+    [1.0, 0.0]
+    """
     action = np.empty(len(parameters))
     for i, name in enumerate(parameters):
         value, (low, high) = getattr(thresholds, name), RANGES[name]
         if not low <= value <= high:
             raise ValueError(f"{name} must lie in [{low:g}, {high:g}] to be an action, got {value}")
         action[i] = 2 * np.log(value / low) / np.log(high / low) - 1
-    return np.clip(action, -1, 1)  # rounding may step over the edge
+    return np.clip(action, -1, 1)  # rounding may step over the bound
 
 
 def check_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
-    """The names of thresholds as a tuple; ValueError for another kind, for none, for one twice and
-    for an unknown one."""
+    """The names of thresholds as a tuple.
+
+    Raises
+    ------
+    ValueError
+        If they are not a sequence of different known names, at least one.
+    """
     if not isinstance(parameters, Sequence) or isinstance(parameters, str) or not parameters:
         raise ValueError(f"parameters must be a list of different thresholds, got {parameters!r}")
     for name in parameters:
@@ -117,15 +192,17 @@ def check_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
 
 @kernel
 def adapt(w, m, P, thresholds, cost, gated):
-    """The posterior pruned, merged adaptively and pruned again (D'Ortenzio, Adaptive) by thresholds (4,),
-    where merging all of it costs `cost` and `gated` of its Gaussians were updated. Returns w, m and P of what
-    is left, weights that sum to 1; its mean (d,) and covariance (d, d); the share of the cost that is gone
-    from it; and the work, Gaussians that were updated and costs of pairs that were evaluated."""
+    """The posterior pruned, merged adaptively and pruned again by thresholds (4,) (D'Ortenzio, Adaptive).
+
+    `cost` is that of merging all of it, and `gated` the number of its Gaussians that were updated. Returns w,
+    m and P of the result, weights that sum to 1; its mean (d,) and covariance (d, d); the relative loss, the
+    share of the cost that the result has lost; and the work: Gaussians updated plus costs of pairs evaluated.
+    """
     alpha, prune, density = thresholds[0], thresholds[1], thresholds[2]
     w, m, P, entered, left = reduce_scan(
         w, m, P, prune, np.int64(MAX_HYPOTHESES), int(thresholds[COMPONENTS]), alpha, density
     )
     after, mean, covariance = total_cost(w, m, P)
-    # what is left of the greedy way to one Gaussian is the cost of what is left, see `total_merge_cost`
+    # the cost still to come on the greedy way to one Gaussian is that of the result, see `total_merge_cost`
     relative_loss = max(0.0, 1 - after / cost) if cost > 0.0 else 0.0
     return w, m, P, mean, covariance, relative_loss, gated + merge_costs(entered, left)

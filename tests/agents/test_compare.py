@@ -227,7 +227,7 @@ def test_the_oracle_takes_no_less_in_a_scan_than_any_of_its_actions(table):
     act = Greedy(actions, scans=1).watching(env)
     observation, _ = env.reset(seed=5, options={"instance_id": "sure"})
     for t in range(12):
-        offered = [env.foreseen(action) for action in actions]
+        offered = [env.lookahead_reward(action) for action in actions]
         observation, reward, *_ = env.step(act(observation, t))
         assert reward == max(offered) >= min(offered)
 

@@ -66,7 +66,7 @@ def test_a_policy_file_and_its_limits_are_checked_when_the_tracker_is_made(tmp_p
     assert tracker.rest.components == 50
     with pytest.raises(ValueError, match="components must lie in"):
         learned_thresholds(WORLD.model, tmp_path / "p.npz", 1)
-    with pytest.raises(ValueError, match="no policy that can be read"):
+    with pytest.raises(ValueError, match="not a readable policy"):
         learned_thresholds(WORLD.model, tmp_path / "none.npz")
 
 

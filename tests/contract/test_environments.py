@@ -556,7 +556,7 @@ def test_without_clutter_the_scan_is_the_targets_detection_or_nothing():
         (RADAR, {"angle_deviation": 0.6}, ValueError, "angle_deviation must be positive and at most 0.5 rad"),
         (RADAR, {"angle_deviation": -0.1}, ValueError, "angle_deviation must be positive"),
         (RADAR, {"update": "biased"}, ValueError, "update must be one of raw, debiased, .*, got 'biased'"),
-        (RADAR, {"trajectory": PASSING, "platform": PASSING}, ValueError, "keep 10 range deviations apart"),
+        (RADAR, {"trajectory": PASSING, "platform": PASSING}, ValueError, "keep 10 sigma of the range apart"),
         (RADAR, {"trajectory": PASSING, "platform": STILL[1:]}, ValueError, "platform must have as many"),
         (RADAR, {"trajectory": [[0, 0]] * 5}, ValueError, r"trajectory must have shape \(T, 3\) or \(T, 6\)"),
         (RADAR, {"trajectory": "circle"}, ValueError, "trajectory must be numbers"),

@@ -84,7 +84,7 @@ def test_the_picture_is_of_the_tracker_under_its_thresholds(tmp_path):
     assert line.get_ydata().tolist() == [2]  # a miss, and the one detection in the gate
     for t in range(12):
         _, _, _, _, info = env.step(ACTION)
-        env.foreseen(ACTION)
+        env.lookahead_reward(ACTION)
         if t not in (2, 7, 11):
             continue
         pictures.append(env.render())
@@ -254,21 +254,28 @@ def test_bad_arguments_are_refused(kwargs, message):
         ReductionTuningEnv(**kwargs)
 
 
-def test_what_is_foreseen_is_what_comes_and_changes_nothing(tmp_path):
+def test_the_looked_ahead_reward_is_the_one_that_comes_and_changes_nothing(tmp_path):
     env, rng = ReductionTuningEnv(instances=table(tmp_path, SURE, LOST)), np.random.default_rng(0)
     for name in ("sure", "lost"):
         env.reset(seed=3, options={"instance_id": name})
         over = False
         while not over:
             action = rng.uniform(0, 1, 2)
-            near, far = env.foreseen(action), env.foreseen(action, 2)
-            assert near == env.foreseen(action)
+            near, far = env.lookahead_reward(action), env.lookahead_reward(action, 2)
+            assert near == env.lookahead_reward(action)
             _, reward, terminated, truncated, _ = env.step(action)
             over = terminated or truncated
             assert near == reward
-            assert far == pytest.approx(reward + (0 if over else env.foreseen(action)), abs=1e-12)
+            assert far == pytest.approx(reward + (0 if over else env.lookahead_reward(action)), abs=1e-12)
     with pytest.raises(RuntimeError, match="call reset"):
-        env.foreseen(action)
+        env.lookahead_reward(action)
+
+
+def test_the_former_name_of_the_looked_ahead_reward_warns_and_gives_the_same(tmp_path):
+    env = ReductionTuningEnv(instances=table(tmp_path, SURE))
+    env.reset(seed=3)
+    with pytest.warns(DeprecationWarning, match="foreseen is now lookahead_reward"):
+        assert env.foreseen(ACTION, 2) == env.lookahead_reward(ACTION, 2)
 
 
 def test_bad_options_and_actions_are_refused():
@@ -365,15 +372,15 @@ def test_manoeuvre_scales_the_accelerations_of_a_path_and_nothing_else(name):
 @pytest.mark.parametrize(
     ("change", "column", "message"),
     [
-        ({"clutter_rate": -1}, "clutter_rate", "'-1' is impossible"),
-        ({"clutter_rate": "nan"}, "clutter_rate", "'nan' is impossible"),
-        ({"detection_probability": 1.2}, "detection_probability", "'1.2' is impossible"),
-        ({"sensor_deviation": "wide"}, "sensor_deviation", "'wide' is no float"),
-        ({"first_scan": 2.5}, "first_scan", "'2.5' is no int"),
+        ({"clutter_rate": -1}, "clutter_rate", "'-1' is invalid"),
+        ({"clutter_rate": "nan"}, "clutter_rate", "'nan' is invalid"),
+        ({"detection_probability": 1.2}, "detection_probability", "'1.2' is invalid"),
+        ({"sensor_deviation": "wide"}, "sensor_deviation", "'wide' is not a number"),
+        ({"first_scan": 2.5}, "first_scan", "'2.5' is not a whole number"),
         ({"first_scan": 99}, "first_scan", "turning-target has 2 scans from scan 99, wanted at least 4"),
         ({"trajectory": "turning"}, "trajectory", "unknown 'turning'; choose from turning-target, "),
-        ({"instance_id": ""}, "instance_id", "'' is impossible"),
-        ({"instance_id": "sure"}, "instance_id", "'sure' is there already"),
+        ({"instance_id": ""}, "instance_id", "'' is invalid"),
+        ({"instance_id": "sure"}, "instance_id", "'sure' is used twice"),
     ],
 )
 def test_an_impossible_value_is_refused_by_file_row_and_column(tmp_path, change, column, message):
@@ -387,8 +394,8 @@ def test_an_impossible_value_is_refused_by_file_row_and_column(tmp_path, change,
     ("header", "rows", "message"),
     [
         ((*COLUMNS, "clutter_rat"), [(*SURE, 1)], "unknown column 'clutter_rat'; did you mean"),
-        (COLUMNS[:-1], [SURE[:-1]], "column 'told_acceleration_deviation' must stand there once, not 0"),
-        ((*COLUMNS, "manoeuvre"), [(*SURE, 1)], "column 'manoeuvre' must stand there once, not 2 times"),
+        (COLUMNS[:-1], [SURE[:-1]], "column 'told_acceleration_deviation' must appear once, not 0"),
+        ((*COLUMNS, "manoeuvre"), [(*SURE, 1)], "column 'manoeuvre' must appear once, not 2 times"),
         (COLUMNS, [SURE[:-1]], "row 2: 8 cells for 9 columns"),
         (COLUMNS, [], "no instances below the header"),
     ],

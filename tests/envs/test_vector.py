@@ -246,11 +246,11 @@ def test_unseeded_environments_differ_from_one_another():
 
 @pytest.mark.parametrize("env_id", [TURNING, TUNING])
 def test_environments_side_by_side_say_that_they_are_not_drawn(env_id):
-    with pytest.raises(ValueError, match="side by side are not drawn, make a single one to look at: ren"):
+    with pytest.raises(ValueError, match="make a single one to render: render_mode"):
         gym.make_vec(env_id, 2, vectorization_mode="vector_entry_point", render_mode="rgb_array")
     envs = gym.make_vec(env_id, 2, vectorization_mode="vector_entry_point")
     assert envs.metadata["render_modes"] == []
-    with pytest.raises(NotImplementedError, match="side by side are not drawn, make a single one to look at"):
+    with pytest.raises(NotImplementedError, match="vector environments are not rendered; make a single one"):
         envs.render()
 
 

@@ -233,7 +233,7 @@ def test_arrays_that_were_written_over_are_found_out_though_their_shapes_and_che
     arrays = archive.load(file, of=file.name)
     assert archive.DIGEST in arrays and set(arrays) == {*Runs._fields, archive.DIGEST}
     np.savez(file, **arrays | {field: change(arrays[field])})
-    with pytest.raises(ValueError, match=r"is not a block of runs \(its digest is not that of its arrays"):
+    with pytest.raises(ValueError, match=r"is not a block of runs \(its digest does not match its arrays"):
         load(file, Runs)
 
 
@@ -243,14 +243,14 @@ def test_a_block_under_the_name_of_another_is_refused(shards, tmp_path):
     there = {file.name: file for folder in shards for file in folder.iterdir()}
     for other in others:
         (tmp_path / other).write_bytes(there[one].read_bytes())
-        with pytest.raises(ValueError, match=rf"{other} is not a block of runs \(its digest is not that of"):
+        with pytest.raises(ValueError, match=rf"{other} is not a block of runs \(its digest does not match"):
             load(tmp_path / other, Runs)
 
 
 def test_a_pipe_in_the_place_of_a_block_is_refused_and_not_waited_for(tmp_path):
     file = tmp_path / f"{'0' * 32}-0-20.npz"
     os.mkfifo(file)
-    with pytest.raises(ValueError, match="it is no plain file"):
+    with pytest.raises(ValueError, match="it is not a plain file"):
         load(file, Runs)
 
 

@@ -299,7 +299,7 @@ def test_no_more_processes_are_started_than_there_are_calls_nor_one_that_is_this
 
 
 def test_no_jobs_are_refused():
-    with pytest.raises(ValueError, match="jobs must be a number of processes, or -1 for one a core, got 0"):
+    with pytest.raises(ValueError, match="jobs must be a number of processes, or -1 for one per core, got 0"):
         run(WORLD, NEAREST, 1, jobs=0)
 
 

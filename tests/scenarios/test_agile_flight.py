@@ -174,7 +174,7 @@ def test_exact_posteriors_of_a_drawn_target_are_as_good_as_they_say():
     ("wrong", "message"),
     [
         ({"clutter_density": -1.0}, "clutter_density must lie between 0 and 0.1"),
-        ({"clutter_density": 0.1, "side": 9000}, "at most 1e5 points a scan"),
+        ({"clutter_density": 0.1, "side": 9000}, "at most 1e5 false alarms per scan"),
         ({"side": 0}, "window must be two positive lengths"),
         ({"jerks": [0.5, 0]}, "jerks must be positive"),
         ({"jerks": [1.0, 2, 3]}, r"switching must have shape \(3, 3\)"),

@@ -377,7 +377,7 @@ def test_without_clutter_a_drawn_target_is_as_far_from_the_estimate_as_the_estim
     ("wrong", "message"),
     [
         ({"regime": "middling"}, "regime must be one of near, far, extreme, got 'middling'"),
-        ({"clutter_rate": -1.0}, "clutter_rate must lie between 0 and 1e5 a scan, got -1"),
+        ({"clutter_rate": -1.0}, "clutter_rate must lie between 0 and 1e5 per scan, got -1"),
         ({"period": 0.001}, "period must lie between 0.01 and 10 s, got 0.001"),
         ({"detection_probability": 0.0}, "detection_probability must"),
         ({"update": "debias"}, "update must be one of raw, debiased"),
@@ -391,7 +391,7 @@ def test_without_clutter_a_drawn_target_is_as_far_from_the_estimate_as_the_estim
             {"trajectory": circling(), "platform": np.zeros((39, 3))},
             "platform must have as many scans.*40, got 39",
         ),
-        ({"trajectory": circling(), "platform": circling() + 50.0}, "must keep 10 range deviations apart"),
+        ({"trajectory": circling(), "platform": circling() + 50.0}, "must keep 10 sigma of the range apart"),
     ],
 )
 def test_a_wrong_world_is_refused_by_name(wrong, message):

@@ -281,7 +281,7 @@ def test_trackers_that_know_one_motion_refuse_it_and_take_it_with_one(name):
         ({"detection_probability": 1.1}, r"detection_probability must lie in \(0, 1\], got 1.1"),
         ({"clutter_density": -1e-4}, "clutter_density must lie between 0 and 0.1 per m.2, got -"),
         ({"clutter_density": 0.11}, "clutter_density must lie between 0 and 0.1 per m.2, got 0.11"),
-        ({"clutter_density": 0.1, "window": (2000, 2000)}, "at most 1e5 points a scan .*got 400000"),
+        ({"clutter_density": 0.1, "window": (2000, 2000)}, "at most 1e5 false alarms per scan.*got 400000"),
         ({"case": "nonsense", "clutter_density": 1e-4}, "case must be one of 1, 2, stress, clear"),
         ({"accelerations": [[0, 0], [1]]}, "accelerations must be rows"),
         ({"clutter_density": np.nan}, "clutter_density must lie between 0 and 0.1 per m.2, got nan"),

@@ -316,7 +316,7 @@ def test_a_given_trajectory_is_flown_and_told_of_where_it_starts(columns):
     [
         ({"clutter": "thick"}, "clutter must be groups, uniform or dense, got 'thick'"),
         ({"told": "nothing"}, "told must be uniform or true, got 'nothing'"),
-        ({"clutter_rate": -1}, "clutter_rate must lie between 0 and 1e4 a scan, got -1"),
+        ({"clutter_rate": -1}, "clutter_rate must lie between 0 and 1e4 per scan, got -1"),
         ({"clutter_rate": np.nan}, "clutter_rate must lie"),
         ({"clutter_rate": "many"}, "cannot make a scenario of .*clutter_rate"),
         ({"detection_probability": 1.2}, "detection_probability must lie in"),
@@ -336,7 +336,7 @@ def test_a_given_trajectory_is_flown_and_told_of_where_it_starts(columns):
         ({"births": []}, "births must be"),
         ({"births": [(200, 800)]}, "births must be"),
         ({"births": [(-1, (200, 800))]}, "births must be of positive numbers"),
-        ({"births": [(1, (200, np.nan))]}, "births must be of positive numbers at finite places"),
+        ({"births": [(1, (200, np.nan))]}, "births must be of positive numbers at finite positions"),
         ({"trajectory": np.zeros((5, 4))}, r"trajectory must have shape \(T, m, 4\) or .*got \(5, 4\)"),
         ({"trajectory": np.zeros((5, 2, 5))}, "trajectory must have shape"),
         ({"trajectory": np.zeros((5, 0, 4))}, "trajectory must have shape"),
