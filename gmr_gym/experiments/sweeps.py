@@ -11,7 +11,7 @@ from rich.console import Console
 from gmr_gym.evaluation import blocks
 from gmr_gym.evaluation.montecarlo import Runs, run, run_shard
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
-from gmr_gym.experiments.output import console, progress
+from gmr_gym.experiments.screen import console, progress
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
 

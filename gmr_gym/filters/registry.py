@@ -2,26 +2,20 @@
 
 import inspect
 from difflib import get_close_matches
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
+from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described, tracker_entry_points
 from gmr_gym.deprecated import warn_renamed
 from gmr_gym.models.model import Model, with_radar_update
 from gmr_gym.models.multi_target import MultiTargetModel
 
-GROUP, MULTI_TARGET_GROUP = "gmr_gym.trackers", "gmr_gym.multi_target_trackers"
-FORMER_GROUP = "gmr_gym.crowd_trackers"  # of MULTI_TARGET_GROUP
 FORMER_PARAMETERS = {"hopeless": "give_up_ratio", "most": "max_hypotheses", "naming": "report_threshold"}
 
 
 def trackers(group: str = GROUP) -> dict[str, str]:
     """Names of the installed trackers, of one target or, with `MULTI_TARGET_GROUP`, of many, each with the
     first paragraph of its description."""
-    found = {}
-    for name, point in sorted(_entry_points(group).items()):
-        doc = inspect.getdoc(point.load()) or ""
-        found[name] = " ".join(doc.split("\n\n")[0].split())
-    return found
+    return described(group)
 
 
 def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> Any:
@@ -33,14 +27,17 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
     Raises ValueError for a name that no installed package offers, with the nearest that one does,
     and for a parameter the tracker does not take, with those it does.
     """
-    known = _entry_points(MULTI_TARGET_GROUP if isinstance(model, MultiTargetModel) else GROUP)
+    known = tracker_entry_points(MULTI_TARGET_GROUP if isinstance(model, MultiTargetModel) else GROUP)
     base, _, number = name.rpartition("-")
     twice = None
     if name not in known and base in known and number.isdigit():
         twice = parameters.get("components")
         name, parameters = base, {**parameters, "components": int(number)}
     many = isinstance(model, MultiTargetModel)
-    if name not in known and {name, base} & _entry_points(GROUP if many else MULTI_TARGET_GROUP).keys():
+    if (
+        name not in known
+        and {name, base} & tracker_entry_points(GROUP if many else MULTI_TARGET_GROUP).keys()
+    ):
         kind = "one target, and here there are many" if many else "many targets, and here there is one"
         raise ValueError(f"tracker {name!r} is for {kind}")
     if name not in known:
@@ -72,12 +69,3 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
     if update is not None and getattr(tracker.model.sensor, "update", None) != update:
         raise ValueError(f"tracker {name!r} has an update of its own and takes no {update!r}")
     return tracker
-
-
-def _entry_points(group: str) -> dict[str, EntryPoint]:
-    known = {point.name: point for point in entry_points(group=group)}
-    if group == MULTI_TARGET_GROUP:
-        for point in entry_points(group=FORMER_GROUP):
-            warn_renamed(f"entry-point group {FORMER_GROUP!r} of {point.value}", repr(group))
-            known.setdefault(point.name, point)
-    return known
