@@ -25,7 +25,7 @@ def _spelled(error: UnicodeError) -> tuple[str, int]:
     return plain(error.object[error.start : error.end]), error.end
 
 
-SPELLED = "gmr_gym.spelled"
+SPELLED = "gmr-gym-spelled"
 codecs.register_error(SPELLED, _spelled)
 
 

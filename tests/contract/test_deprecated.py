@@ -50,7 +50,7 @@ def test_a_tracker_with_neither_name_refuses_the_former_one():
 
 @pytest.fixture
 def former_plugin(tmp_path, monkeypatch):
-    """A package, installed as far as can be seen, that offers trackers of many targets in the former group."""
+    """A package that offers trackers of many targets in the former group, as if it were installed."""
     installed = tmp_path / "former-0.dist-info"
     installed.mkdir()
     (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: former\nVersion: 0\n")
