@@ -109,7 +109,7 @@ def single_target(env_id: str, world: Mapping[str, Any]) -> Scenario:
     return scenario
 
 
-def tracker_of(spec: str, scenario: Scenario | MultiTargetScenario, **parameters) -> Any:
+def tracker_of(spec: str, scenario: Scenario | MultiTargetScenario, **parameters: Any) -> Any:
     """The tracker NAME:key=value,key=value, with further parameters, for the scenario's filter model."""
     name, further = parsed(spec)
     return make_tracker(name, scenario.model, **parameters, **further)
@@ -131,9 +131,10 @@ def evaluated(
 ) -> Iterator[Any]:
     """Runs trackers in a scenario, leaves record and runs in `out`, and then gives what a screen shows."""
     (results,) = runs_shown(asked["env"], [(scenario, trackers)], sweep)
-    many = isinstance(scenario, MultiTargetScenario)
-    rows = (multi_target_summary if many else summary)(scenario, results)
-    paired = (multi_target_differences if many else differences)(scenario, results)
+    if isinstance(scenario, MultiTargetScenario):
+        rows, paired = multi_target_summary(scenario, results), multi_target_differences(scenario, results)
+    else:
+        rows, paired = summary(scenario, results), differences(scenario, results)
     tables = [table_record(asked["env"], asked["settings"], rows)]
     if paired:
         tables.append(table_record("paired differences", asked["settings"], paired))
