@@ -4,7 +4,7 @@ import pytest
 
 import gmr_gym
 from gmr_gym.envs.policy import MultiTargetPolicy
-from gmr_gym.filters.registry import FORMER_PARAMETERS, MULTI_TARGET_GROUP, make_tracker, trackers
+from gmr_gym.filters.registry import MULTI_TARGET_GROUP, make_tracker, trackers
 from gmr_gym.models import multi_target
 from gmr_gym.scenarios.lv import unknown_clutter
 from gmr_gym.scenarios.zhang import jump_markov
@@ -26,18 +26,17 @@ def test_population_is_the_multi_target_model(former, new):
 
 
 @pytest.mark.parametrize(
-    ("model", "name", "former", "value"),
+    ("model", "name", "former", "new", "value"),
     [
-        (MODES, "imm-pda", "hopeless", 7.0),
-        (MODES, "mmg-5", "hopeless", 7.0),
-        (MODES, "mmg-5", "most", 40),
-        (MODES, "imm-mht-5", "most", 40),
-        (MANY, "pmb", "naming", 0.75),
-        (MANY, "learning-pmb", "naming", 0.75),
+        (MODES, "imm-pda", "hopeless", "give_up_ratio", 7.0),
+        (MODES, "mmg-5", "hopeless", "give_up_ratio", 7.0),
+        (MODES, "mmg-5", "most", "max_hypotheses", 40),
+        (MODES, "imm-mht-5", "most", "max_hypotheses", 40),
+        (MANY, "pmb", "naming", "report_threshold", 0.75),
+        (MANY, "learning-pmb", "naming", "report_threshold", 0.75),
     ],
 )
-def test_a_former_parameter_of_a_tracker_is_passed_on_by_its_new_name(model, name, former, value):
-    new = FORMER_PARAMETERS[former]
+def test_a_former_parameter_of_a_tracker_is_passed_on_by_its_new_name(model, name, former, new, value):
     with pytest.warns(DeprecationWarning, match=f"parameter '{former}' is now '{new}'"):
         tracker = make_tracker(name, model, **{former: value})
     assert getattr(getattr(tracker, "limits", tracker), new) == value
