@@ -21,7 +21,7 @@ from gmr_gym.experiments.options import (
     Json,
     MotionModel,
     Once,
-    Paper,
+    PaperName,
     RunCount,
     Scheduler,
     Seed,
@@ -118,7 +118,7 @@ def evaluate(
 
 @command()
 def reproduce(
-    paper: Paper,
+    paper: PaperName,
     table: Tables = [],  # noqa: B006
     runs: Annotated[
         int | None,

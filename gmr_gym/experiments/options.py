@@ -2,7 +2,7 @@
 share. Nothing that a command runs is imported here."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,17 +26,16 @@ MODELS = {"constant-velocity": "a target whose velocity changes by a random acce
 Named = Mapping[str, str]  # what a shell completes to, each with a line about it
 
 
-def choice(what: str, names: Iterable[str]) -> dict[str, Any]:
+def choice(what: str, names: Collection[str]) -> dict[str, Any]:
     """Arguments of an option or argument that takes one of these names, and no other."""
-    choices = list(names)
 
     def check(ctx: typer.Context, value: str) -> str:
-        if not ctx.resilient_parsing and value not in choices:  # while a shell completes, there may be none
-            one = "one of " if len(choices) > 1 else ""
-            raise ValueError(f"unknown {what} {value!r}; choose {one}{', '.join(choices)}")
+        if not ctx.resilient_parsing and value not in names:  # while a shell completes, there may be none
+            one = "one of " if len(names) > 1 else ""
+            raise ValueError(f"unknown {what} {value!r}; choose {one}{', '.join(names)}")
         return value
 
-    lines = names if isinstance(names, Mapping) else dict.fromkeys(choices, "")
+    lines = names if isinstance(names, Mapping) else dict.fromkeys(names, "")
     return {"callback": check, "autocompletion": completing(lines)}
 
 
@@ -87,7 +86,7 @@ EnvId = Annotated[
         autocompletion=completing(TRACKED),
     ),
 ]
-Paper = Annotated[str, typer.Argument(help=", ".join(PAPERS), **choice("paper", PAPERS))]
+PaperName = Annotated[str, typer.Argument(help=", ".join(PAPERS), **choice("paper", PAPERS))]
 Tables = Annotated[
     list[str],
     typer.Option("--table", help="only this table; repeatable", autocompletion=complete_table),
