@@ -71,7 +71,7 @@ def list_() -> None:
     ):
         screen.print(f"[bold]{title}[/bold]")
         for name, text in entries.items():
-            screen.print(f"  {name:24} {text}".rstrip(), soft_wrap=True, markup=False)
+            screen.print(f"  {name:26} {text}".rstrip(), soft_wrap=True, markup=False)
 
 
 @command()
