@@ -29,8 +29,9 @@ from scores import (
 
 from gmr_gym.evaluation.summary import CONFIDENCE
 from gmr_gym.evaluation.writing import whole
-from gmr_gym.experiments.output import console, progress, write_json
+from gmr_gym.experiments.output import write_json
 from gmr_gym.experiments.records import question
+from gmr_gym.experiments.screen import console, progress
 from gmr_gym.experiments.sheets import figures_table as table_of
 from gmr_gym.tuning.features import FEATURES
 from gmr_gym.tuning.instances import instances, world

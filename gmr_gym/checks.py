@@ -30,7 +30,7 @@ def doubles(name: str, a, at: str = "") -> np.ndarray:
         raise ValueError(f"{at}{name} must be an array of real numbers, got dtype {given.dtype}")
     if np.ma.is_masked(given):
         raise ValueError(f"{at}{name} must have no masked entries; leave out the components that have")
-    return np.require(given.data, DOUBLE, "CAWE")
+    return np.require(given.data, DOUBLE, ["C", "A", "W", "E"])
 
 
 def refuse_unsound(at: str, w: np.ndarray, m: np.ndarray, P: np.ndarray) -> None:

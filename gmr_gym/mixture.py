@@ -119,7 +119,7 @@ def matched(p: Mixture, group: np.ndarray, count: int) -> Mixture:
     p, group = checked(p), np.asarray(group)
     if group.shape != p.w.shape or group.dtype.kind != "i":
         raise ValueError(f"group must hold an integer for each of {len(p.w)} components, got {group!r}")
-    return match_groups(p, np.require(group, np.int64, "CAW"), count)
+    return match_groups(p, np.require(group, np.int64, ["C", "A", "W"]), count)
 
 
 def match_groups(p: Mixture, group: np.ndarray, count: int) -> Mixture:

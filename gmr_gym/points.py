@@ -44,7 +44,7 @@ def absent(points) -> np.ndarray | None:
     if not isinstance(points, np.ma.MaskedArray):
         return None
     hidden = np.ma.getmaskarray(points)
-    return hidden.any(axis=tuple(range(1, hidden.ndim)))
+    return np.asarray(hidden.any(axis=tuple(range(1, hidden.ndim))))
 
 
 def check_unmasked(name: str, values) -> None:

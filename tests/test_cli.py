@@ -4,11 +4,12 @@ import contextlib
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 from importlib.metadata import entry_points, version
-from inspect import signature
+from inspect import getdoc, signature
 from pathlib import Path
 
 import gymnasium as gym
@@ -17,11 +18,13 @@ import pytest
 from PIL import Image
 
 import gmr_gym
+from gmr_gym.catalogue import BACKENDS, REDUCTIONS
 from gmr_gym.cli import PAPERS, main
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.episodic import settings
-from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
+from gmr_gym.envs.registry import ABOUT, ENVIRONMENTS, MULTI_TARGET, TRACKING
 from gmr_gym.evaluation import recordings as detections
+from gmr_gym.evaluation import workers
 from gmr_gym.evaluation.curves import CURVES
 from gmr_gym.evaluation.loop import play
 from gmr_gym.evaluation.montecarlo import run
@@ -67,13 +70,83 @@ def test_list_shows_every_environment_segment_tracker_reduction_and_paper(call):
         else:
             title = line
             shown[title] = {}
-    environments, segments, reductions = (
-        dict.fromkeys(names, "") for names in (ENVIRONMENTS, flight_names(), REDUCERS)
-    )
-    wanted = [environments, segments, trackers(), trackers(MULTI_TARGET_GROUP), reductions, PAPERS]
+    segments, reductions = (dict.fromkeys(names, "") for names in (flight_names(), REDUCERS))
+    wanted = [ABOUT, segments, trackers(), trackers(MULTI_TARGET_GROUP), reductions, PAPERS]
     assert code == 0 and list(shown.values()) == wanted
     assert {"environments", "trackers", "papers"} <= set(shown)
-    assert all(trackers().values())
+    assert tuple(ABOUT) == ENVIRONMENTS
+    for group in (GROUP, MULTI_TARGET_GROUP):
+        for point in entry_points(group=group):
+            paragraph = getdoc(point.load()).split("\n\n")[0]
+            assert trackers(group)[point.name] == " ".join(paragraph.split()) != ""
+
+
+def answer(program):
+    """What a new Python prints of a program, beside the heavy modules that it had imported at its end."""
+    heavy = "'numba', 'scipy', 'matplotlib', 'joblib', 'baselines'"
+    program += f"\nimport sys; print(sorted({{{heavy}}} & set(sys.modules)), file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    return done.stdout, done.stderr
+
+
+def completed(words):
+    """What zsh is offered after the words."""
+    asked = {"_GMR_GYM_COMPLETE": "complete_zsh", "_TYPER_COMPLETE_ARGS": f"gmr-gym {words}"}
+    program = (
+        f"import os, sys; os.environ |= {asked}; sys.argv = ['gmr-gym']\n"
+        "from gmr_gym.cli import main\ntry: main()\nexcept SystemExit: pass"
+    )
+    printed, heavy = answer(program)
+    offered = re.findall(r'^(?:_arguments .*\(\()?"([^"]+)"', printed.replace("\\\\:", ":"), re.M)
+    return offered, heavy
+
+
+def test_list_and_help_import_neither_trackers_nor_kernels():
+    for words in (["list"], ["evaluate", "--help"], ["--version"]):
+        program = f"import sys; sys.argv = ['gmr-gym', *{words}]\nfrom gmr_gym.cli import main\n"
+        printed, heavy = answer(f"{program}try: main()\nexcept SystemExit: pass")
+        assert printed and heavy == "[]\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        ("evaluate gmr_gym/Tur", {TURNING}),
+        (f"evaluate {TURNING} --tracker run", {"runnalls"}),
+        ("evaluate gmr_gym/UnknownClutter-v0 --tracker gm", {"gm-phd", "gm-cphd"}),
+        (
+            f"evaluate {JUMP} --tracker mmg-15:reduction=ise",
+            {"mmg-15:reduction=ise", "mmg-15:reduction=ise-unscaled"},
+        ),
+        ("reproduce may", {"maybeck", "maybeck-zhang"}),
+        ("evaluate x --backend ", set(BACKENDS)),
+        ("track z.csv --model ", {"constant-velocity"}),
+    ],
+)
+def test_a_shell_completes_names_without_importing_what_they_name(words, wanted):
+    offered, heavy = completed(words)
+    assert set(offered) == wanted and heavy == "[]\n"
+
+
+def test_a_shell_completes_a_papers_tables():
+    offered, _ = completed("reproduce zhang --table 1")
+    assert {"1", "1-quiet"} <= set(offered) and all(name.startswith("1") for name in offered)
+
+
+def test_the_names_that_are_listed_are_those_of_the_library():
+    assert REDUCTIONS == tuple(REDUCERS) and tuple(workers.BACKENDS) == BACKENDS
+
+
+def test_help_shows_what_can_be_chosen(call):
+    for words, names in (
+        (["evaluate", "--help"], [*BACKENDS, *TRACKING, *MULTI_TARGET]),
+        (["reproduce", "--help"], PAPERS),
+        (["track", "--help"], ["constant-velocity"]),
+        (["--help"], ["--install-completion", "--show-completion", "--version"]),
+    ):
+        code, printed, _ = call(*words)
+        said = "".join(re.findall(r"[\w/:|,-]", printed))
+        assert code == 0 and all(name in said for name in names)
 
 
 def test_reproduce_leaves_a_papers_tables_curves_figures_and_claims(call):

@@ -16,6 +16,16 @@ MULTI_TARGET = {
 }
 TUNING = "gmr_gym/ReductionTuning-v0"  # thresholds of a tracker
 ENVIRONMENTS = (*TRACKING, *MULTI_TARGET, TUNING)
+# a sentence on each, as `gmr-gym list` shows it
+ABOUT = {
+    "gmr_gym/TurningTarget-v0": "One target turns twice in heavy clutter (D'Ortenzio, section 4).",
+    "gmr_gym/RecordedFlight-v0": "A real aircraft's recorded path in clutter.",
+    "gmr_gym/AgileFlight-v0": "An F-16 flies level, turns at 4 g and jinks in clutter (Maybeck, section V).",
+    "gmr_gym/JumpMarkov-v0": "A target switches between accelerations in clutter (Zhang, section 6.1).",
+    "gmr_gym/AirborneRadar-v0": "A target that turns hard, seen by an airborne radar (Li, section 4).",
+    "gmr_gym/UnknownClutter-v0": "Three targets in clutter of unknown density (Lv, section 7.1).",
+    TUNING: "A policy sets the thresholds of a tracker's mixture reduction, scan by scan.",
+}
 
 
 def register_envs() -> None:

@@ -58,7 +58,7 @@ def dask(scheduler: str, seconds: float | None = None) -> Iterator[Any]:
     from concurrent.futures import CancelledError
 
     from distributed import Client
-    from distributed.comm import get_address_host
+    from distributed.comm.addressing import get_address_host
     from distributed.scheduler import KilledWorker
     from joblib._dask import DaskDistributedBackend
 

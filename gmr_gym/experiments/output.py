@@ -1,18 +1,12 @@
-"""The screen, progress on long work, and the files a command leaves behind."""
+"""The files a command leaves behind."""
 
-import codecs
 import csv
 import json
-import sys
 from collections.abc import Iterable, Sequence
-from contextlib import contextmanager
-from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from gmr_gym.evaluation.metrics import lost_at
 from gmr_gym.evaluation.montecarlo import Runs
@@ -20,7 +14,6 @@ from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.evaluation.multi_target_summary import compared
 from gmr_gym.evaluation.summary import errors
 from gmr_gym.evaluation.writing import whole
-from gmr_gym.experiments.sheets import plain
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
 
@@ -92,53 +85,3 @@ def write_csv(file: Path, record: dict[str, Any]) -> None:
         for metric, cell in row["metrics"].items()
     ]
     write_rows(file, ("table", "tracker", "metric", *keys), rows)
-
-
-def spell_out(*streams: Any) -> None:
-    """Has the streams show in plain letters what their encoding lacks, where they would raise."""
-    for stream in streams:
-        if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors=SPELLED)
-
-
-def _spelled(error: UnicodeError) -> tuple[str, int]:
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    return plain(error.object[error.start : error.end]), error.end
-
-
-SPELLED = "gmr_gym.spelled"
-codecs.register_error(SPELLED, _spelled)
-
-
-def console() -> Console:
-    """Wide and plain where the output is no terminal."""
-    spell_out(sys.stdout)
-    screen = Console()
-    return screen if screen.is_terminal else Console(width=240)
-
-
-@contextmanager
-def progress(label: str):
-    """A progress(done, total) callback: a bar on a terminal, a line every tenth elsewhere."""
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        said = -1
-
-        def tell(done: int, total: int) -> None:
-            nonlocal said
-            if done * 10 // total > said:
-                said = done * 10 // total
-                print(f"{label}: {done} of {total}", file=sys.stderr, flush=True)
-
-        yield tell
-        return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(label, total=None)
-        yield lambda done, total: progress.update(task, completed=done, total=total)

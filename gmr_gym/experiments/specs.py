@@ -3,15 +3,14 @@
 import ast
 import errno
 import os
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import gymnasium as gym
-from typer.core import TyperCommand
 
 from gmr_gym.envs.episodic import make_scenario
 from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
@@ -22,7 +21,7 @@ from gmr_gym.experiments.output import write_json, write_runs
 from gmr_gym.experiments.records import answered
 from gmr_gym.experiments.sheets import figures_table, notes
 from gmr_gym.experiments.sweeps import Sweep, runs_shown
-from gmr_gym.experiments.tables import table_record
+from gmr_gym.experiments.tables import SettingsGrid, Table, table_record
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
@@ -58,17 +57,6 @@ def check_once(option: str, values: Sequence[str]) -> None:
     for i, value in enumerate(values):
         if value.removesuffix(":") in (other.removesuffix(":") for other in values[:i]):
             raise ValueError(f"{option} {value} is given twice")
-
-
-class Once(TyperCommand):
-    """A command whose options, but for those that make lists, are given once: of two the last would count."""
-
-    def parse_args(self, ctx, args):
-        _, _, given = self.make_parser(ctx).parse_args(args=list(args))
-        for parameter, count in Counter(given).items():
-            if count > 1 and not parameter.multiple:
-                raise ValueError(f"{parameter.opts[0]} is given {count} times")
-        return super().parse_args(ctx, args)
 
 
 def numbers(name: str, text: str) -> list[float]:
@@ -121,10 +109,16 @@ def single_target(env_id: str, world: Mapping[str, Any]) -> Scenario:
     return scenario
 
 
-def tracker_of(spec: str, scenario: Scenario | MultiTargetScenario, **parameters) -> Any:
+def tracker_of(spec: str, scenario: Scenario | MultiTargetScenario, **parameters: Any) -> Any:
     """The tracker NAME:key=value,key=value, with further parameters, for the scenario's filter model."""
     name, further = parsed(spec)
     return make_tracker(name, scenario.model, **parameters, **further)
+
+
+def paper_entries(paper: str) -> tuple[ModuleType, dict[str, Table | SettingsGrid]]:
+    """The module of a paper, and its tables and maps by name."""
+    module = import_module(f"gmr_gym.experiments.papers.{paper.replace('-', '_')}")
+    return module, {entry.name: entry for entry in (*module.TABLES, *getattr(module, "MAPS", ()))}
 
 
 def evaluated(
@@ -137,9 +131,10 @@ def evaluated(
 ) -> Iterator[Any]:
     """Runs trackers in a scenario, leaves record and runs in `out`, and then gives what a screen shows."""
     (results,) = runs_shown(asked["env"], [(scenario, trackers)], sweep)
-    many = isinstance(scenario, MultiTargetScenario)
-    rows = (multi_target_summary if many else summary)(scenario, results)
-    paired = (multi_target_differences if many else differences)(scenario, results)
+    if isinstance(scenario, MultiTargetScenario):
+        rows, paired = multi_target_summary(scenario, results), multi_target_differences(scenario, results)
+    else:
+        rows, paired = summary(scenario, results), differences(scenario, results)
     tables = [table_record(asked["env"], asked["settings"], rows)]
     if paired:
         tables.append(table_record("paired differences", asked["settings"], paired))
@@ -165,10 +160,3 @@ def check_writable(*files: Path | None, beside: Path | None = None) -> None:
         if file.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(file))
         check_folder(file.parent)
-
-
-def said(error: BaseException) -> str:
-    """An error as a line for who typed the command: of a file which it is, and what is wrong with it."""
-    if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        return f"{error.filename}: {error.strerror[0].lower()}{error.strerror[1:]}"
-    return str(error)

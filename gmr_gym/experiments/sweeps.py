@@ -1,7 +1,7 @@
 """Long work shared among workers and machines, as the command line asks for it."""
 
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +11,7 @@ from rich.console import Console
 from gmr_gym.evaluation import blocks
 from gmr_gym.evaluation.montecarlo import Runs, run, run_shard
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
-from gmr_gym.experiments.output import console, progress
+from gmr_gym.experiments.screen import console, progress
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
 
@@ -102,5 +102,5 @@ def interrupted(error: BaseException) -> bool:
     return isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt)
 
 
-def _so_far(report, before: int, parts: int, done: int, total: int) -> None:
+def _so_far(report: Callable[[int, int], None], before: int, parts: int, done: int, total: int) -> None:
     report(before * total + done, parts * total)

@@ -2,15 +2,13 @@
 
 import inspect
 from difflib import get_close_matches
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
+from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described, tracker_entry_points
 from gmr_gym.deprecated import warn_renamed
 from gmr_gym.models.model import Model, with_radar_update
 from gmr_gym.models.multi_target import MultiTargetModel
 
-GROUP, MULTI_TARGET_GROUP = "gmr_gym.trackers", "gmr_gym.multi_target_trackers"
-FORMER_GROUP = "gmr_gym.crowd_trackers"  # former name of MULTI_TARGET_GROUP
 FORMER_PARAMETERS = {  # each with its possible new names
     "hopeless": ("give_up_ratio",),
     "most": ("max_hypotheses", "max_gaussians"),
@@ -36,11 +34,7 @@ def trackers(group: str = GROUP) -> dict[str, str]:
     >>> "runnalls" in trackers(), "gm-phd" in trackers(MULTI_TARGET_GROUP)
     (True, True)
     """
-    found = {}
-    for name, point in sorted(_entry_points(group).items()):
-        doc = inspect.getdoc(point.load()) or ""
-        found[name] = " ".join(doc.split("\n\n")[0].split())
-    return found
+    return described(group)
 
 
 def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> Any:
@@ -84,13 +78,13 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
     """
     multi_target = isinstance(model, MultiTargetModel)
     own, other = (MULTI_TARGET_GROUP, GROUP) if multi_target else (GROUP, MULTI_TARGET_GROUP)
-    known = _entry_points(own)
+    known = tracker_entry_points(own)
     base, _, number = name.rpartition("-")
     other_components = None
     if name not in known and base in known and number.isdigit():
         other_components = parameters.get("components")
         name, parameters = base, {**parameters, "components": int(number)}
-    if name not in known and {name, base} & _entry_points(other).keys():
+    if name not in known and {name, base} & tracker_entry_points(other).keys():
         kind = "one target, the model for many" if multi_target else "many targets, the model for one"
         raise ValueError(f"tracker {name!r} is for {kind}")
     if name not in known:
@@ -123,12 +117,3 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
     if update is not None and getattr(tracker.model.sensor, "update", None) != update:
         raise ValueError(f"tracker {name!r} has an update of its own and takes no {update!r}")
     return tracker
-
-
-def _entry_points(group: str) -> dict[str, EntryPoint]:
-    known = {point.name: point for point in entry_points(group=group)}
-    if group == MULTI_TARGET_GROUP:
-        for point in entry_points(group=FORMER_GROUP):
-            warn_renamed(f"entry-point group {FORMER_GROUP!r} of {point.value}", repr(group))
-            known.setdefault(point.name, point)
-    return known

@@ -79,8 +79,8 @@ def multi_target_model(
 
 
 def __getattr__(name: str):
-    former = {"population": multi_target_model, "Population": MultiTargetModel}
+    former = {"population": "multi_target_model", "Population": "MultiTargetModel"}
     if name in former:
-        warn_renamed(name, former[name].__name__)
-        return former[name]
+        warn_renamed(name, former[name])
+        return globals()[former[name]]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -274,7 +274,7 @@ def _births(births, P: np.ndarray) -> Mixture:
 def _states(trajectory) -> np.ndarray:
     """States (T, m, 6) of (T, m, 4) or (T, m, 6), accelerations 0 where not given."""
     try:
-        given = np.ma.array(trajectory, float)
+        given: np.ma.MaskedArray = np.ma.array(trajectory, float)
     except (TypeError, ValueError):
         raise ValueError("trajectory must be numbers of shape (T, m, 4) or (T, m, 6)") from None
     x = np.array(given.data)

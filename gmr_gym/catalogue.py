@@ -1,0 +1,66 @@
+"""What there is by name, read without importing what the names stand for."""
+
+import ast
+import inspect
+import sys
+from importlib.metadata import EntryPoint, entry_points
+from itertools import accumulate
+from pathlib import Path
+
+from gmr_gym.deprecated import warn_renamed
+
+GROUP, MULTI_TARGET_GROUP = "gmr_gym.trackers", "gmr_gym.multi_target_trackers"
+FORMER_GROUP = "gmr_gym.crowd_trackers"  # of MULTI_TARGET_GROUP
+REDUCTIONS = (
+    "runnalls", "greedy-isd", "adaptive", "ise", "ise-unscaled", "salmond", "west", "capping", "k-means",
+    "k-medoids-isd", "k-medoids-correlation", "k-medoids-runnalls",
+    "average-isd", "average-correlation", "average-runnalls",
+    "complete-isd", "complete-correlation", "complete-runnalls",
+    "single-isd", "single-correlation", "single-runnalls",
+)  # fmt: skip
+BACKENDS = ("loky", "dask", "ray")  # what shares runs among processes
+
+
+def tracker_entry_points(group: str) -> dict[str, EntryPoint]:
+    """Entry points by name of all trackers that installed packages offer in the group."""
+    known = {point.name: point for point in entry_points(group=group)}
+    if group == MULTI_TARGET_GROUP:
+        for point in entry_points(group=FORMER_GROUP):
+            warn_renamed(f"entry-point group {FORMER_GROUP!r} of {point.value}", repr(group))
+            known.setdefault(point.name, point)
+    return known
+
+
+def described(group: str) -> dict[str, str]:
+    """Names of the installed trackers of a group, sorted, each with the first paragraph of the docstring that
+    its module's source has for it: empty where that is not defined there by `def` or `class`."""
+    docstrings: dict[str, dict[str, str]] = {}
+    found = {}
+    for name, point in sorted(tracker_entry_points(group).items()):
+        if point.module not in docstrings:
+            docstrings[point.module] = _docstrings(_source(point.module))
+        doc = docstrings[point.module].get(point.attr, "")
+        found[name] = " ".join(doc.split("\n\n")[0].split())
+    return found
+
+
+def _source(module: str) -> str:
+    """Text of a module, empty where there is none to be found; not even its package is imported."""
+    path, origin = None, None
+    for name in accumulate(module.split("."), "{}.{}".format):
+        finders = (finder.find_spec(name, path) for finder in sys.meta_path)
+        spec = next(filter(None, finders), None)
+        if spec is None:
+            return ""
+        path, origin = spec.submodule_search_locations, spec.origin
+    return Path(origin).read_text(encoding="utf-8") if origin and origin.endswith(".py") else ""
+
+
+def _docstrings(source: str) -> dict[str, str]:
+    """Docstrings of the functions and classes at the top of a module, by their names."""
+    defined = (ast.FunctionDef, ast.ClassDef)
+    return {
+        node.name: inspect.cleandoc(ast.get_docstring(node) or "")
+        for node in ast.parse(source).body
+        if isinstance(node, defined)
+    }

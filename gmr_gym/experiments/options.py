@@ -1,0 +1,127 @@
+"""What can be typed on the command line: choices, how a shell completes them, and the options that commands
+share. Nothing that a command runs is imported here."""
+
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from gmr_gym.catalogue import BACKENDS, GROUP, MULTI_TARGET_GROUP, REDUCTIONS, described
+from gmr_gym.envs.registry import ABOUT, MULTI_TARGET, TUNING
+
+PAPERS = {
+    "dortenzio": "adaptive reduction of a single target's hypotheses: Tables 1-4, Fig. 1",
+    "li": "a radar's converted measurements, models and data association: Figs. 1-4, three regimes, a map",
+    "lv": "several targets in clutter fitted as a finite mixture: Figs. 1-9, what the trackers score",
+    "maybeck": "an F-16 in clutter, filter banks and hypotheses: Table I, Figs. 3-7",
+    "maybeck-zhang": "models in the mixture or in filter banks: either paper's trackers in either's world",
+    "zhang": "models and hypotheses of a manoeuvring target reduced jointly: cases 1 and 2, Figs. 1-2",
+}
+TRACKED = {env_id: line for env_id, line in ABOUT.items() if env_id != TUNING}
+MODELS = {"constant-velocity": "a target whose velocity changes by a random acceleration"}
+
+Named = Mapping[str, str]  # what a shell completes to, each with a line about it
+
+
+def choice(what: str, names: Collection[str]) -> dict[str, Any]:
+    """Arguments of an option or argument that takes one of these names, and no other."""
+
+    def check(ctx: typer.Context, value: str) -> str:
+        if not ctx.resilient_parsing and value not in names:  # while a shell completes, there may be none
+            one = "one of " if len(names) > 1 else ""
+            raise ValueError(f"unknown {what} {value!r}; choose {one}{', '.join(names)}")
+        return value
+
+    lines = names if isinstance(names, Mapping) else dict.fromkeys(names, "")
+    return {"callback": check, "autocompletion": completing(lines)}
+
+
+def completing(lines: Named) -> Callable[[str], list[tuple[str, str]]]:
+    """A completion to fixed names."""
+    return lambda incomplete: [*lines.items()]
+
+
+def complete_tracker(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+    """Trackers for the environment that was typed before; reductions after NAME:reduction=."""
+    before, parameter, _ = incomplete.rpartition("reduction=")
+    if parameter:
+        return [(f"{before}{parameter}{name}", "") for name in REDUCTIONS]
+    return [*described(MULTI_TARGET_GROUP if _typed(ctx, MULTI_TARGET) else GROUP).items()]
+
+
+def complete_table(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Tables of the paper that was typed before."""
+    paper = _typed(ctx, PAPERS)
+    if paper is None:
+        return []
+    from gmr_gym.experiments.specs import paper_entries
+
+    return [*paper_entries(paper)[1]]
+
+
+def _typed(ctx: typer.Context, names: Iterable[str]) -> str | None:
+    """The one of the names that was typed before; words after an option without its value are not parsed."""
+    words = [*ctx.args, *ctx.params.values()]
+    return next((name for name in names if name in words), None)
+
+
+class Once(TyperCommand):
+    """A command whose options, but for those that make lists, are given once: of two the last would count."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        _, _, given = self.make_parser(ctx).parse_args(args=list(args))
+        for parameter, count in Counter(given).items():
+            if count > 1 and not parameter.multiple and not ctx.resilient_parsing:
+                raise ValueError(f"{parameter.opts[0]} is given {count} times")
+        return super().parse_args(ctx, args)
+
+
+EnvId = Annotated[
+    str,
+    typer.Argument(
+        help=f"{', '.join(TRACKED)}; or MODULE:ID for one of your own, which imports MODULE",
+        autocompletion=completing(TRACKED),
+    ),
+]
+PaperName = Annotated[str, typer.Argument(help=", ".join(PAPERS), **choice("paper", PAPERS))]
+Tables = Annotated[
+    list[str],
+    typer.Option("--table", help="only this table; repeatable", autocompletion=complete_table),
+]
+TrackerNames = Annotated[
+    list[str],
+    typer.Option(
+        "--tracker",
+        help="NAME or NAME:key=value,key=value; repeat for several. reduction=MODULE:FUNCTION imports MODULE",
+        autocompletion=complete_tracker,
+    ),
+]
+Settings = Annotated[list[str], typer.Option("--set", help="key=value for the environment")]
+RunCount = Annotated[int, typer.Option("--runs", min=1, help="Monte Carlo runs")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="of the random numbers")]
+Jobs = Annotated[int, typer.Option("--jobs", help="worker processes; -1 for one per core, -2 for one less")]
+Backend = Annotated[
+    str,
+    typer.Option(
+        "--backend", metavar="|".join(BACKENDS), help="loky is this machine", **choice("backend", BACKENDS)
+    ),
+]
+Scheduler = Annotated[
+    str | None, typer.Option("--scheduler", help="address of the Dask or Ray cluster, all of which is used")
+]
+Shard = Annotated[str | None, typer.Option("--shard", help="I/N: only every N-th block of runs; see `merge`")]
+Json = Annotated[Path | None, typer.Option("--json", help="also write the figures to this file")]
+MotionModel = Annotated[
+    str,
+    typer.Option(
+        "--model", metavar="|".join(MODELS), help="motion model of the target", **choice("model", MODELS)
+    ),
+]
+
+
+def tracker_option(help: str) -> Any:
+    """The option --tracker of a command that takes one."""
+    return typer.Option("--tracker", help=help, autocompletion=complete_tracker)
