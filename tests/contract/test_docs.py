@@ -188,7 +188,8 @@ def test_the_pages_hold_blocks_of_each_language(language):
 def shown_from(page):
     """The page, and all below it in the navigation."""
     listed = TOCTREE.findall(page.read_text(encoding="utf-8"))
-    names = [line for text in listed for line in text.splitlines() if line and not line.startswith(":")]
+    lines = [line for text in listed for line in text.splitlines() if line and not line.startswith(":")]
+    names = [line.partition("<")[2].rstrip(">") or line for line in lines]
     return {page}.union(*(shown_from((page.parent / f"{name}.md").resolve()) for name in names))
 
 
