@@ -15,7 +15,7 @@ copyright = author
 version = release
 extensions = [
     "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "numpydoc", "sphinx_design",
-    "sphinx_copybutton", "mathml", "pages", "rooms",
+    "sphinx_copybutton", "datasheets", "mathml", "pages", "rooms",
 ]  # fmt: skip
 exclude_patterns = ["static", "extensions"]
 
