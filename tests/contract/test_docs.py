@@ -1,4 +1,4 @@
-"""What the pages say is run: their Python, their commands, their links and their index."""
+"""What the pages say is run: their Python, their commands, their links and the functions they name."""
 
 import inspect
 import pkgutil
@@ -19,7 +19,7 @@ from gmr_gym.models.multi_target import MultiTargetModel
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-INDEXED = [ROOT / "README.md", ROOT / "docs" / "index.md"]
+EQUATIONS = ROOT / "docs" / "reference" / "equations.md"
 RUN = (
     "evaluate",
     "merge",
@@ -29,6 +29,7 @@ RUN = (
 )  # commands that take a second; the rest have tests of their own
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"\n]+)\")?\n(.*?)^```$", re.M | re.S)
 NUMBER = re.compile(r"(?<!\w)-?\d+(?:\.\d+)?(?:e-?\d+)?")
+TOCTREE = re.compile(r"^```{toctree}\n(.*?)^```$", re.M | re.S)
 FENCED = re.compile(r"^```.*?^```$", re.M | re.S)
 
 
@@ -113,19 +114,30 @@ def test_every_link_and_image_of_a_page_resolves(page):
             assert anchor in slugs, f"{named(page)} points to {target}, which has no such heading"
 
 
-@pytest.mark.parametrize("page", INDEXED, ids=named)
-def test_every_name_of_the_index_is_where_it_says(page):
-    index = page.read_text(encoding="utf-8").partition("## Ten-second index")[2].partition("\n## ")[0]
-    files = re.findall(r"`([\w/]+\.py)`", index)
-    assert files
-    for file in files:
-        assert (ROOT / file).is_file(), f"{file} is not there"
-    entries = re.findall(r"((?:`\w+`, )*`\w+`) in `([\w/]+\.py)`", index)
-    assert entries
-    for names, file in entries:
-        text = (ROOT / file).read_text(encoding="utf-8")
-        for name in re.findall(r"\w+", names):
-            assert re.search(rf"^(?:def|class) {name}\b|^{name}\b.* = ", text, re.M), f"{file} has no {name}"
+def test_every_equation_names_functions_that_are_where_it_says():
+    rows = [line for line in EQUATIONS.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
+    for row in rows:
+        entries = re.findall(r"((?:`\w+`, )*`\w+`) in `([\w/]+\.py)`", row)
+        assert entries or row == "| where | equation | function |", row
+        for names, file in entries:
+            text = (ROOT / file).read_text(encoding="utf-8")
+            for name in re.findall(r"\w+", names):
+                assert re.search(rf"^(?:def|class) {name}\b|^{name}\b.* = ", text, re.M), (
+                    f"{file} has no {name}"
+                )
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_every_file_that_a_page_names_is_there(page):
+    for file in re.findall(r"`((?:gmr_gym|baselines|agents)/[\w/]+\.py)`", page.read_text(encoding="utf-8")):
+        assert (ROOT / file).is_file(), f"{named(page)} names {file}, which is not there"
+
+
+@pytest.mark.parametrize("author", ["D'Ortenzio", "Zhang", "Maybeck", "Li,", "Lv", "Vo", "Williams"])
+def test_the_equations_of_every_paper_have_a_table(author):
+    sections = EQUATIONS.read_text(encoding="utf-8").split("\n## ")
+    (section,) = [section for section in sections if section.startswith(author)]
+    assert "\n| where | equation | function |\n" in section
 
 
 def table(page, header):
@@ -173,6 +185,24 @@ def test_the_pages_hold_blocks_of_each_language(language):
     assert sum(kind == language for page in PAGES for kind, _, _ in blocks(page)) > 5
 
 
-def test_mkdocs_shows_every_page():
-    shown = set(re.findall(r": (\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.M))
-    assert shown == {str(page.relative_to(ROOT / "docs")) for page in PAGES[1:]}
+def shown_from(page):
+    """The page, and all below it in the navigation."""
+    listed = TOCTREE.findall(page.read_text(encoding="utf-8"))
+    lines = [line for text in listed for line in text.splitlines() if line and not line.startswith(":")]
+    names = [line.partition("<")[2].rstrip(">") or line for line in lines]
+    return {page}.union(*(shown_from((page.parent / f"{name}.md").resolve()) for name in names))
+
+
+def test_the_navigation_shows_every_page():
+    assert shown_from(ROOT / "docs" / "index.md") == set(PAGES[1:])
+
+
+def test_every_package_is_a_room_of_the_reference():
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    packages = [path.parent for top in ("gmr_gym", "baselines") for path in (ROOT / top).rglob("__init__.py")]
+    rooms = {".".join(package.relative_to(ROOT).parts) for package in packages}
+    assert sorted(re.findall(r"^```{room} (\S+)$", text, re.M)) == sorted(rooms)
+
+
+def test_the_readme_can_be_read_in_one_go():
+    assert len(PAGES[0].read_text(encoding="utf-8").splitlines()) <= 90
