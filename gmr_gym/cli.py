@@ -4,7 +4,6 @@ import signal
 import sys
 from collections.abc import Iterable
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,6 +19,7 @@ from gmr_gym.evaluation.blocks import check_folder
 from gmr_gym.evaluation.loop import play
 from gmr_gym.evaluation.workers import WorkersLost
 from gmr_gym.experiments.output import console, progress, spell_out
+from gmr_gym.experiments.papers.registry import PAPERS, paper_named
 from gmr_gym.experiments.records import check_free, named, question
 from gmr_gym.experiments.running import rerun, sharded
 from gmr_gym.experiments.specs import (
@@ -44,15 +44,6 @@ from gmr_gym.reduction.registry import REDUCERS
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import draw
 from gmr_gym.version import __version__
-
-PAPERS = {
-    "dortenzio": "adaptive reduction of a single target's hypotheses: Tables 1-4, Fig. 1",
-    "li": "a radar's converted measurements, models and data association: Figs. 1-4, three regimes, a map",
-    "lv": "several targets in clutter fitted as a finite mixture: Figs. 1-9, what the trackers score",
-    "maybeck": "an F-16 in clutter, filter banks and hypotheses: Table I, Figs. 3-7",
-    "maybeck-zhang": "models in the mixture or in filter banks: either paper's trackers in either's world",
-    "zhang": "models and hypotheses of a manoeuvring target reduced jointly: cases 1 and 2, Figs. 1-2",
-}
 
 app = typer.Typer(
     add_completion=False,
@@ -175,15 +166,13 @@ def reproduce(
     json_file: Json = None,
 ) -> None:
     """A paper's tables and figures: its numbers beside ours, with intervals and verdicts."""
-    if paper not in PAPERS:
-        raise ValueError(f"unknown paper {paper!r}; choose one of {', '.join(PAPERS)}")
-    module = import_module(f"gmr_gym.experiments.papers.{paper.replace('-', '_')}")
-    known = {entry.name: entry for entry in (*module.TABLES, *getattr(module, "MAPS", ()))}
+    asked_for = paper_named(paper)
+    known = asked_for.entries()
     for name in table:
         if name not in known:
             raise ValueError(f"{paper} has no table {name!r}; choose from {', '.join(known)}")
     check_once("--table", table)
-    part, usual = shard_of(shard, out), module.TABLES[0].runs
+    part, usual = shard_of(shard, out), asked_for.tables[0].runs
     runs, names = runs or usual, table or list(known)
     asked = question(paper=paper, asked=names, runs=runs, seed=seed)
     root = out or Path("results") / paper
@@ -196,7 +185,7 @@ def reproduce(
         say_what_is_left(sweep.blocks, *sharded((known[name] for name in names), sweep))
         return
     check_free(out / f"{paper}.json", asked)
-    _show(rerun(paper, module, {name: known[name] for name in names}, asked, sweep, out, json_file))
+    _show(rerun(paper, asked_for, [known[name] for name in names], asked, sweep, out, json_file))
 
 
 @command()

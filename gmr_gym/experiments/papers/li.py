@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure as Drawing
@@ -13,9 +12,11 @@ from matplotlib.figure import Figure as Drawing
 from gmr_gym.evaluation.curves import resampled
 from gmr_gym.evaluation.metrics import nees
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, in_common, not_lost, paired_share, wilson
+from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, not_lost
+from gmr_gym.experiments.claims import Asked, Claim
 from gmr_gym.experiments.drawings import save
-from gmr_gym.experiments.tables import Claim, SettingsGrid, Table, judged, no_event_width
+from gmr_gym.experiments.evidence import Evidence, Rows, all_measured, error, error_differences, error_rows
+from gmr_gym.experiments.tables import Paper, SettingsGrid, Table
 from gmr_gym.models.radar import UPDATES
 from gmr_gym.scenarios.li import REGIMES
 from gmr_gym.simulation.single_target import Scenario
@@ -33,55 +34,45 @@ SETTLED = 20  # scans of the map that are left out: of the first what was told d
 NO_SLOWER = 10.0  # per cent of time more that is none
 
 
-class Tracked(NamedTuple):
-    """What the sentences need of one tracker's runs."""
-
-    squared: np.ndarray  # (runs, 3), error by axis, mean over scans, m^2
-    not_lost: np.ndarray  # (runs,)
-    seconds: np.ndarray  # (runs,), median scan
+def _squared(first: int, scenario: Scenario, runs: Runs) -> np.ndarray:
+    """Squared error by axis (runs, 3), mean over the scans from the first on, m^2."""
+    return (error(scenario, runs)[:, first:, list(scenario.position)] ** 2).mean(axis=1)
 
 
-def tracked(scenario: Scenario, runs: Runs, first: int = 0) -> Tracked:
-    """The runs of one tracker, from the scan `first` on."""
-    error = (runs.x - runs.truth)[:, first:, list(scenario.position)]
-    return Tracked((error**2).mean(axis=1), not_lost(scenario, runs), np.median(runs.seconds, axis=1))
+QUANTITIES = {
+    "squared": partial(_squared, 0),
+    "kept": not_lost,
+    "seconds": lambda scenario, runs: np.median(runs.seconds, axis=1),  # of a scan
+}
 
 
-def _rmse(one: Tracked, weight: np.ndarray) -> np.ndarray:
+def _rmse(one: Evidence, weight: np.ndarray) -> np.ndarray:
     """Of the position, and of each axis (4,), m."""
     squared = weight / weight.sum() @ one.squared
     return np.sqrt(np.append(squared.sum(), squared))
 
 
-def _gain(one: Tracked, against: Tracked, weight: np.ndarray) -> np.ndarray:
-    return _rmse(one, weight) - _rmse(against, weight)
-
-
-def _saved(one: Tracked, against: Tracked, weight: np.ndarray) -> np.ndarray:
+def _saved(one: Evidence, against: Evidence, weight: np.ndarray) -> np.ndarray:
     """Share (4,) of the error of `against` that `one` does not make, %."""
     return 100 * (1 - _rmse(one, weight) / _rmse(against, weight))
 
 
-def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
+def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
     """One row per tracker: share of runs lost; root mean square errors (m) of the position and by axis, over
     all scans, `_own` over the runs the tracker kept and `_common` over those that all trackers kept that kept
     any; and over the runs it kept mean error along the line of sight (m), normalised error squared of the
     position by the dimension, 1 for a credible tracker, and volume (m^3) of the gates by which tracks are
     called lost, the same for every update; time a scan (s)."""
-    every = {name: tracked(scenario, runs) for name, runs in results.items()}
-    common = in_common({name: one.kept for name, one in every.items()})
-    rows = {}
+    every = all_measured(QUANTITIES, scenario, results)
+    rows = error_rows(every, ERRORS, _rmse)
     for name, one in every.items():
-        runs, row = results[name], {"track_loss": wilson(int((~one.kept).sum()), len(one.kept))}
-        for which, mask in (("own", one.kept), ("common", common[name])):
-            figures = resampled(partial(_rmse, one), mask)
-            row |= {f"{error}_{which}": figure for error, figure in zip(ERRORS, figures, strict=True)}
+        runs = results[name]
         at = list(scenario.position)
-        truth, error = runs.truth[one.kept][..., at], (runs.x - runs.truth)[one.kept][..., at]
+        truth, off = runs.truth[one.kept][..., at], error(scenario, runs)[one.kept][..., at]
         sight = truth / np.linalg.norm(truth, axis=-1, keepdims=True)
-        claimed = nees(error, runs.P[one.kept][..., at, :][..., at])
-        rows[name] = row | {
-            "sight_bias_own": bootstrap_mean((error * sight).sum(axis=-1).mean(axis=1)),
+        claimed = nees(off, runs.P[one.kept][..., at, :][..., at])
+        rows[name] |= {
+            "sight_bias_own": bootstrap_mean((off * sight).sum(axis=-1).mean(axis=1)),
             "position_anees_own": bootstrap_mean(claimed.mean(axis=1) / len(at)),
             "gate_volume": bootstrap_mean(runs.gate_volume[one.kept].mean(axis=1)),
             "time_per_scan": Estimate(float(np.median(runs.seconds))),
@@ -89,66 +80,45 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str
     return rows
 
 
-def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
-    """Every tracker minus the first on the same episodes: track_loss over all runs, the errors (m) over the
-    runs that neither of the two lost."""
-    (reference, against), *others = ((name, tracked(scenario, runs)) for name, runs in results.items())
-    rows = {}
-    for name, one in others:
-        figures = resampled(partial(_gain, one, against), one.kept & against.kept)
-        lost = paired_share(against.kept.astype(float) - one.kept)
-        rows[f"{name} - {reference}"] = {"track_loss": lost} | {
-            f"{error}_common": figure for error, figure in zip(ERRORS, figures, strict=True)
-        }
-    return rows
+def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
+    return error_differences(all_measured(QUANTITIES, scenario, results), ERRORS, _rmse)
 
 
-def _evidence(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Tracked]:
-    return {name: tracked(scenario, results[name]) for name in (EKF, DCM)}
-
-
-CLAIMS = tuple(
-    Claim(sentence, measure, threshold, lambda table, weight, i=i: float(_numbers(table, weight)[i]))
-    for i, (sentence, measure, threshold) in enumerate((
-        ("better tracking performance than IMM-EKF-PDA", "position error saved, %", 0.0),
-        *(
-            (f"smaller {axis} error (Fig. {figure})", f"{axis} error saved, %", 0.0)
-            for figure, axis in enumerate(AXES, 2)
-        ),
-        ("better tracking performance than IMM-EKF-PDA", "share of runs lost less", 0.0),
-        ("no more computation than IMM-EKF-PDA", "time of a scan saved, %", -NO_SLOWER),
-    ))
-)  # fmt: skip
-
-
-def _numbers(table: Mapping[str, Tracked], weight: np.ndarray) -> np.ndarray:
-    """What the claims are about: errors over the runs that neither lost, losses and times over all."""
-    dcm, ekf = table[DCM], table[EKF]
+def _error_saved(i: int, weight: np.ndarray, dcm: Evidence, ekf: Evidence) -> float:
+    """Over the runs that neither lost, %; of the position, or of an axis."""
     both = weight * (dcm.kept & ekf.kept)
-    errors = _saved(dcm, ekf, both) if both.any() else np.full(len(ERRORS), np.nan)
-    fewer = weight @ (dcm.kept.astype(float) - ekf.kept) / weight.sum()
-    faster = 100 * (1 - weight @ dcm.seconds / (weight @ ekf.seconds))
-    return np.array([*errors, fewer, faster])
+    return float(_saved(dcm, ekf, both)[i]) if both.any() else np.nan
 
 
-def claims(evidence: Mapping[str, Mapping[str, Tracked]]) -> list[dict[str, Any]]:
-    """The paper's sentences in each regime."""
-    records = []
-    for name, table in evidence.items():
-        runs = len(table[DCM].kept)
-        figures = resampled(partial(_numbers, table), np.ones(runs, bool))
-        figures[4:5] = no_event_width(figures[4:5], runs)
-        about = {"table": name, "runs": f"all {runs}"}
-        records += [
-            judged(claim, figure, runs, **about) for claim, figure in zip(CLAIMS, figures, strict=True)
-        ]
-    return records
+def _lost_less(weight: np.ndarray, dcm: Evidence, ekf: Evidence) -> float:
+    return float(weight @ (dcm.kept.astype(float) - ekf.kept) / weight.sum())
+
+
+def _time_saved(weight: np.ndarray, dcm: Evidence, ekf: Evidence) -> float:
+    return float(100 * (1 - weight @ dcm.seconds / (weight @ ekf.seconds)))
+
+
+BETTER = "better tracking performance than IMM-EKF-PDA"
+CLAIMS = tuple(
+    Claim(sentence, measure, threshold, value, DCM, EKF, widened=value is _lost_less)
+    for sentence, measure, threshold, value in (
+        (BETTER, "position error saved, %", 0.0, partial(_error_saved, 0)),
+        *(
+            (f"smaller {axis} error (Fig. {i + 1})", f"{axis} error saved, %", 0.0, partial(_error_saved, i))
+            for i, axis in enumerate(AXES, 1)
+        ),
+        (BETTER, "share of runs lost less", 0.0, _lost_less),
+        ("no more computation than IMM-EKF-PDA", "time of a scan saved, %", -NO_SLOWER, _time_saved),
+    )
+)
 
 
 def _cell(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Estimate]:
     """Of one cell of the map: the position's error by each update, as so many times the least of them; and
     how much less the debiased conversion's is than the linearised update's, %."""
-    every = {name.partition("=")[2]: tracked(scenario, runs, SETTLED) for name, runs in results.items()}
+    settled = QUANTITIES | {"squared": partial(_squared, SETTLED)}
+    updates = [name.partition("=")[2] for name in results]
+    every = all_measured(settled, scenario, results, updates)
     whole = np.ones(len(next(iter(every.values())).kept), bool)
     best = min(every.values(), key=lambda one: _rmse(one, whole.astype(float))[0])
     row = {update: resampled(partial(_ratio, one, best), whole)[0] for update, one in every.items()}
@@ -156,7 +126,7 @@ def _cell(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Estimate
     return row | {SAVED: resampled(saved, whole)[0]}
 
 
-def _ratio(one: Tracked, best: Tracked, weight: np.ndarray) -> np.ndarray:
+def _ratio(one: Evidence, best: Evidence, weight: np.ndarray) -> np.ndarray:
     return _rmse(one, weight)[:1] / _rmse(best, weight)[:1]
 
 
@@ -173,7 +143,7 @@ def _regime(name: str, title: str) -> Table:
         runs=300,
         summarise=_rows,
         columns=COLUMNS,
-        evidence=_evidence,
+        roles=(EKF, DCM),
         paired=_differences,
     )
 
@@ -342,3 +312,8 @@ def _edges(centres: np.ndarray) -> np.ndarray:
     log = np.log(centres)
     middle = [(a + b) / 2 for a, b in pairwise(log)]
     return np.exp([log[0] - (middle[0] - log[0]), *middle, log[-1] + (log[-1] - middle[-1])])
+
+
+PAPER = Paper(
+    TABLES, figures, QUANTITIES, tuple(Asked(CLAIMS, (regime,)) for regime in REGIMES), MAPS, map_figures
+)

@@ -15,16 +15,14 @@ from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns, density_error,
 from gmr_gym.evaluation.multi_target_summary import mean_where, multi_target_differences, multi_target_summary
 from gmr_gym.evaluation.summary import Estimate, bootstrap_mean
 from gmr_gym.experiments.drawings import save
-from gmr_gym.experiments.papers.lv_claims import FITTED, LEARNED, UNIFORM, claims, evidence
+from gmr_gym.experiments.papers.lv_claims import FITTED, LEARNED, QUANTITIES, UNIFORM, asked
 from gmr_gym.experiments.specs import tracker_of
-from gmr_gym.experiments.tables import Table
+from gmr_gym.experiments.tables import Paper, Table
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.mixture import joined
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.scenarios.lv import ELLIPSE_95
 from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario, draw, scan
-
-__all__ = ["TABLES", "claims", "figures"]
 
 RUNS = 100
 TRACKS = "learning-pmb"
@@ -76,7 +74,6 @@ def _table(
         runs=RUNS,
         summarise=_rows,
         columns=columns,
-        evidence=evidence,
         paired=multi_target_differences,
     )
 
@@ -268,3 +265,6 @@ def _intensities(scenario: MultiTargetScenario, said: Mapping[str, list[MultiTar
         axes.set_title(name, size=9)
     drawing.colorbar(image, ax=panels, label="false detections a scan, per m²")
     return drawing
+
+
+PAPER = Paper(TABLES, figures, QUANTITIES, asked(table.name for table in TABLES))

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.evaluation.curves import Curves, Errors, curves, errors_of, resampled
-from gmr_gym.evaluation.montecarlo import Runs
+from gmr_gym.evaluation.curves import Curves, curves
+from gmr_gym.evaluation.metrics import nees
 from gmr_gym.evaluation.summary import not_lost
-from gmr_gym.experiments.tables import Claim, judged
+from gmr_gym.experiments.claims import Asked, Claim
+from gmr_gym.experiments.evidence import Evidence, error, squared_position, squared_velocity
 from gmr_gym.scenarios.zhang import SWITCHES
-from gmr_gym.simulation.single_target import Scenario
 
 BEFORE, AFTER = 5, 5  # scans before a switch, and from it on, that a peak is looked for in
 PEAK = 0.1  # of what is on either side, what a peak must rise above it
@@ -19,14 +19,14 @@ MOST, CONSTANTLY = 0.5, 0.9  # shares of the scans
 MUCH = 1.0  # dB
 
 
-class Evidence(NamedTuple):
-    """The runs of one table that the sentences are about."""
-
-    case: str
-    mmg: Errors
-    imm_mht: Errors
-    imm_pda: Errors
-    not_lost: np.ndarray  # (runs,), by all three
+ROLES = ("mmg", "imm_mht", "imm_pda")  # the first trackers of a table
+QUANTITIES = {  # what curves are made of, and the runs that were not lost
+    "error": error,
+    "claimed": lambda scenario, runs: nees(error(scenario, runs), runs.P),
+    "position": squared_position,
+    "velocity": squared_velocity,
+    "kept": not_lost,
+}
 
 
 class Trio(NamedTuple):
@@ -41,42 +41,9 @@ class Trio(NamedTuple):
         return self.imm_mht, self.imm_pda
 
 
-def evidence(case: str, scenario: Scenario, results: Mapping[str, Runs]) -> Evidence:
-    """Evidence from a table's results, whose first three trackers are MMG, IMM+MHT and IMM+PDA."""
-    trio = list(results.values())[:3]
-    mmg, imm_mht, imm_pda = (errors_of(scenario, runs) for runs in trio)
-    kept_by_all = np.logical_and.reduce([not_lost(scenario, runs) for runs in trio])
-    return Evidence(case, mmg, imm_mht, imm_pda, kept_by_all)
-
-
-def claims(tables: Mapping[str, Evidence]) -> list[dict]:
-    """Every sentence that the tables run can speak to, over all runs and over the runs kept by all three,
-    as plain data. A sentence on both cases needs both tables at the same process noise."""
-    records = []
-    for name, one in tables.items():
-        about = CASE_1 if one.case == "1" else CASE_2
-        records += _judged(name, about, [one])
-        first = tables.get(name.replace("2", "1", 1))
-        if one.case == "2" and first is not None:
-            records += _judged(f"{name} against {name.replace('2', '1', 1)}", BOTH, [first, one])
-    return records
-
-
-def _judged(name: str, about: tuple[Claim, ...], tables: list[Evidence]) -> list[dict]:
-    everything = np.ones(len(tables[0].kept), bool)
-    records = []
-    for which, mask in (("all", everything), ("kept", np.logical_and.reduce([one.kept for one in tables]))):
-
-        def values(weight):
-            trios = [Trio(*(curves(errors, weight) for errors in one[1:4])) for one in tables]
-            return np.array([claim.value(*trios) for claim in about])
-
-        figures = resampled(values, mask)
-        records += [
-            judged(claim, figure, int(mask.sum()), table=name, runs=f"{which} {mask.sum()}")
-            for claim, figure in zip(about, figures, strict=True)
-        ]
-    return records
+def trios(weight: np.ndarray, *tables: Mapping[str, Evidence]) -> tuple[Trio, ...]:
+    """The curves of each table's trackers over the runs as they are drawn."""
+    return tuple(Trio(*(curves(table[role], weight) for role in ROLES)) for table in tables)
 
 
 def _lead(field: str, trio: Trio) -> float:
@@ -251,3 +218,22 @@ BOTH = (
         for field, name in (("nci", "NCI"), ("inclination", "inclination"))
     ),
 )  # fmt: skip
+
+
+def _asked(claims: tuple[Claim, ...], tables: tuple[str, ...], table: str = "") -> tuple[Asked, ...]:
+    """Over all runs, and over those that all three kept in each table; curves differ from run to run."""
+    claims = tuple(claim._replace(widened=False) for claim in claims)
+    about = (("all {}", False), ("kept {}", True))
+    return tuple(Asked(claims, tables, runs, table, kept=kept, prepare=trios) for runs, kept in about)
+
+
+# a sentence on both cases needs both tables at the same process noise
+ASKED = tuple(
+    asked
+    for noise in ("", "-quiet")
+    for asked in (
+        *_asked(CASE_1, (f"1{noise}",)),
+        *_asked(CASE_2, (f"2{noise}",)),
+        *_asked(BOTH, (f"1{noise}", f"2{noise}"), f"2{noise} against 1{noise}"),
+    )
+)
