@@ -12,7 +12,7 @@ from baselines.gm_phd import gm_phd
 from gmr_gym import cli
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.experiments.evidence import Evidence, measured
-from gmr_gym.experiments.papers import lv
+from gmr_gym.experiments.papers import lv, lv_episode
 from gmr_gym.experiments.papers.lv import PAPER, REDUCED, TABLES
 from gmr_gym.experiments.papers.lv_claims import ACROSS, FITTED, PRINTED, QUANTITIES, RIGHT, UNIFORM
 from gmr_gym.experiments.sheets import HEADINGS
@@ -149,7 +149,7 @@ def test_curves_have_a_gap_where_nothing_is_named_and_no_0():
     assert np.isnan(shown[40:60]).all() and np.all(np.delete(shown, np.s_[40:60]) == 7.0)
     np.testing.assert_allclose(undefined[[0, 30, 50]], [100 * (1 - 1 / RUNS), 0.0, 100.0])
     said = [MultiTargetReport(np.empty((0, 6)), *[np.zeros(0)] * 2, 0.0, None, None)] * 100
-    panel = lv._episode("one", WORLD, draw(WORLD, 0), said, runs).axes[-1]
+    panel = lv_episode._episode("one", WORLD, draw(WORLD, 0), said, runs).axes[-1]
     own, several, none = (line.get_ydata() for line in panel.lines)
     assert np.isnan(own).all() and len(none) == 100 and np.isnan(several[40:60]).all()
     assert panel.lines[-1].get_label() == "none at 100 scans"

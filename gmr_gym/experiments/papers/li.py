@@ -3,7 +3,6 @@ detections; the formulas as printed; and a map of where which conversion wins. T
 
 from collections.abc import Mapping
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,48 +12,33 @@ from gmr_gym.evaluation.curves import resampled
 from gmr_gym.evaluation.metrics import nees
 from gmr_gym.evaluation.montecarlo import Runs
 from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, not_lost
-from gmr_gym.experiments.claims import Asked, Claim
+from gmr_gym.experiments.claims import Asked
 from gmr_gym.experiments.drawings import save
 from gmr_gym.experiments.evidence import Evidence, Rows, all_measured, error, error_differences, error_rows
+from gmr_gym.experiments.papers.li_claims import (
+    AXES,
+    CLAIMS,
+    DCM,
+    EKF,
+    QUANTITIES,
+    rmse,
+    saved,
+    squared_by_axis,
+)
+from gmr_gym.experiments.papers.li_map import SAVED, map_figures
 from gmr_gym.experiments.tables import Paper, SettingsGrid, Table
 from gmr_gym.models.radar import UPDATES
 from gmr_gym.scenarios.li import REGIMES
 from gmr_gym.simulation.single_target import Scenario
 
-EKF, DCM = "imm-ekf-pda", "imm-dcm-pda"
 OTHERS = tuple(f"imm-pda:update={update}" for update in UPDATES if update not in ("extended", "debiased"))
 PRINTED = "imm-dcm-pda-printed"
-AXES = ("x", "y", "z")
 ERRORS = ("rmse", *(f"{axis}_rmse" for axis in AXES))
 COLUMNS = (
     "track_loss", *(f"{error}_own" for error in ERRORS), "sight_bias_own", "position_anees_own",
     "gate_volume", "time_per_scan",
 )  # fmt: skip
 SETTLED = 20  # scans of the map that are left out: of the first what was told decides
-NO_SLOWER = 10.0  # per cent of time more that is none
-
-
-def _squared(first: int, scenario: Scenario, runs: Runs) -> np.ndarray:
-    """Squared error by axis (runs, 3), mean over the scans from the first on, m^2."""
-    return (error(scenario, runs)[:, first:, list(scenario.position)] ** 2).mean(axis=1)
-
-
-QUANTITIES = {
-    "squared": partial(_squared, 0),
-    "kept": not_lost,
-    "seconds": lambda scenario, runs: np.median(runs.seconds, axis=1),  # of a scan
-}
-
-
-def _rmse(one: Evidence, weight: np.ndarray) -> np.ndarray:
-    """Of the position, and of each axis (4,), m."""
-    squared = weight / weight.sum() @ one.squared
-    return np.sqrt(np.append(squared.sum(), squared))
-
-
-def _saved(one: Evidence, against: Evidence, weight: np.ndarray) -> np.ndarray:
-    """Share (4,) of the error of `against` that `one` does not make, %."""
-    return 100 * (1 - _rmse(one, weight) / _rmse(against, weight))
 
 
 def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
@@ -64,7 +48,7 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
     position by the dimension, 1 for a credible tracker, and volume (m^3) of the gates by which tracks are
     called lost, the same for every update; time a scan (s)."""
     every = all_measured(QUANTITIES, scenario, results)
-    rows = error_rows(every, ERRORS, _rmse)
+    rows = error_rows(every, ERRORS, rmse)
     for name, one in every.items():
         runs = results[name]
         at = list(scenario.position)
@@ -81,56 +65,24 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
 
 
 def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
-    return error_differences(all_measured(QUANTITIES, scenario, results), ERRORS, _rmse)
-
-
-def _error_saved(i: int, weight: np.ndarray, dcm: Evidence, ekf: Evidence) -> float:
-    """Over the runs that neither lost, %; of the position, or of an axis."""
-    both = weight * (dcm.kept & ekf.kept)
-    return float(_saved(dcm, ekf, both)[i]) if both.any() else np.nan
-
-
-def _lost_less(weight: np.ndarray, dcm: Evidence, ekf: Evidence) -> float:
-    return float(weight @ (dcm.kept.astype(float) - ekf.kept) / weight.sum())
-
-
-def _time_saved(weight: np.ndarray, dcm: Evidence, ekf: Evidence) -> float:
-    return float(100 * (1 - weight @ dcm.seconds / (weight @ ekf.seconds)))
-
-
-BETTER = "better tracking performance than IMM-EKF-PDA"
-CLAIMS = tuple(
-    Claim(sentence, measure, threshold, value, DCM, EKF, widened=value is _lost_less)
-    for sentence, measure, threshold, value in (
-        (BETTER, "position error saved, %", 0.0, partial(_error_saved, 0)),
-        *(
-            (f"smaller {axis} error (Fig. {i + 1})", f"{axis} error saved, %", 0.0, partial(_error_saved, i))
-            for i, axis in enumerate(AXES, 1)
-        ),
-        (BETTER, "share of runs lost less", 0.0, _lost_less),
-        ("no more computation than IMM-EKF-PDA", "time of a scan saved, %", -NO_SLOWER, _time_saved),
-    )
-)
+    return error_differences(all_measured(QUANTITIES, scenario, results), ERRORS, rmse)
 
 
 def _cell(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Estimate]:
     """Of one cell of the map: the position's error by each update, as so many times the least of them; and
     how much less the debiased conversion's is than the linearised update's, %."""
-    settled = QUANTITIES | {"squared": partial(_squared, SETTLED)}
+    settled = QUANTITIES | {"squared": partial(squared_by_axis, SETTLED)}
     updates = [name.partition("=")[2] for name in results]
     every = all_measured(settled, scenario, results, updates)
     whole = np.ones(len(next(iter(every.values())).kept), bool)
-    best = min(every.values(), key=lambda one: _rmse(one, whole.astype(float))[0])
+    best = min(every.values(), key=lambda one: rmse(one, whole.astype(float))[0])
     row = {update: resampled(partial(_ratio, one, best), whole)[0] for update, one in every.items()}
-    saved = partial(_saved, every["debiased"], every["extended"])
-    return row | {SAVED: resampled(saved, whole)[0]}
+    gain = partial(saved, every["debiased"], every["extended"])
+    return row | {SAVED: resampled(gain, whole)[0]}
 
 
 def _ratio(one: Evidence, best: Evidence, weight: np.ndarray) -> np.ndarray:
-    return _rmse(one, weight)[:1] / _rmse(best, weight)[:1]
-
-
-SAVED = "debiased saves on extended, %"
+    return rmse(one, weight)[:1] / rmse(best, weight)[:1]
 
 
 def _regime(name: str, title: str) -> Table:
@@ -269,49 +221,6 @@ def _errors(scenario: Scenario, results: Mapping[str, Runs], time: np.ndarray) -
     axes.set(xlabel="time, s", ylabel="position rms error over the runs kept by each, m")
     drawing.legend(*axes.get_legend_handles_labels(), fontsize=7, ncols=2, loc="outside upper center")
     return drawing
-
-
-def map_figures(entry: SettingsGrid, rows: Mapping[str, Mapping[str, Estimate]], out: Path) -> None:
-    """By update, how much worse it is than the best, a ring where chance may have made it worse, and where
-    debiasing beats linearising; over the period and r s^2 / s_r."""
-    shape = [len(values) for values in entry.axes.values()]
-    range_deviation = REGIMES[entry.settings["regime"]].range_deviation
-    distance = np.linalg.norm(REGIMES[entry.settings["regime"]].start)
-    ratio = distance * np.array(entry.axes["angle_deviation"]) ** 2 / range_deviation
-    period = np.array(entry.axes["period"])
-    drawing = Drawing(figsize=(13, 9), layout="constrained")
-    panels = drawing.subplots(2, 5, sharex=True, sharey=True)
-    for axes, column in zip(panels.flat, entry.columns, strict=True):
-        value, low, high = (
-            np.array([getattr(row[column], part) for row in rows.values()]).reshape(shape)
-            for part in Estimate._fields
-        )
-        last = column == SAVED
-        shown = value if last else 100 * (value - 1)
-        limits, colours = (-30, 30) if last else (0, 30), "RdBu" if last else "magma_r"
-        mesh = axes.pcolormesh(
-            _edges(ratio), _edges(period), shown, cmap=colours, vmin=limits[0], vmax=limits[1]
-        )
-        marked = (low > 0) | (high < 0) if last else low <= 1
-        at = np.meshgrid(ratio, period)
-        axes.plot(at[0][marked], at[1][marked], "o", mfc="none", mec="0.4", ms=7)
-        axes.set(xscale="log", yscale="log", title=column)
-        if axes in panels[:, -1]:
-            label = "saved, %" if last else "worse than the best, %"
-            drawing.colorbar(mesh, ax=axes, label=label, extend="both" if last else "max")
-    drawing.supxlabel("r σ² / σ_r")
-    drawing.supylabel("period, s")
-    drawing.suptitle(
-        "rings: not worse than the best beyond chance (95 %); in the last panel, beyond chance", size=10
-    )
-    save(drawing, out / f"{entry.name}.png")
-
-
-def _edges(centres: np.ndarray) -> np.ndarray:
-    """Where cells meet on a logarithmic axis."""
-    log = np.log(centres)
-    middle = [(a + b) / 2 for a, b in pairwise(log)]
-    return np.exp([log[0] - (middle[0] - log[0]), *middle, log[-1] + (log[-1] - middle[-1])])
 
 
 PAPER = Paper(

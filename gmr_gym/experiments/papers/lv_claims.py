@@ -44,9 +44,8 @@ QUANTITIES = {
     "wasserstein": lambda scenario, runs: runs.wasserstein,  # (runs, T), m; nan where either set is empty
     # by how many targets the number named was wrong
     "off": lambda scenario, runs: cardinality_error(runs.named, runs.targets).mean(axis=1),
-    "false": lambda scenario, runs: (
-        runs.false.mean(axis=1) / _one(scenario)
-    ),  # estimates of nothing in a scan
+    # estimates of nothing in a scan
+    "false": lambda scenario, runs: runs.false.mean(axis=1) / _one(scenario),
     "density": lambda scenario, runs: compared(runs.density_error),  # error of the intensity of clutter
     "right": _right,  # m, Wasserstein over the scans whose number was right; nan for none
     "lost": partial(_newly_missed, 1),  # targets lost in SETTLED
