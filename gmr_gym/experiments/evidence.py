@@ -63,22 +63,28 @@ def error_rows(every: Mapping[str, Evidence], names: Sequence[str], errors: Call
     return rows
 
 
-def error_differences(every: Mapping[str, Evidence], names: Sequence[str], errors: Callable) -> Rows:
-    """Every tracker minus the first on the same episodes: track_loss over all runs, the errors over the runs
-    that neither of the two lost."""
+def error_differences(
+    quantities: Quantities, names: Sequence[str], errors: Callable, scenario: Any, results: Mapping[str, Any]
+) -> Rows:
+    """Every tracker minus the first on the same episodes: track_loss over all runs, the errors(evidence,
+    weight) by these names over the runs that neither of the two lost."""
 
     def gains(one: Evidence, against: Evidence) -> dict[str, Estimate]:
-        figures = resampled(
-            lambda weight: errors(one, weight) - errors(against, weight), one.kept & against.kept
-        )
+        both = one.kept & against.kept
+        figures = resampled(lambda weight: errors(one, weight) - errors(against, weight), both)
         return {f"{error}_common": figure for error, figure in zip(names, figures, strict=True)}
 
-    return differences(every, gains)
+    return differences(quantities, gains, scenario, results)
 
 
-def differences(every: Mapping[str, Evidence], gains: Callable[[Evidence, Evidence], dict]) -> Rows:
-    """Every tracker minus the first: track_loss over all runs, and the gains(one, first)."""
-    (reference, against), *others = every.items()
+def differences(
+    quantities: Quantities,
+    gains: Callable[[Evidence, Evidence], dict[str, Estimate]],
+    scenario: Any,
+    results: Mapping[str, Any],
+) -> Rows:
+    """Every tracker minus the first on the same episodes: track_loss over all runs, and gains(one, first)."""
+    (reference, against), *others = all_measured(quantities, scenario, results).items()
     return {
         f"{name} - {reference}": {
             "track_loss": paired_share(against.kept.astype(float) - one.kept),

@@ -38,6 +38,7 @@ COLUMNS = (
     "track_loss", *(f"{error}_own" for error in ERRORS), "sight_bias_own", "position_anees_own",
     "gate_volume", "time_per_scan",
 )  # fmt: skip
+DIFFERENCES = partial(error_differences, QUANTITIES, ERRORS, rmse)
 SETTLED = 20  # scans of the map that are left out: of the first what was told decides
 
 
@@ -62,10 +63,6 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
             "time_per_scan": Estimate(float(np.median(runs.seconds))),
         }
     return rows
-
-
-def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
-    return error_differences(all_measured(QUANTITIES, scenario, results), ERRORS, rmse)
 
 
 def _cell(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Estimate]:
@@ -96,7 +93,7 @@ def _regime(name: str, title: str) -> Table:
         summarise=_rows,
         columns=COLUMNS,
         roles=(EKF, DCM),
-        paired=_differences,
+        paired=DIFFERENCES,
     )
 
 
@@ -111,7 +108,7 @@ def _mixing(regime: str, tracker: str) -> Table:
         runs=300,
         summarise=_rows,
         columns=COLUMNS,
-        paired=_differences,
+        paired=DIFFERENCES,
     )
 
 
@@ -133,7 +130,7 @@ TABLES = (
         runs=300,
         summarise=_rows,
         columns=COLUMNS,
-        paired=_differences,
+        paired=DIFFERENCES,
     ),
     *(_mixing(regime, tracker) for regime in REGIMES for tracker in (EKF, DCM)),
 )

@@ -2,6 +2,7 @@
 clutter, with a stickier IMM and with missed detections. The paper's sentences are in maybeck_claims."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -79,10 +80,6 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
     return rows
 
 
-def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
-    return error_differences(all_measured(QUANTITIES, scenario, results), tuple(ERRORS.values()), _errors)
-
-
 def _errors(one: Evidence, weight: np.ndarray) -> np.ndarray:
     return np.array([rms(one, quantity, SPANS[span], weight) for quantity, span in ERRORS])
 
@@ -102,7 +99,7 @@ def _table(
         summarise=_rows,
         columns=COLUMNS,
         roles=roles,
-        paired=_differences,
+        paired=partial(error_differences, QUANTITIES, tuple(ERRORS.values()), _errors),
     )
 
 

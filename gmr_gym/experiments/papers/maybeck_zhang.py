@@ -3,6 +3,7 @@ over modes and associations together inferior; Zhang and Liu's MMG does just tha
 Either's trackers in either's scenario, the reduction, the number of Gaussians and the work equalised."""
 
 from collections.abc import Mapping
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -63,12 +64,8 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
     return rows
 
 
-def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
-    """Every tracker minus the first, run by run over all runs of the same episodes."""
-    every = all_measured(QUANTITIES, scenario, results)
-    return differences(
-        every, lambda one, against: {"error_capped": bootstrap_mean(one.error - against.error)}
-    )
+def _gain(one: Evidence, against: Evidence) -> dict[str, Estimate]:
+    return {"error_capped": bootstrap_mean(one.error - against.error)}
 
 
 def worse(weight: np.ndarray, mmg: Evidence, bank: Evidence) -> float:
@@ -109,7 +106,8 @@ def figures(
 
 def _table(name: str, title: str, env_id: str, settings: dict[str, Any], trackers) -> Table:
     return Table(
-        name, title, env_id, settings, trackers, summarise=_rows, columns=COLUMNS, paired=_differences
+        name, title, env_id, settings, trackers, summarise=_rows, columns=COLUMNS,
+        paired=partial(differences, QUANTITIES, _gain),
     )  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """What Zhang and Liu say of their curves in section 6.4, each sentence as a number with an interval."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -119,52 +119,49 @@ def _least_rise(field: str, first: Trio, second: Trio) -> float:
 
 
 SHARE = "share of scans"
-PEAKS = "rise of MMG's {} RMSE over both sides of a switch, the lesser switch"
-CALM = f"{PEAK:g} less the rivals' greater rise of {{}} RMSE at the first switch"
-ROBUST = "MMG's rise of {} RMSE at the first switch less the rivals' greater rise"
 WORSE = "average less the worse of the others', dB"
-POSITION, VELOCITY = ("rmse", "position"), ("velocity_rmse", "velocity")
-AT_FIRST_SWITCH = tuple(
-    claim
-    for field, name in (POSITION, VELOCITY)
-    for claim in (
-        Claim(
-            f"the IMM based methods have no peak at the first switch ({name})",
-            CALM.format(name), 0.0, partial(_flat, field),
-        ),
-        Claim(
-            f"the IMM based methods are more robust to the first switch ({name})",
-            ROBUST.format(name), 0.0, partial(_calmer, field),
-        ),
-    )
-)  # fmt: skip
-LOWEST = tuple(
-    Claim(f"MMG has the lowest {name} RMSE for most of the time", SHARE, MOST, partial(_lowest, field))
-    for field, name in (POSITION, VELOCITY)
-)
+ERRORS = {"rmse": "position", "velocity_rmse": "velocity"}
+CREDIBILITY = {"nci": "NCI", "inclination": "inclination"}
+
+
+def _each(
+    names: Mapping[str, str], sentence: str, measure: str, threshold: float, value: Callable[..., float]
+) -> Iterator[Claim]:
+    """The same of several curves: value(field, *trios)."""
+    for field, name in names.items():
+        yield Claim(sentence.format(name), measure.format(name), threshold, partial(value, field))
+
+
+def _rise_of_pda(field: str, first: Trio, second: Trio) -> float:
+    return _rise(field, first.imm_pda, second.imm_pda)
+
+
+ABSENT = tuple(_each(
+    ERRORS, "the IMM based methods have no peak at the first switch ({})",
+    f"{PEAK:g} less the rivals' greater rise of {{}} RMSE at the first switch", 0.0, _flat,
+))  # fmt: skip
+CALMER = tuple(_each(
+    ERRORS, "the IMM based methods are more robust to the first switch ({})",
+    "MMG's rise of {} RMSE at the first switch less the rivals' greater rise", 0.0, _calmer,
+))  # fmt: skip
+AT_FIRST_SWITCH = (ABSENT[0], CALMER[0], ABSENT[1], CALMER[1])
+LOWEST = tuple(_each(ERRORS, "MMG has the lowest {} RMSE for most of the time", SHARE, MOST, _lowest))
 CASE_1 = (
     Claim(
-        "MMG has the best position RMSE",
-        "better rival's average less MMG's, m", 0.0, partial(_lead, "rmse"),
+        "MMG has the best position RMSE", "better rival's average less MMG's, m", 0.0, partial(_lead, "rmse")
     ),
     Claim(
-        "MMG has the best velocity RMSE",
-        "better rival's average less MMG's, m/s", 0.0, partial(_lead, "velocity_rmse"),
+        "MMG has the best velocity RMSE", "better rival's average less MMG's, m/s", 0.0,
+        partial(_lead, "velocity_rmse"),
     ),
     *LOWEST,
-    *(
-        Claim(
-            f"except right after a switch, where MMG has not the lowest {name} RMSE",
-            "share of five scans from each switch", MOST, partial(_beaten_after_switches, field),
-        )
-        for field, name in (POSITION, VELOCITY)
+    *_each(
+        ERRORS, "except right after a switch, where MMG has not the lowest {} RMSE",
+        "share of five scans from each switch", MOST, _beaten_after_switches,
     ),
-    *(
-        Claim(
-            f"two peaks of MMG are the two switches ({name})",
-            PEAKS.format(name), PEAK, partial(_peaks, field),
-        )
-        for field, name in (POSITION, VELOCITY)
+    *_each(
+        ERRORS, "two peaks of MMG are the two switches ({})",
+        "rise of MMG's {} RMSE over both sides of a switch, the lesser switch", PEAK, _peaks,
     ),
     *AT_FIRST_SWITCH,
     Claim("MMG has the lowest NCI for most of the time", SHARE, MOST, partial(_lowest, "nci")),
@@ -172,9 +169,7 @@ CASE_1 = (
         "MMG is constantly pessimistic except at the transients",
         "share of scans away from start and switches", CONSTANTLY, _pessimistic,
     ),
-    Claim(
-        "IMM+PDA is constantly optimistic", SHARE, CONSTANTLY, lambda trio: _optimistic(trio.imm_pda),
-    ),
+    Claim("IMM+PDA is constantly optimistic", SHARE, CONSTANTLY, lambda trio: _optimistic(trio.imm_pda)),
     Claim(
         "IMM+MHT shows no consistent pattern of inclination",
         "share of scans on the rarer side of 0", 1 - CONSTANTLY,
@@ -185,37 +180,26 @@ CASE_2 = (
     *LOWEST,
     *AT_FIRST_SWITCH,
     Claim(
-        "the NCI of IMM+PDA is much worse than that of the other two",
-        WORSE, MUCH, partial(_worse_pda, "nci"),
+        "the NCI of IMM+PDA is much worse than that of the other two", WORSE, MUCH,
+        partial(_worse_pda, "nci"),
     ),
     Claim(
-        "the inclination of IMM+PDA is much worse than that of the other two",
-        f"magnitude's {WORSE}", MUCH, partial(_worse_pda, "inclination"),
+        "the inclination of IMM+PDA is much worse than that of the other two", f"magnitude's {WORSE}", MUCH,
+        partial(_worse_pda, "inclination"),
     ),
 )  # fmt: skip
 BOTH = (
-    *(
-        Claim(
-            f"all filters have larger {name} errors than in case 1",
-            "average in case 2 less case 1, the least of the three", 0.0, partial(_least_rise, field),
-        )
-        for field, name in (POSITION, VELOCITY)
+    *_each(
+        ERRORS, "all filters have larger {} errors than in case 1",
+        "average in case 2 less case 1, the least of the three", 0.0, _least_rise,
     ),
-    *(
-        Claim(
-            f"the {name} of IMM+PDA is much worse than in case 1",
-            "average magnitude in case 2 less case 1, dB", MUCH,
-            lambda first, second, field=field: _rise(field, first.imm_pda, second.imm_pda),
-        )
-        for field, name in (("nci", "NCI"), ("inclination", "inclination"))
+    *_each(
+        CREDIBILITY, "the {} of IMM+PDA is much worse than in case 1",
+        "average magnitude in case 2 less case 1, dB", MUCH, _rise_of_pda,
     ),
-    *(
-        Claim(
-            f"PDA is more sensitive to the clutter density ({name})",
-            "IMM+PDA's rise from case 1 less the greater of the others', dB", 0.0,
-            partial(_sensitive_pda, field),
-        )
-        for field, name in (("nci", "NCI"), ("inclination", "inclination"))
+    *_each(
+        CREDIBILITY, "PDA is more sensitive to the clutter density ({})",
+        "IMM+PDA's rise from case 1 less the greater of the others', dB", 0.0, _sensitive_pda,
     ),
 )  # fmt: skip
 
