@@ -17,17 +17,30 @@ ByTracker = Mapping[str, Evidence]  # of one table
 class Claim(NamedTuple):
     """A sentence of a paper as a number: it holds where the number lies above the threshold.
 
-    The number is `value(weight, *evidence)`, each run counted as often as weight (runs,) says; of claims that
-    are judged run by run it is the mean of `value(*evidence)` (runs,).
+    Parameters
+    ----------
+    sentence : str
+        What the paper says.
+    measure : str
+        What the number is, with its unit.
+    threshold : float
+    value : Callable
+        `value(weight, *evidence)` is the number with every run counted as often as weight `(runs,)` says. Of
+        claims that are judged run by run, `value(*evidence)` `(runs,)`, and the number is the mean.
+    of, against : str
+        The tracker the sentence is about, in the first table, and its rival, in the last: the two whose
+        evidence `value` takes. Without them it takes whole tables.
+    widened : bool
+        Whether an interval without width is taken for that of no event, as of a share.
     """
 
     sentence: str
     measure: str
     threshold: float
     value: Callable[..., Any]
-    of: str = ""  # a tracker of the first table, and in the last one the tracker that it is held against,
-    against: str = ""  # whose evidence the number takes; without them it takes all of every table
-    widened: bool = True  # an interval without width is taken for that of no event
+    of: str = ""
+    against: str = ""
+    widened: bool = True
 
     def evidence(self, tables: Sequence[ByTracker]) -> Sequence[Any] | None:
         """What the number is taken of; None where a tracker is not in its table."""
@@ -39,15 +52,32 @@ class Claim(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """Claims about the same tables, judged where evidence of all of these is at hand."""
+    """Claims about the same tables, judged where the evidence of all of these is at hand.
+
+    Parameters
+    ----------
+    claims : tuple of Claim
+    tables : tuple of str
+        Names of the tables, in the order in which `value` takes their evidence.
+    runs : str
+        What a record says of the runs; their number goes where the braces are.
+    table : str
+        What a record calls the tables, unless "one against other".
+    kept : bool
+        Over the runs that no tracker at hand lost, not over all.
+    run_by_run : bool
+        The values are numbers of each run; their mean is judged.
+    prepare : Callable, optional
+        `prepare(weight, *tables)` are the arguments that every `value` takes instead.
+    """
 
     claims: tuple[Claim, ...]
     tables: tuple[str, ...]
-    runs: str = "all {}"  # what a record says of the runs; their number goes where the braces are
-    table: str = ""  # what a record calls the tables, unless "one against other"
-    kept: bool = False  # over the runs that every tracker at hand kept, not over all
+    runs: str = "all {}"
+    table: str = ""
+    kept: bool = False
     run_by_run: bool = False
-    prepare: Callable[..., tuple] | None = None  # (weight, *tables) -> what each `value` takes instead
+    prepare: Callable[..., tuple] | None = None
 
 
 def claim_records(asked: Iterable[Asked], evidence: Mapping[str, ByTracker]) -> list[dict[str, Any]]:

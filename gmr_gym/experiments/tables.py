@@ -54,15 +54,27 @@ class SettingsGrid:
 
 @dataclass(frozen=True)
 class Paper:
-    """A paper as data: its tables and grids, what its claims need of the runs, the claims; its figures are
-    code. Its name and what it is about are in `papers/registry.py`."""
+    """A paper as data; its figures are code. Its name and its sentence are in `papers/registry.py`.
+
+    Parameters
+    ----------
+    tables : tuple of Table
+    figures : Callable
+        `figures(table, scenario, results, rows, out)` leaves a table's plots in the folder `out`.
+    quantities : mapping of str to Callable
+        What the claims need of a tracker's runs: `quantity(scenario, runs)` `(runs, ...)`, by name.
+    claims : tuple of Asked
+    maps : tuple of SettingsGrid
+    map_figures : Callable, optional
+        `map_figures(grid, rows, out)` draws a grid.
+    """
 
     tables: tuple[Table, ...]
-    figures: Callable  # (table, scenario, results, rows, out): a table's plots, as files in the folder `out`
+    figures: Callable
     quantities: Quantities = field(default_factory=dict)
     claims: tuple[Asked, ...] = ()
     maps: tuple[SettingsGrid, ...] = ()
-    map_figures: Callable | None = None  # (map, rows, out)
+    map_figures: Callable | None = None
 
     def entries(self) -> dict[str, Table | SettingsGrid]:
         """Tables and grids by name."""
