@@ -134,13 +134,15 @@ def reproduce(
 ) -> None:
     """A paper's tables and figures: its numbers beside ours, with intervals and verdicts."""
     from gmr_gym.experiments import records, running, specs, sweeps
+    from gmr_gym.experiments.papers.registry import paper_named
 
-    module, known = specs.paper_entries(paper)
+    asked_for = paper_named(paper)
+    known = asked_for.entries()
     for name in table:
         if name not in known:
             raise ValueError(f"{paper} has no table {name!r}; choose from {', '.join(known)}")
     specs.check_once("--table", table)
-    part, usual = sweeps.shard_of(shard, out), module.TABLES[0].runs
+    part, usual = sweeps.shard_of(shard, out), asked_for.tables[0].runs
     runs, names = runs or usual, table or list(known)
     asked = records.question(paper=paper, asked=names, runs=runs, seed=seed)
     root = out or Path("results") / paper
@@ -153,7 +155,8 @@ def reproduce(
         sweeps.say_what_is_left(sweep.blocks, *running.sharded((known[name] for name in names), sweep))
         return
     records.check_free(out / f"{paper}.json", asked)
-    _show(running.rerun(paper, module, {name: known[name] for name in names}, asked, sweep, out, json_file))
+    entries = [known[name] for name in names]
+    _show(running.rerun(paper, asked_for, entries, asked, sweep, out, json_file))
 
 
 @command()

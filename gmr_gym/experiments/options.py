@@ -11,15 +11,8 @@ from typer.core import TyperCommand
 
 from gmr_gym.catalogue import BACKENDS, GROUP, MULTI_TARGET_GROUP, REDUCTIONS, described
 from gmr_gym.envs.registry import ABOUT, MULTI_TARGET, TUNING
+from gmr_gym.experiments.papers.registry import PAPERS, paper_named
 
-PAPERS = {
-    "dortenzio": "adaptive reduction of a single target's hypotheses: Tables 1-4, Fig. 1",
-    "li": "a radar's converted measurements, models and data association: Figs. 1-4, three regimes, a map",
-    "lv": "several targets in clutter fitted as a finite mixture: Figs. 1-9, what the trackers score",
-    "maybeck": "an F-16 in clutter, filter banks and hypotheses: Table I, Figs. 3-7",
-    "maybeck-zhang": "models in the mixture or in filter banks: either paper's trackers in either's world",
-    "zhang": "models and hypotheses of a manoeuvring target reduced jointly: cases 1 and 2, Figs. 1-2",
-}
 TRACKED = {env_id: line for env_id, line in ABOUT.items() if env_id != TUNING}
 MODELS = {"constant-velocity": "a target whose velocity changes by a random acceleration"}
 
@@ -57,9 +50,7 @@ def complete_table(ctx: typer.Context, incomplete: str) -> list[str]:
     paper = _typed(ctx, PAPERS)
     if paper is None:
         return []
-    from gmr_gym.experiments.specs import paper_entries
-
-    return [*paper_entries(paper)[1]]
+    return [*paper_named(paper).entries()]
 
 
 def _typed(ctx: typer.Context, names: Iterable[str]) -> str | None:

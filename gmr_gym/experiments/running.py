@@ -1,8 +1,7 @@
 """A paper's tables and maps, run, and the files they leave."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from gmr_gym.experiments.output import write_csv, write_json, write_runs
@@ -10,13 +9,13 @@ from gmr_gym.experiments.records import answered
 from gmr_gym.experiments.sheets import claims_table, comparison, notes
 from gmr_gym.experiments.specs import scenario_of, tracker_of
 from gmr_gym.experiments.sweeps import Sweep, Work, runs_shown
-from gmr_gym.experiments.tables import SettingsGrid, Table, table_record
+from gmr_gym.experiments.tables import Paper, SettingsGrid, Table, table_record
 
 
 def rerun(
-    paper: str,
-    module: ModuleType,
-    entries: Mapping[str, Table | SettingsGrid],
+    name: str,
+    paper: Paper,
+    entries: Iterable[Table | SettingsGrid],
     asked: dict[str, Any],
     sweep: Sweep,
     out: Path,
@@ -26,24 +25,25 @@ def rerun(
     in `out`; at the end what the paper says. The record, and its copy, hold what there is so far."""
     tables: list[dict[str, Any]] = []
     evidence, further = {}, {}
-    for name, entry in entries.items():
+    for entry in entries:
+        title = f"{name}, {_label(entry)}: {entry.title}"
         if isinstance(entry, SettingsGrid):
-            found, title = [mapped(module, entry, sweep, out)], f"{paper}, {name}: {entry.title}"
+            found = [mapped(paper, entry, sweep, out)]
         else:
-            found, kept = reproduced(module, entry, sweep, out)
-            title = f"{paper}, table {name}: {entry.title}; {sweep.runs} runs"
+            found, kept = reproduced(paper, entry, sweep, out)
+            title += f"; {sweep.runs} runs"
             if kept is not None:
-                evidence[name] = kept
+                evidence[entry.name] = kept
         tables += found
-        _keep(out / paper, copy, answered(asked, tables))
+        _keep(out / name, copy, answered(asked, tables))
         first, *paired = found
         yield comparison(title, first, entry.columns)
         for record in paired:
             yield comparison(record["name"], record, list(record["rows"][0]["metrics"]))
         yield from first["notes"]
     if evidence:
-        further["claims"] = module.claims(evidence)
-        _keep(out / paper, copy, answered(asked, tables, **further))
+        further["claims"] = paper.claim_records(evidence)
+        _keep(out / name, copy, answered(asked, tables, **further))
     if further.get("claims"):
         yield claims_table(further["claims"])
     yield f"tables, figures and runs are in {out}"
@@ -55,7 +55,7 @@ def _keep(stem: Path, copy: Path | None, record: dict[str, Any]) -> None:
     write_csv(stem.with_name(f"{stem.name}.csv"), record)
 
 
-def reproduced(paper: ModuleType, entry: Table, sweep: Sweep, out: Path) -> tuple[list[dict[str, Any]], Any]:
+def reproduced(paper: Paper, entry: Table, sweep: Sweep, out: Path) -> tuple[list[dict[str, Any]], Any]:
     """Runs a table and leaves its files; the records of it, and the evidence its paper's claims need. The
     results are gone by then: a table of a thousand runs is a hundred megabytes."""
     work = _work(entry)
@@ -64,7 +64,7 @@ def reproduced(paper: ModuleType, entry: Table, sweep: Sweep, out: Path) -> tupl
     rows = entry.summarise(scenario, results)
     write_runs(out / f"runs-{entry.name}.csv", scenario, results)
     paper.figures(entry, scenario, results, rows, out)
-    evidence = entry.evidence(scenario, results) if entry.evidence else None
+    evidence = paper.evidence(entry, scenario, results)
     said = {"env": entry.env_id, "trackers": entry.trackers, "notes": notes(rows, sweep.runs)}
     records = [table_record(entry.name, entry.settings, rows, entry, sweep.runs) | said]
     if entry.paired:
@@ -73,7 +73,7 @@ def reproduced(paper: ModuleType, entry: Table, sweep: Sweep, out: Path) -> tupl
     return records, evidence
 
 
-def mapped(paper: ModuleType, entry: SettingsGrid, sweep: Sweep, out: Path) -> dict[str, Any]:
+def mapped(paper: Paper, entry: SettingsGrid, sweep: Sweep, out: Path) -> dict[str, Any]:
     """Runs every cell of a map and leaves its drawing; the record of it."""
     work, sweep = _work(entry), _share(entry, sweep)
     results = runs_shown(_label(entry), work, sweep)

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import gymnasium as gym
@@ -21,7 +20,7 @@ from gmr_gym.experiments.output import write_json, write_runs
 from gmr_gym.experiments.records import answered
 from gmr_gym.experiments.sheets import figures_table, notes
 from gmr_gym.experiments.sweeps import Sweep, runs_shown
-from gmr_gym.experiments.tables import SettingsGrid, Table, table_record
+from gmr_gym.experiments.tables import table_record
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
@@ -113,12 +112,6 @@ def tracker_of(spec: str, scenario: Scenario | MultiTargetScenario, **parameters
     """The tracker NAME:key=value,key=value, with further parameters, for the scenario's filter model."""
     name, further = parsed(spec)
     return make_tracker(name, scenario.model, **parameters, **further)
-
-
-def paper_entries(paper: str) -> tuple[ModuleType, dict[str, Table | SettingsGrid]]:
-    """The module of a paper, and its tables and maps by name."""
-    module = import_module(f"gmr_gym.experiments.papers.{paper.replace('-', '_')}")
-    return module, {entry.name: entry for entry in (*module.TABLES, *getattr(module, "MAPS", ()))}
 
 
 def evaluated(

@@ -1,22 +1,17 @@
-"""Published tables, run again: the paper's figures beside ours, with a verdict on each; and what a paper
-says of its curves, as numbers.
+"""Papers as data, and published tables run again: the paper's figures beside ours, with a verdict on each."""
 
-A paper's module holds TABLES; `figures(table, scenario, results, rows, out)` for its plots; where a table
-keeps evidence, `claims(evidence by table)`; and, for grids of settings, MAPS and `map_figures(map, rows,
-out)`.
-"""
-
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
 
-from gmr_gym.evaluation.summary import CONFIDENCE, FEWEST, Estimate, summary, wilson
+from gmr_gym.evaluation.summary import CONFIDENCE, FEWEST, Estimate, summary
+from gmr_gym.experiments.claims import TOO_FEW, Asked, ByTracker, claim_records, plain
+from gmr_gym.experiments.evidence import Evidence, Quantities, all_measured
 
-TOO_FEW = "too few runs"
 COLUMNS = ("track_loss", "components", "rmse_own", "error_common", "time_per_scan", "gate_area")
 
 
@@ -33,7 +28,7 @@ class Table:
     runs: int = 1000  # behind the published figures
     summarise: Callable = summary  # (scenario, results) -> rows of figures
     columns: tuple[str, ...] = COLUMNS  # the metrics shown on a screen
-    evidence: Callable | None = None  # (scenario, results) -> what the paper's claims need of them
+    roles: tuple[str, ...] | None = None  # what claims call the first trackers, unless by their names
     paired: Callable | None = None  # (scenario, results) -> rows of differences from the first tracker
 
 
@@ -57,41 +52,43 @@ class SettingsGrid:
         return {", ".join(f"{k}={v:g}" for k, v in cell.items()): self.settings | cell for cell in named}
 
 
-class Claim(NamedTuple):
-    """A sentence of a paper as a number: it holds where the number lies above the threshold."""
+@dataclass(frozen=True)
+class Paper:
+    """A paper as data; its figures are code. Its name and its sentence are in `papers/registry.py`.
 
-    sentence: str
-    measure: str
-    threshold: float
-    value: Callable[..., Any]  # of the evidence: the number, or what it is the mean of, run by run
+    Parameters
+    ----------
+    tables : tuple of Table
+    figures : Callable
+        `figures(table, scenario, results, rows, out)` leaves a table's plots in the folder `out`.
+    quantities : mapping of str to Callable
+        What the claims need of a tracker's runs: `quantity(scenario, runs)` `(runs, ...)`, by name.
+    claims : tuple of Asked
+    maps : tuple of SettingsGrid
+    map_figures : Callable, optional
+        `map_figures(grid, rows, out)` draws a grid.
+    """
 
+    tables: tuple[Table, ...]
+    figures: Callable
+    quantities: Quantities = field(default_factory=dict)
+    claims: tuple[Asked, ...] = ()
+    maps: tuple[SettingsGrid, ...] = ()
+    map_figures: Callable | None = None
 
-def judged(claim: Claim, figure: Estimate, count: int, **about: str) -> dict[str, Any]:
-    """A claim about a figure of so many runs as plain data: "holds" or "fails" when chance puts the number on
-    the other side of the threshold less than once in a hundred times, else "tie"; "unknown" without an
-    interval, and TOO_FEW where so few runs do not tell how often that is."""
-    # from the interval's confidence to 99 %, as `verdict` asks
-    reach = (figure.high - figure.low) / 2 * ndtri(0.995) / ndtri((1 + CONFIDENCE) / 2)
-    if not np.isfinite(reach):
-        verdict = "unknown"
-    elif count < FEWEST:
-        verdict = TOO_FEW
-    elif abs(figure.value - claim.threshold) <= reach:
-        verdict = "tie"
-    else:
-        verdict = "holds" if figure.value > claim.threshold else "fails"
-    record: dict[str, Any] = {**about, "claim": claim.sentence, "measure": claim.measure}
-    numbers = {key: _number(value) for key, value in figure._asdict().items()}
-    return record | numbers | {"threshold": claim.threshold, "verdict": verdict}
+    def entries(self) -> dict[str, Table | SettingsGrid]:
+        """Tables and grids by name."""
+        return {entry.name: entry for entry in (*self.tables, *self.maps)}
 
+    def evidence(self, table: Table, scenario: Any, results: Mapping[str, Any]) -> dict[str, Evidence] | None:
+        """What the claims need of a table's results; None where none is about the table."""
+        if not any(table.name in asked.tables for asked in self.claims):
+            return None
+        return all_measured(self.quantities, scenario, results, table.roles)
 
-def no_event_width(figures: Iterable[Estimate], runs: int) -> list[Estimate]:
-    """Where no resample of the runs differs, rounding apart, a bootstrap claims certainty: the interval is
-    then as wide as that of no event in as many runs, for numbers that are shares."""
-    most = wilson(0, runs).high
-    return [
-        Estimate(f.value, f.value - most, f.value + most) if f.high - f.low < 1e-9 else f for f in figures
-    ]
+    def claim_records(self, evidence: Mapping[str, ByTracker]) -> list[dict[str, Any]]:
+        """Its claims, judged by the evidence of the tables at hand, as plain data."""
+        return claim_records(self.claims, evidence)
 
 
 def verdict(figure: Estimate, runs: int, printed: float, printed_runs: int, share: bool) -> str:
@@ -126,7 +123,7 @@ def table_record(
     for tracker, figures in rows.items():
         metrics = {}
         for metric, figure in figures.items():
-            cell: dict[str, Any] = {key: _number(value) for key, value in figure._asdict().items()}
+            cell: dict[str, Any] = plain(figure)
             printed = table.published.get(tracker, {}).get(metric) if table else None
             if table and printed is not None:
                 cell["paper"] = printed
@@ -135,7 +132,3 @@ def table_record(
             metrics[metric] = cell
         records.append({"tracker": tracker, "metrics": metrics})
     return {"name": name, "settings": dict(settings), "rows": records}
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -13,8 +13,9 @@ from baselines.imm_pda import ImmPda
 from gmr_gym import cli
 from gmr_gym.evaluation.loop import play
 from gmr_gym.evaluation.summary import Estimate
+from gmr_gym.experiments.evidence import Evidence
 from gmr_gym.experiments.papers import li
-from gmr_gym.experiments.papers.li import DCM, EKF, MAPS, SAVED, TABLES, Tracked, claims, map_figures
+from gmr_gym.experiments.papers.li import DCM, EKF, MAPS, PAPER, SAVED, TABLES, map_figures
 from gmr_gym.filters.mixing import MIXINGS
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.gating import gate_threshold
@@ -90,8 +91,12 @@ def test_differences_are_over_the_runs_that_neither_lost():
 
 
 def judged_of(dcm, ekf):
-    evidence = {DCM: Tracked(*map(np.array, dcm)), EKF: Tracked(*map(np.array, ekf))}
-    return [record["verdict"] for record in claims({"far": evidence})]
+    names = "squared", "kept", "seconds"
+    evidence = {
+        who: Evidence(**dict(zip(names, map(np.array, told), strict=True)))
+        for who, told in ((DCM, dcm), (EKF, ekf))
+    }
+    return [record["verdict"] for record in PAPER.claim_records({"far": evidence})]
 
 
 @pytest.mark.parametrize(
@@ -139,8 +144,7 @@ def test_map_and_tables_are_run_drawn_and_written_by_the_command(tmp_path, monke
     tables = tuple(replace(table, settings=table.settings | few) for table in TABLES)
     axes = {"period": (0.1, 1.0), "angle_deviation": (0.01, 0.08)}
     maps = tuple(replace(entry, settings=entry.settings | few, axes=axes) for entry in MAPS)
-    monkeypatch.setattr(li, "TABLES", tables)
-    monkeypatch.setattr(li, "MAPS", maps)
+    monkeypatch.setattr(li, "PAPER", replace(PAPER, tables=tables, maps=maps))
     wanted = [option for name in ("extreme", "printed", "map") for option in ("--table", name)]
     arguments = ["reproduce", "li", *wanted, "--runs", "3", "--jobs", "1", "--out", str(tmp_path)]
     cli.app(arguments, standalone_mode=False)

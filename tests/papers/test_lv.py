@@ -11,18 +11,10 @@ from baselines.fmm import fmm_em
 from baselines.gm_phd import gm_phd
 from gmr_gym import cli
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
-from gmr_gym.experiments.papers import lv
-from gmr_gym.experiments.papers.lv import REDUCED, TABLES
-from gmr_gym.experiments.papers.lv_claims import (
-    ACROSS,
-    FITTED,
-    PRINTED,
-    RIGHT,
-    UNIFORM,
-    Evidence,
-    claims,
-    evidence,
-)
+from gmr_gym.experiments.evidence import Evidence, measured
+from gmr_gym.experiments.papers import lv, lv_episode
+from gmr_gym.experiments.papers.lv import PAPER, REDUCED, TABLES
+from gmr_gym.experiments.papers.lv_claims import ACROSS, FITTED, PRINTED, QUANTITIES, RIGHT, UNIFORM
 from gmr_gym.experiments.sheets import HEADINGS
 from gmr_gym.experiments.specs import scenario_of, tracker_of
 from gmr_gym.filters.tracker import MultiTargetReport
@@ -56,7 +48,7 @@ def test_evidence_is_of_runs_with_known_scores():
         named=named, wasserstein=distance, missed=missed, false=np.maximum(named - 1, 0) * 5000.0,
         density_error=error,
     )  # fmt: skip
-    (found,) = evidence(WORLD, {"one": runs}).values()
+    found = measured(QUANTITIES, WORLD, runs)
     np.testing.assert_allclose(found.off, 0.75)
     np.testing.assert_allclose(found.false, 0.5)
     np.testing.assert_allclose(found.right, 10.0)
@@ -69,13 +61,13 @@ def test_evidence_is_of_runs_with_known_scores():
 
 def test_where_the_number_was_never_right_there_is_no_distance():
     runs = runs_with(named=np.zeros((RUNS, 100)))
-    assert np.isnan(evidence(WORLD, {"one": runs})["one"].right).all()
+    assert np.isnan(measured(QUANTITIES, WORLD, runs).right).all()
 
 
 def scattered(seed, **means):
     """Evidence about these means, of a deviation of a hundredth."""
     rng = np.random.default_rng(seed)
-    numbers = dict.fromkeys(Evidence._fields, 1.0) | means
+    numbers = dict.fromkeys(QUANTITIES, 1.0) | means
     numbers = {name: value + 0.01 * rng.standard_normal(RUNS) for name, value in numbers.items()}
     distance = np.where(rng.random((RUNS, 9)) < 0.5, numbers["wasserstein"][:, None], np.nan)
     return Evidence(**numbers | {"wasserstein": distance})
@@ -91,7 +83,7 @@ def test_the_papers_claims_hold_where_its_numbers_are_better_and_fail_where_they
     bad = {"off": 1.2, "false": 2.1, "printed": 350.0, "wasserstein": 360.0, "ospa": 60.0, "density": 1.4}
     own = good | {"right": RIGHT - 4, "again": 0.9} if better else bad | {"right": RIGHT + 4, "again": 0.1}
     found = {"fmm-em": scattered(0, **own), UNIFORM: scattered(1, **bad if better else good)}
-    records = claims({"groups": found})
+    records = PAPER.claim_records({"groups": found})
     assert list(verdicts(records, "groups", "fmm-em").items()) == [(c.sentence, wanted) for c in PRINTED]
     assert {record["runs"] for record in records} == {"fmm-em"}
 
@@ -106,24 +98,28 @@ def test_claims_across_tables_need_them_all_and_compare_the_right_ones():
         "dense": {UNIFORM: scattered(6, false=1.0), "learning-phd": scattered(7, ospa=45.0)},
         "dense-told": {UNIFORM: scattered(8, ospa=42.0)},
     }  # fmt: skip
-    records = claims(tables)
+    records = PAPER.claim_records(tables)
     wanted = ["holds", "fails", "holds", "fails", "holds"]
     assert [(r["table"], r["runs"], r["verdict"]) for r in records] == [
-        (table, name, verdict) for (_, table, name, _), verdict in zip(ACROSS, wanted, strict=True)
+        (asked.table or "uniform", asked.runs, verdict) for asked, verdict in zip(ACROSS, wanted, strict=True)
     ]
-    some = claims({"uniform": tables["uniform"], "groups-told": tables["groups-told"]})
+    some = PAPER.claim_records({"uniform": tables["uniform"], "groups-told": tables["groups-told"]})
     assert [(r["table"], r["runs"]) for r in some] == [("uniform", "learning-phd")]
 
 
 def test_a_number_that_was_the_same_in_every_run_is_not_certain():
-    own = scattered(0)._replace(again=np.ones(RUNS), lost=np.ones(RUNS))
-    (record,) = [r for r in claims({"dense": {"fmm-em": own, UNIFORM: own}}) if "provisionally" in r["claim"]]
+    own = Evidence(**vars(scattered(0)) | {"again": np.ones(RUNS), "lost": np.ones(RUNS)})
+    (record,) = [
+        r
+        for r in PAPER.claim_records({"dense": {"fmm-em": own, UNIFORM: own}})
+        if "provisionally" in r["claim"]
+    ]
     assert record["value"] == 0.5 and 0.3 < record["low"] < 0.5 and record["verdict"] == "holds"
 
 
 def test_a_claim_about_scans_that_there_were_not_is_unknown():
-    own = scattered(0)._replace(right=np.full(RUNS, np.nan))
-    records = claims({"groups": {"fmm-em": own, UNIFORM: own}})
+    own = Evidence(**vars(scattered(0)) | {"right": np.full(RUNS, np.nan)})
+    records = PAPER.claim_records({"groups": {"fmm-em": own, UNIFORM: own}})
     assert [r["verdict"] for r in records if "about 10 m" in r["claim"]] == ["unknown"]
 
 
@@ -153,7 +149,7 @@ def test_curves_have_a_gap_where_nothing_is_named_and_no_0():
     assert np.isnan(shown[40:60]).all() and np.all(np.delete(shown, np.s_[40:60]) == 7.0)
     np.testing.assert_allclose(undefined[[0, 30, 50]], [100 * (1 - 1 / RUNS), 0.0, 100.0])
     said = [MultiTargetReport(np.empty((0, 6)), *[np.zeros(0)] * 2, 0.0, None, None)] * 100
-    panel = lv._episode("one", WORLD, draw(WORLD, 0), said, runs).axes[-1]
+    panel = lv_episode._episode("one", WORLD, draw(WORLD, 0), said, runs).axes[-1]
     own, several, none = (line.get_ydata() for line in panel.lines)
     assert np.isnan(own).all() and len(none) == 100 and np.isnan(several[40:60]).all()
     assert panel.lines[-1].get_label() == "none at 100 scans"
@@ -172,7 +168,7 @@ def test_section_seven_is_run_drawn_and_written_by_the_command(tmp_path, monkeyp
             strict=True,
         )
     )
-    monkeypatch.setattr(lv, "TABLES", tables)
+    monkeypatch.setattr(lv, "PAPER", replace(PAPER, tables=tables))
     arguments = ["reproduce", "lv", "--runs", "2", "--jobs", "1", "--out", str(tmp_path)]
     cli.app(arguments, standalone_mode=False)
     record = json.loads((tmp_path / "lv.json").read_text())
@@ -188,7 +184,7 @@ def test_section_seven_is_run_drawn_and_written_by_the_command(tmp_path, monkeyp
 
 def test_as_many_runs_as_the_paper_unless_told_otherwise(tmp_path, monkeypatch):
     table = replace(TABLES[1], settings={"horizon": 2}, trackers={UNIFORM: {}, "pmb": {}}, runs=3)
-    monkeypatch.setattr(lv, "TABLES", (table,))
+    monkeypatch.setattr(lv, "PAPER", replace(PAPER, tables=(table,)))
     cli.app(["reproduce", "lv", "--jobs", "1", "--out", str(tmp_path)], standalone_mode=False)
     assert json.loads((tmp_path / "lv.json").read_text())["runs"] == 3
     assert len((tmp_path / "runs-groups-told.csv").read_text().splitlines()) == 7

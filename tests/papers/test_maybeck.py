@@ -18,6 +18,8 @@ import gmr_gym  # noqa: F401  registers the environments
 from baselines.bank_of_mhts import BankOfMhts
 from gmr_gym.evaluation import curves as module
 from gmr_gym.evaluation.summary import Estimate, wilson
+from gmr_gym.experiments.claims import no_event_width
+from gmr_gym.experiments.evidence import Evidence, all_measured, measured
 from gmr_gym.experiments.papers import maybeck, maybeck_zhang
 from gmr_gym.experiments.papers.maybeck_claims import (
     ARCHITECTURES,
@@ -26,11 +28,9 @@ from gmr_gym.experiments.papers.maybeck_claims import (
     FAILING,
     RIVALS,
     TUNING,
-    claims,
 )
-from gmr_gym.experiments.papers.maybeck_numbers import Tracked, evidence, offset, rms, tracked
+from gmr_gym.experiments.papers.maybeck_numbers import QUANTITIES, offset, rms
 from gmr_gym.experiments.specs import parsed
-from gmr_gym.experiments.tables import no_event_width
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.maybeck import agile_flight
 
@@ -45,6 +45,8 @@ EARLY, LATE = LEVEL & (EPOCH < 160), LEVEL & (EPOCH >= 160)  # the halves of lev
 JUNK = 1e8  # of a run that is lost, and must not count
 TABLES = {table.name: table for table in maybeck.TABLES}
 MIXED = {table.name: table for table in maybeck_zhang.TABLES}
+ASKED_OF = {name for asked in maybeck_zhang.PAPER.claims for name in asked.tables}
+claims, mixed_claims = maybeck.PAPER.claim_records, maybeck_zhang.PAPER.claim_records
 
 
 @pytest.fixture(autouse=True)
@@ -67,7 +69,12 @@ def made(position=1.0, velocity=1.0, error=0.0, claimed=1.0, aggressive=0.5, los
     values = [np.broadcast_to(value, shape).astype(float) for value, shape in shapes]
     for value in values:
         value[at >= 0] = JUNK
-    return Tracked(*values, at < 0, at)
+    return Evidence(**dict(zip(QUANTITIES, (*values, at < 0, at), strict=True)))
+
+
+def changed(one, **quantities):
+    """The evidence with other quantities."""
+    return Evidence(**vars(one) | quantities)
 
 
 def span(*during, otherwise=0.0):
@@ -124,7 +131,7 @@ def test_two_trackers_are_compared_over_the_runs_that_both_kept_as_often_as_they
     for i, at in enumerate(lost):
         for field in ("position", "velocity"):
             getattr(pair[i], field)[np.array(at) >= 0] = JUNK
-        pair[i] = pair[i]._replace(kept=np.array(at) < 0, lost_at=np.array(at))
+        pair[i] = changed(pair[i], kept=np.array(at) < 0, lost_at=np.array(at))
     average = []
     for one in pair:
         # once the third run, three times the fourth
@@ -164,7 +171,7 @@ def test_errors_without_an_offset_show_none_on_average_however_unlike_they_scatt
         for part, deviation in parts:
             scans = 1 if correlated else part.stop - part.start
             error[:, part, :2] = rng.normal(0.0, deviation, (runs, scans, 2))
-        table = {"mmae": one._replace(error=error)}
+        table = {"mmae": changed(one, error=error)}
         offsets[seed] = [offset("mmae", part, weight, table) for part, _ in parts]
         plain[seed] = [np.sqrt(2 * (error[:, part, :2].mean(axis=0) ** 2).mean()) for part, _ in parts]
         excess[seed] = CLAIMS[text].value(weight, table)
@@ -187,7 +194,7 @@ def test_what_the_sentences_need_is_plain_loops_whatever_the_order_of_the_states
     covariances = reference.random_mixture(rng, n * scans, 6)[2].reshape(n, scans, 6, 6)
     runs = runs_of(rng.standard_normal((n, scans, 6)), off, covariances)
     runs = runs._replace(modes=rng.dirichlet(np.ones(3), (n, scans)))
-    got = tracked(world, runs)
+    got = measured(QUANTITIES, world, runs)
     assert got.lost_at.tolist() == ([3, 2, -1, -1] if patience == 1 else [4, -1, -1, -1])
     assert got.kept.tolist() == [at < 0 for at in got.lost_at]
     for i, t in product(range(n), range(scans)):
@@ -198,7 +205,7 @@ def test_what_the_sentences_need_is_plain_loops_whatever_the_order_of_the_states
         assert got.claimed[i, t].tolist() == [runs.P[i, t, state, state] for state in (4, 1, 3, 0)]
         assert got.aggressive[i, t] == runs.modes[i, t, 2]
     results = {"first": runs, "second": runs._replace(x=runs.truth)}
-    told = evidence(("mmae", "imm"), world, results)
+    told = all_measured(QUANTITIES, world, results, ("mmae", "imm"))
     assert list(told) == ["mmae", "imm"]
     np.testing.assert_array_equal(told["mmae"].error, got.error)
     assert not told["imm"].error.any()
@@ -281,7 +288,7 @@ def turning(who, north, up):
     """Mean errors in the turns, where the claimed deviations are of 6 and 8 m."""
     one = drifting(who, (70.0, 70.0), (north, up))[0][who]
     variances = by_state(span((TURNS, 36), otherwise=1), span((TURNS, 64), otherwise=2), 1e4)
-    return [{who: one._replace(claimed=np.broadcast_to(variances, one.claimed.shape))}]
+    return [{who: changed(one, claimed=np.broadcast_to(variances, one.claimed.shape))}]
 
 
 def necking(**variances):
@@ -633,7 +640,7 @@ def test_in_clutter_is_table_1_and_without_is_table_clear_in_whatever_order():
     tables = {"clear": clear, "1": everyone(*FIVE) | scattered(0.2, 0.2)}
     for told in tables.values():  # as many runs in all
         for who, one in told.items():
-            told[who] = Tracked(*(part[-3:] for part in one))
+            told[who] = Evidence(**{name: part[-3:] for name, part in vars(one).items()})
     text = "clutter shows as a higher variance of the probability"
     (found,) = (r for r in claims(tables) if r["claim"] == text)
     assert found["value"] == pytest.approx(0.15, rel=1e-9)
@@ -657,7 +664,7 @@ NAMES = {
 def roles(table, world=WORLD):
     """The tracker's spec by role: the i-th tracker's errors are i."""
     results = {spec: runs_of(np.full((1, 2, 6), float(i))) for i, spec in enumerate(table.trackers)}
-    told = table.evidence(world, results)
+    told = maybeck.PAPER.evidence(table, world, results)
     return {role: list(table.trackers)[round(one.error[0, 0, 0])] for role, one in told.items()}
 
 
@@ -712,7 +719,7 @@ def test_the_roles_of_a_table_are_its_trackers_in_their_order(table):
         by_runnalls = "runnalls" in role or table.name in ("1-runnalls", "missed")
         assert parameters["reduction"] == ("runnalls" if by_runnalls else "ise")
         # two MHTs have half the hypotheses each
-        assert tracker.most == (100 if role.endswith("_of") else 200)
+        assert tracker.max_hypotheses == (100 if role.endswith("_of") else 200)
 
 
 def test_the_tables_worlds_are_as_their_titles_say():
@@ -1011,14 +1018,14 @@ MEASURES = (
 def told_of(rng, level, lost=(), runs=40):
     """Errors about this level, and far above it in the runs lost."""
     gone = np.isin(np.arange(runs), lost)
-    return maybeck_zhang.Outcome(np.where(gone, 90.0, level) + rng.normal(0, 0.1, runs), gone)
+    return Evidence(error=np.where(gone, 90.0, level) + rng.normal(0, 0.1, runs), kept=~gone)
 
 
 def excesses(mmg, bank):
     """The three numbers of a pair, by plain loops; None for no runs that both kept."""
     gain = [a - b for a, b in zip(mmg.error, bank.error, strict=True)]
-    both = [gain[run] for run in range(len(gain)) if not mmg.lost[run] and not bank.lost[run]]
-    more = sum(map(int, mmg.lost)) - sum(map(int, bank.lost))
+    both = [gain[run] for run in range(len(gain)) if mmg.kept[run] and bank.kept[run]]
+    more = sum(map(int, ~mmg.kept)) - sum(map(int, ~bank.kept))
     return sum(gain) / len(gain), more / len(gain), sum(both) / len(both) if both else None
 
 
@@ -1029,8 +1036,8 @@ def test_every_mmg_is_held_against_every_architecture_and_no_other_in_three_meas
         "mmg-30": told_of(rng, 7.0, range(30)), "imm-of-mhts-15": told_of(rng, 9.0, range(10, 40)),
         "one-motion-15": told_of(rng, 30.0),
     }  # fmt: skip
-    jump = {who: told[who] for who in ("imm-of-mhts-15", "mmg-30")}
-    records = maybeck_zhang.claims({"flight": told, "jump": jump})
+    drawn = {who: told[who] for who in ("imm-of-mhts-15", "mmg-30")}
+    records = mixed_claims({"flight": told, "drawn": drawn})
     json.dumps(records, allow_nan=False)
     verdicts = {
         ("mmg-15", "mmae-mht-15"): ("fails", "fails", "holds"),
@@ -1039,7 +1046,7 @@ def test_every_mmg_is_held_against_every_architecture_and_no_other_in_three_meas
         ("mmg-30", "imm-of-mhts-15"): ("tie", "tie", "unknown"),
     }
     by_claim = {(r["table"], r["claim"], r["measure"]): r for r in records}
-    asked = [("flight", *pair) for pair in verdicts] + [("jump", "mmg-30", "imm-of-mhts-15")]
+    asked = [("flight", *pair) for pair in verdicts] + [("drawn", "mmg-30", "imm-of-mhts-15")]
     assert len(records) == len(by_claim) == 3 * len(asked)
     for table, mmg, bank in asked:
         wanted = zip(MEASURES, excesses(told[mmg], told[bank]), verdicts[mmg, bank], strict=True)
@@ -1048,13 +1055,15 @@ def test_every_mmg_is_held_against_every_architecture_and_no_other_in_three_meas
             assert record["runs"] == "all 40" and record["threshold"] == 0
             assert record["value"] == (excess if excess is None else pytest.approx(excess, rel=1e-9))
             assert record["verdict"] == verdict
-    assert maybeck_zhang.claims({}) == []
+    assert mixed_claims({}) == []
 
 
-@pytest.mark.parametrize("table", [t for t in maybeck_zhang.TABLES if t.evidence], ids=lambda t: t.name)
+@pytest.mark.parametrize(
+    "table", [t for t in maybeck_zhang.TABLES if t.name in ASKED_OF], ids=lambda t: t.name
+)
 def test_the_claims_of_a_table_are_of_its_mmgs_against_the_four_architectures(table):
     told = {name: told_of(np.random.default_rng(i), 9.0) for i, name in enumerate(table.trackers)}
-    records = maybeck_zhang.claims({table.name: told})
+    records = mixed_claims({table.name: told})
     banks = "mmae-mht-15", "imm-mht-15", "mmae-of-mhts-15", "imm-of-mhts-15"
     mmgs = [name for name in table.trackers if name.startswith("mmg-")]
     wanted = {f"{mmg} is inferior to {bank}" for mmg in mmgs for bank in banks}
@@ -1064,12 +1073,12 @@ def test_the_claims_of_a_table_are_of_its_mmgs_against_the_four_architectures(ta
 def test_a_lost_run_is_part_of_what_is_claimed():
     results = outcomes_of(NAMED, list(NAMED.values()))
     table = MIXED["jump"]
-    told = table.evidence(JUMP, results)
+    told = maybeck_zhang.PAPER.evidence(table, JUMP, results)
     assert list(told) == list(NAMED)
     for name, lost in NAMED.items():
-        assert np.flatnonzero(told[name].lost).tolist() == list(lost)
+        assert np.flatnonzero(~told[name].kept).tolist() == list(lost)
         np.testing.assert_allclose(told[name].error, capped(results[name]), rtol=1e-9)
-    records = maybeck_zhang.claims({"jump": told})
+    records = mixed_claims({"jump": told})
     found = {r["measure"]: r["value"] for r in records if r["claim"] == "mmg-15 is inferior to mmae-mht-15"}
     gain = np.subtract(capped(results["mmg-15"]), capped(results["mmae-mht-15"]))
     assert found == pytest.approx(
@@ -1083,10 +1092,10 @@ def test_a_run_drawn_more_often_counts_more_often(seeds):
     mmg, bank = told_of(rng, 8.0, (0, 3), runs=6), told_of(rng, 9.0, (3, 4), runs=6)
     weight = rng.multinomial(6, np.full(6, 1 / 6)).astype(float)
     drawn = np.repeat(np.arange(6), weight.astype(int))
-    again = [maybeck_zhang.Outcome(one.error[drawn], one.lost[drawn]) for one in (mmg, bank)]
+    again = [Evidence(error=one.error[drawn], kept=one.kept[drawn]) for one in (mmg, bank)]
     for measure, wanted in zip(MEASURES, excesses(*again), strict=True):
-        assert maybeck_zhang.MEASURES[measure](mmg, bank, weight) == pytest.approx(wanted, rel=1e-9)
-    assert np.isnan(maybeck_zhang.MEASURES[MEASURES[2]](mmg, bank, np.array([1.0, 0, 0, 2, 3, 0])))
+        assert maybeck_zhang.MEASURES[measure](weight, mmg, bank) == pytest.approx(wanted, rel=1e-9)
+    assert np.isnan(maybeck_zhang.MEASURES[MEASURES[2]](np.array([1.0, 0, 0, 2, 3, 0]), mmg, bank))
 
 
 @pytest.mark.parametrize("table", maybeck_zhang.TABLES, ids=lambda table: table.name)
@@ -1102,14 +1111,14 @@ def test_either_papers_trackers_have_the_same_reduction_and_numbers_that_can_be_
         assert parameters.get("reduction", "runnalls") == reduction
         # two MHTs have half the hypotheses each; a MMG has four for each that it keeps
         wanted = {"mmg-60": 240, "mmg-75": 300}.get(name, 100 if "-of-mhts" in name else 200)
-        assert parameters["most"] == wanted
+        assert parameters["max_hypotheses"] == wanted
     mmgs = [int(name.rpartition("-")[2]) for name in names if name.startswith("mmg")]
     banks = [name.rpartition("-")[0] for name in names if not name.startswith("mmg")]
     if table.name.endswith("-work"):
         assert set(banks) == {"mmae-mht", "imm-mht"} and mmgs == sorted(set(mmgs)) and len(mmgs) > 3
-        assert table.evidence is None
+        assert table.name not in ASKED_OF
         return
-    assert set(banks) == set(NAMES.values()) and table.evidence
+    assert set(banks) == set(NAMES.values()) and table.name in ASKED_OF
     # as many as a bank has hypotheses; and as many as it has Gaussians in them
     assert mmgs == ([15] if reduction == "ise" else [15, 15 * len(scenario.model.motions)])
     alone = make_tracker("one-motion-15", scenario.model, **table.trackers["one-motion-15"])

@@ -17,11 +17,13 @@ from gmr_gym.envs.registry import MULTI_TARGET
 from gmr_gym.evaluation import curves as module
 from gmr_gym.evaluation.curves import CURVES, Curves, curves, errors_of
 from gmr_gym.evaluation.summary import FEWEST, Estimate
+from gmr_gym.experiments.claims import Claim, judged
+from gmr_gym.experiments.evidence import Evidence, measured
 from gmr_gym.experiments.papers import dortenzio, li, lv, maybeck, maybeck_zhang, zhang
-from gmr_gym.experiments.papers.zhang_claims import BOTH, CASE_1, CASE_2, Evidence, Trio, claims, evidence
+from gmr_gym.experiments.papers.zhang_claims import BOTH, CASE_1, CASE_2, QUANTITIES, ROLES, Trio
 from gmr_gym.experiments.sheets import HEADINGS
 from gmr_gym.experiments.specs import parsed
-from gmr_gym.experiments.tables import Claim, Table, judged, table_record, verdict
+from gmr_gym.experiments.tables import Table, table_record, verdict
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
@@ -40,6 +42,8 @@ TABLES = [
     if table.env_id not in MULTI_TARGET
 ]
 WORLD = jump_markov()
+claims = zhang.PAPER.claim_records
+ASKED_OF = {name for asked in zhang.PAPER.claims for name in asked.tables}
 
 
 # verdicts
@@ -347,12 +351,13 @@ def test_pessimism_is_not_asked_of_five_scans_from_the_start_and_from_each_switc
 # which runs and tables the claims are about
 
 
-def made_up(case, scale, kept, seed):
+def made_up(scale, kept, seed):
     """Evidence of 16 runs whose errors are of these scales, MMG's enormous in the runs not kept."""
     rng = np.random.default_rng(seed)
     errors = [factor * rng.standard_normal((16, SCANS, 4)) for factor in scale]
     errors[0][~kept] *= 1e4
-    return Evidence(case, *(errors_of(WORLD, runs_of(error)) for error in errors), kept)
+    every = (vars(measured(QUANTITIES, WORLD, runs_of(error))) for error in errors)
+    return {role: Evidence(**one | {"kept": kept}) for role, one in zip(ROLES, every, strict=True)}
 
 
 @pytest.fixture
@@ -370,10 +375,10 @@ def by_table(records):
 
 def test_case_2_is_held_against_case_1_of_the_same_process_noise(few_resamples):
     tables = {
-        "1": made_up("1", (1, 2, 3), KEPT, 0),
-        "2-quiet": made_up("2", (0.2, 0.4, 0.6), KEPT, 1),  # in any order
-        "1-quiet": made_up("1", (0.1, 0.2, 0.3), KEPT, 2),
-        "2": made_up("2", (2, 4, 6), ALSO, 3),
+        "1": made_up((1, 2, 3), KEPT, 0),
+        "2-quiet": made_up((0.2, 0.4, 0.6), KEPT, 1),  # in any order
+        "1-quiet": made_up((0.1, 0.2, 0.3), KEPT, 2),
+        "2": made_up((2, 4, 6), ALSO, 3),
     }
     records = by_table(claims(tables))
     assert set(records) == {*tables, "2 against 1", "2-quiet against 1-quiet"}
@@ -387,7 +392,7 @@ def test_case_2_is_held_against_case_1_of_the_same_process_noise(few_resamples):
 
 
 def test_a_case_2_without_its_case_1_is_judged_alone(few_resamples):
-    one, two = made_up("1", (1, 1, 1), KEPT, 0), made_up("2", (1, 1, 1), KEPT, 1)
+    one, two = made_up((1, 1, 1), KEPT, 0), made_up((1, 1, 1), KEPT, 1)
     assert set(by_table(claims({"2": two}))) == {"2"}
     assert set(by_table(claims({"2": two, "1-quiet": one}))) == {"2", "1-quiet"}
     assert set(by_table(claims({"1": one, "2-quiet": two}))) == {"1", "2-quiet"}
@@ -395,8 +400,8 @@ def test_a_case_2_without_its_case_1_is_judged_alone(few_resamples):
 
 
 def test_claims_are_judged_over_all_runs_and_over_those_that_all_three_kept(few_resamples, monkeypatch):
-    monkeypatch.setattr("gmr_gym.experiments.tables.FEWEST", 13)
-    tables = {"1": made_up("1", (1, 2, 3), KEPT, 0), "2": made_up("2", (2, 4, 6), ALSO, 1)}
+    monkeypatch.setattr("gmr_gym.experiments.claims.FEWEST", 13)
+    tables = {"1": made_up((1, 2, 3), KEPT, 0), "2": made_up((2, 4, 6), ALSO, 1)}
     records = by_table(claims(tables))
     sets = {name: [entry["runs"] for entry in entries] for name, entries in records.items()}
     assert sets["1"] == len(CASE_1) * ["all 16"] + len(CASE_1) * ["kept 13"]
@@ -406,7 +411,7 @@ def test_claims_are_judged_over_all_runs_and_over_those_that_all_three_kept(few_
     ]  # by all three in either case
     everything, kept = (records["1"][i] for i in (0, len(CASE_1)))
     for entry, mask in ((everything, np.ones(16)), (kept, KEPT)):
-        own, *others = (curves(errors, mask).rmse.mean() for errors in tables["1"][1:4])
+        own, *others = (curves(one, mask).rmse.mean() for one in tables["1"].values())
         assert entry["value"] == pytest.approx(min(others) - own, rel=1e-9)
     assert (
         everything["verdict"] != "holds" and kept["verdict"] == "holds"
@@ -420,10 +425,11 @@ def test_evidence_is_of_the_first_three_trackers_and_the_runs_all_of_them_kept()
     off[3, 3:] = True  # a fourth tracker has no say
     rng = np.random.default_rng(0)
     results = {f"tracker {i}": runs_of(rng.standard_normal((6, SCANS, 4)), off[i], seed=i) for i in range(4)}
-    told = evidence("2", WORLD, results)
-    assert told.case == "2" and told.kept.tolist() == [False, False, False, True, True, True]
-    for errors, runs in zip((told.mmg, told.imm_mht, told.imm_pda), results.values(), strict=False):
-        np.testing.assert_array_equal(errors.error, runs.x - runs.truth)
+    told = zhang.PAPER.evidence(zhang.TABLES[1], WORLD, results)
+    assert list(told) == ["mmg", "imm_mht", "imm_pda"]
+    assert np.logical_and.reduce([one.kept for one in told.values()]).tolist() == [False] * 3 + [True] * 3
+    for one, runs in zip(told.values(), results.values(), strict=False):
+        np.testing.assert_array_equal(one.error, runs.x - runs.truth)
 
 
 # tables
@@ -507,17 +513,22 @@ def test_dortenzios_printed_figures_are_sane(table):
     assert losses[f"runnalls-{most}"] < losses["runnalls-5"]
 
 
-@pytest.mark.parametrize("table", [t for t in zhang.TABLES if t.evidence], ids=lambda table: table.name)
+@pytest.mark.parametrize(
+    "table", [t for t in zhang.TABLES if t.name in ASKED_OF], ids=lambda table: table.name
+)
 def test_the_evidence_of_a_table_is_of_its_case_and_of_mmg_mht_and_pda_in_this_order(table):
     names = [name.rstrip("-0123456789") for name in table.trackers]
     assert names[:3] == ["mmg", "imm-mht", "imm-pda"]
     results = {name: runs_of(np.ones((2, SCANS, 4))) for name in table.trackers}
-    assert table.evidence(WORLD, results).case == table.settings["case"] == table.name[0]
+    assert list(zhang.PAPER.evidence(table, WORLD, results)) == ["mmg", "imm_mht", "imm_pda"]
+    asked = {asked.claims[0].sentence for asked in zhang.PAPER.claims if asked.tables == (table.name,)}
+    about = {"1": CASE_1, "2": CASE_2}[table.settings["case"]]
+    assert asked == {about[0].sentence} and table.settings["case"] == table.name[0]
     assert ("process_variance" in table.settings) == table.name.endswith("-quiet")
 
 
 def test_zhangs_claims_about_both_cases_have_their_tables():
-    judged_names = {table.name for table in zhang.TABLES if table.evidence}
+    judged_names = {table.name for table in zhang.TABLES} & ASKED_OF
     assert judged_names == {"1", "2", "1-quiet", "2-quiet"}
 
 

@@ -1,1 +1,1 @@
-"""The papers, a module each: their tables, what they print, their claims and their figures."""
+"""The papers, a `Paper` each: tables, quantities, claims and figures. Open `registry.py` first."""

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Drawing
 from gmr_gym.evaluation.montecarlo import Runs
 from gmr_gym.evaluation.summary import Estimate, not_lost
 from gmr_gym.experiments.drawings import save
-from gmr_gym.experiments.tables import Table
+from gmr_gym.experiments.tables import Paper, Table
 from gmr_gym.simulation.single_target import Scenario
 
 ENV_ID = "gmr_gym/TurningTarget-v0"
@@ -99,3 +99,6 @@ def figures(
     components.set(title="(b) hypotheses kept", xlabel="scan")
     gated.set(title="(c) mean detections per gate", xlabel="scan")
     save(drawing, out / "figure-1.png")
+
+
+PAPER = Paper(TABLES, figures)

@@ -3,9 +3,7 @@ detections; the formulas as printed; and a map of where which conversion wins. T
 
 from collections.abc import Mapping
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure as Drawing
@@ -13,75 +11,53 @@ from matplotlib.figure import Figure as Drawing
 from gmr_gym.evaluation.curves import resampled
 from gmr_gym.evaluation.metrics import nees
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, in_common, not_lost, paired_share, wilson
+from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, not_lost
+from gmr_gym.experiments.claims import Asked
 from gmr_gym.experiments.drawings import save
-from gmr_gym.experiments.tables import Claim, SettingsGrid, Table, judged, no_event_width
+from gmr_gym.experiments.evidence import Evidence, Rows, all_measured, error, error_differences, error_rows
+from gmr_gym.experiments.papers.li_claims import (
+    AXES,
+    CLAIMS,
+    DCM,
+    EKF,
+    QUANTITIES,
+    rmse,
+    saved,
+    squared_by_axis,
+)
+from gmr_gym.experiments.papers.li_map import SAVED, map_figures
+from gmr_gym.experiments.tables import Paper, SettingsGrid, Table
 from gmr_gym.models.radar import UPDATES
 from gmr_gym.scenarios.li import REGIMES
 from gmr_gym.simulation.single_target import Scenario
 
-EKF, DCM = "imm-ekf-pda", "imm-dcm-pda"
 OTHERS = tuple(f"imm-pda:update={update}" for update in UPDATES if update not in ("extended", "debiased"))
 PRINTED = "imm-dcm-pda-printed"
-AXES = ("x", "y", "z")
 ERRORS = ("rmse", *(f"{axis}_rmse" for axis in AXES))
 COLUMNS = (
     "track_loss", *(f"{error}_own" for error in ERRORS), "sight_bias_own", "position_anees_own",
     "gate_volume", "time_per_scan",
 )  # fmt: skip
+DIFFERENCES = partial(error_differences, QUANTITIES, ERRORS, rmse)
 SETTLED = 20  # scans of the map that are left out: of the first what was told decides
-NO_SLOWER = 10.0  # per cent of time more that is none
 
 
-class Tracked(NamedTuple):
-    """What the sentences need of one tracker's runs."""
-
-    squared: np.ndarray  # (runs, 3), error by axis, mean over scans, m^2
-    not_lost: np.ndarray  # (runs,)
-    seconds: np.ndarray  # (runs,), median scan
-
-
-def tracked(scenario: Scenario, runs: Runs, first: int = 0) -> Tracked:
-    """The runs of one tracker, from the scan `first` on."""
-    error = (runs.x - runs.truth)[:, first:, list(scenario.position)]
-    return Tracked((error**2).mean(axis=1), not_lost(scenario, runs), np.median(runs.seconds, axis=1))
-
-
-def _rmse(one: Tracked, weight: np.ndarray) -> np.ndarray:
-    """Of the position, and of each axis (4,), m."""
-    squared = weight / weight.sum() @ one.squared
-    return np.sqrt(np.append(squared.sum(), squared))
-
-
-def _gain(one: Tracked, against: Tracked, weight: np.ndarray) -> np.ndarray:
-    return _rmse(one, weight) - _rmse(against, weight)
-
-
-def _saved(one: Tracked, against: Tracked, weight: np.ndarray) -> np.ndarray:
-    """Share (4,) of the error of `against` that `one` does not make, %."""
-    return 100 * (1 - _rmse(one, weight) / _rmse(against, weight))
-
-
-def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
+def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
     """One row per tracker: share of runs lost; root mean square errors (m) of the position and by axis, over
     all scans, `_own` over the runs the tracker kept and `_common` over those that all trackers kept that kept
     any; and over the runs it kept mean error along the line of sight (m), normalised error squared of the
     position by the dimension, 1 for a credible tracker, and volume (m^3) of the gates by which tracks are
     called lost, the same for every update; time a scan (s)."""
-    every = {name: tracked(scenario, runs) for name, runs in results.items()}
-    common = in_common({name: one.kept for name, one in every.items()})
-    rows = {}
+    every = all_measured(QUANTITIES, scenario, results)
+    rows = error_rows(every, ERRORS, rmse)
     for name, one in every.items():
-        runs, row = results[name], {"track_loss": wilson(int((~one.kept).sum()), len(one.kept))}
-        for which, mask in (("own", one.kept), ("common", common[name])):
-            figures = resampled(partial(_rmse, one), mask)
-            row |= {f"{error}_{which}": figure for error, figure in zip(ERRORS, figures, strict=True)}
+        runs = results[name]
         at = list(scenario.position)
-        truth, error = runs.truth[one.kept][..., at], (runs.x - runs.truth)[one.kept][..., at]
+        truth, off = runs.truth[one.kept][..., at], error(scenario, runs)[one.kept][..., at]
         sight = truth / np.linalg.norm(truth, axis=-1, keepdims=True)
-        claimed = nees(error, runs.P[one.kept][..., at, :][..., at])
-        rows[name] = row | {
-            "sight_bias_own": bootstrap_mean((error * sight).sum(axis=-1).mean(axis=1)),
+        claimed = nees(off, runs.P[one.kept][..., at, :][..., at])
+        rows[name] |= {
+            "sight_bias_own": bootstrap_mean((off * sight).sum(axis=-1).mean(axis=1)),
             "position_anees_own": bootstrap_mean(claimed.mean(axis=1) / len(at)),
             "gate_volume": bootstrap_mean(runs.gate_volume[one.kept].mean(axis=1)),
             "time_per_scan": Estimate(float(np.median(runs.seconds))),
@@ -89,78 +65,21 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str
     return rows
 
 
-def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
-    """Every tracker minus the first on the same episodes: track_loss over all runs, the errors (m) over the
-    runs that neither of the two lost."""
-    (reference, against), *others = ((name, tracked(scenario, runs)) for name, runs in results.items())
-    rows = {}
-    for name, one in others:
-        figures = resampled(partial(_gain, one, against), one.kept & against.kept)
-        lost = paired_share(against.kept.astype(float) - one.kept)
-        rows[f"{name} - {reference}"] = {"track_loss": lost} | {
-            f"{error}_common": figure for error, figure in zip(ERRORS, figures, strict=True)
-        }
-    return rows
-
-
-def _evidence(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Tracked]:
-    return {name: tracked(scenario, results[name]) for name in (EKF, DCM)}
-
-
-CLAIMS = tuple(
-    Claim(sentence, measure, threshold, lambda table, weight, i=i: float(_numbers(table, weight)[i]))
-    for i, (sentence, measure, threshold) in enumerate((
-        ("better tracking performance than IMM-EKF-PDA", "position error saved, %", 0.0),
-        *(
-            (f"smaller {axis} error (Fig. {figure})", f"{axis} error saved, %", 0.0)
-            for figure, axis in enumerate(AXES, 2)
-        ),
-        ("better tracking performance than IMM-EKF-PDA", "share of runs lost less", 0.0),
-        ("no more computation than IMM-EKF-PDA", "time of a scan saved, %", -NO_SLOWER),
-    ))
-)  # fmt: skip
-
-
-def _numbers(table: Mapping[str, Tracked], weight: np.ndarray) -> np.ndarray:
-    """What the claims are about: errors over the runs that neither lost, losses and times over all."""
-    dcm, ekf = table[DCM], table[EKF]
-    both = weight * (dcm.kept & ekf.kept)
-    errors = _saved(dcm, ekf, both) if both.any() else np.full(len(ERRORS), np.nan)
-    fewer = weight @ (dcm.kept.astype(float) - ekf.kept) / weight.sum()
-    faster = 100 * (1 - weight @ dcm.seconds / (weight @ ekf.seconds))
-    return np.array([*errors, fewer, faster])
-
-
-def claims(evidence: Mapping[str, Mapping[str, Tracked]]) -> list[dict[str, Any]]:
-    """The paper's sentences in each regime."""
-    records = []
-    for name, table in evidence.items():
-        runs = len(table[DCM].kept)
-        figures = resampled(partial(_numbers, table), np.ones(runs, bool))
-        figures[4:5] = no_event_width(figures[4:5], runs)
-        about = {"table": name, "runs": f"all {runs}"}
-        records += [
-            judged(claim, figure, runs, **about) for claim, figure in zip(CLAIMS, figures, strict=True)
-        ]
-    return records
-
-
 def _cell(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Estimate]:
     """Of one cell of the map: the position's error by each update, as so many times the least of them; and
     how much less the debiased conversion's is than the linearised update's, %."""
-    every = {name.partition("=")[2]: tracked(scenario, runs, SETTLED) for name, runs in results.items()}
+    settled = QUANTITIES | {"squared": partial(squared_by_axis, SETTLED)}
+    updates = [name.partition("=")[2] for name in results]
+    every = all_measured(settled, scenario, results, updates)
     whole = np.ones(len(next(iter(every.values())).kept), bool)
-    best = min(every.values(), key=lambda one: _rmse(one, whole.astype(float))[0])
+    best = min(every.values(), key=lambda one: rmse(one, whole.astype(float))[0])
     row = {update: resampled(partial(_ratio, one, best), whole)[0] for update, one in every.items()}
-    saved = partial(_saved, every["debiased"], every["extended"])
-    return row | {SAVED: resampled(saved, whole)[0]}
+    gain = partial(saved, every["debiased"], every["extended"])
+    return row | {SAVED: resampled(gain, whole)[0]}
 
 
-def _ratio(one: Tracked, best: Tracked, weight: np.ndarray) -> np.ndarray:
-    return _rmse(one, weight)[:1] / _rmse(best, weight)[:1]
-
-
-SAVED = "debiased saves on extended, %"
+def _ratio(one: Evidence, best: Evidence, weight: np.ndarray) -> np.ndarray:
+    return rmse(one, weight)[:1] / rmse(best, weight)[:1]
 
 
 def _regime(name: str, title: str) -> Table:
@@ -173,8 +92,8 @@ def _regime(name: str, title: str) -> Table:
         runs=300,
         summarise=_rows,
         columns=COLUMNS,
-        evidence=_evidence,
-        paired=_differences,
+        roles=(EKF, DCM),
+        paired=DIFFERENCES,
     )
 
 
@@ -189,7 +108,7 @@ def _mixing(regime: str, tracker: str) -> Table:
         runs=300,
         summarise=_rows,
         columns=COLUMNS,
-        paired=_differences,
+        paired=DIFFERENCES,
     )
 
 
@@ -211,7 +130,7 @@ TABLES = (
         runs=300,
         summarise=_rows,
         columns=COLUMNS,
-        paired=_differences,
+        paired=DIFFERENCES,
     ),
     *(_mixing(regime, tracker) for regime in REGIMES for tracker in (EKF, DCM)),
 )
@@ -301,44 +220,6 @@ def _errors(scenario: Scenario, results: Mapping[str, Runs], time: np.ndarray) -
     return drawing
 
 
-def map_figures(entry: SettingsGrid, rows: Mapping[str, Mapping[str, Estimate]], out: Path) -> None:
-    """By update, how much worse it is than the best, a ring where chance may have made it worse, and where
-    debiasing beats linearising; over the period and r s^2 / s_r."""
-    shape = [len(values) for values in entry.axes.values()]
-    range_deviation = REGIMES[entry.settings["regime"]].range_deviation
-    distance = np.linalg.norm(REGIMES[entry.settings["regime"]].start)
-    ratio = distance * np.array(entry.axes["angle_deviation"]) ** 2 / range_deviation
-    period = np.array(entry.axes["period"])
-    drawing = Drawing(figsize=(13, 9), layout="constrained")
-    panels = drawing.subplots(2, 5, sharex=True, sharey=True)
-    for axes, column in zip(panels.flat, entry.columns, strict=True):
-        value, low, high = (
-            np.array([getattr(row[column], part) for row in rows.values()]).reshape(shape)
-            for part in Estimate._fields
-        )
-        last = column == SAVED
-        shown = value if last else 100 * (value - 1)
-        limits, colours = (-30, 30) if last else (0, 30), "RdBu" if last else "magma_r"
-        mesh = axes.pcolormesh(
-            _edges(ratio), _edges(period), shown, cmap=colours, vmin=limits[0], vmax=limits[1]
-        )
-        marked = (low > 0) | (high < 0) if last else low <= 1
-        at = np.meshgrid(ratio, period)
-        axes.plot(at[0][marked], at[1][marked], "o", mfc="none", mec="0.4", ms=7)
-        axes.set(xscale="log", yscale="log", title=column)
-        if axes in panels[:, -1]:
-            label = "saved, %" if last else "worse than the best, %"
-            drawing.colorbar(mesh, ax=axes, label=label, extend="both" if last else "max")
-    drawing.supxlabel("r σ² / σ_r")
-    drawing.supylabel("period, s")
-    drawing.suptitle(
-        "rings: not worse than the best beyond chance (95 %); in the last panel, beyond chance", size=10
-    )
-    save(drawing, out / f"{entry.name}.png")
-
-
-def _edges(centres: np.ndarray) -> np.ndarray:
-    """Where cells meet on a logarithmic axis."""
-    log = np.log(centres)
-    middle = [(a + b) / 2 for a, b in pairwise(log)]
-    return np.exp([log[0] - (middle[0] - log[0]), *middle, log[-1] + (log[-1] - middle[-1])])
+PAPER = Paper(
+    TABLES, figures, QUANTITIES, tuple(Asked(CLAIMS, (regime,)) for regime in REGIMES), MAPS, map_figures
+)

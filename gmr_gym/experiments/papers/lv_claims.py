@@ -1,16 +1,15 @@
 """What Lv, Lian and Han say of their finite mixtures against a GM-PHD filter that takes clutter for uniform,
 in three kinds of clutter; what learning the clutter brings beside, in sentences that begin with "ours"."""
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from functools import partial
 
 import numpy as np
 
 from gmr_gym.evaluation.metrics import cardinality_error
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.evaluation.multi_target_summary import compared, defined, mean_where
-from gmr_gym.evaluation.summary import Estimate, bootstrap_mean
-from gmr_gym.experiments.tables import Claim, judged, no_event_width
+from gmr_gym.experiments.claims import Asked, Claim
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 UNIFORM, LEARNED = "gm-phd", "learning-phd"
@@ -23,60 +22,35 @@ SETTLED = slice(25, 44)  # scans 26 to 44, in which targets 1 and 2 are there, n
 CLOSE, LITTLE = 2.0, 0.5
 
 
-class Evidence(NamedTuple):
-    """Of one tracker, run by run (runs,)."""
-
-    ospa: np.ndarray  # m, mean over scans
-    printed: np.ndarray  # m, Wasserstein as eq. 41 has it, 0 where either set is empty, mean over scans
-    wasserstein: np.ndarray  # (runs, T), m; nan where either set is empty
-    off: np.ndarray  # by how many targets the number named was wrong, mean over scans
-    false: np.ndarray  # estimates of nothing in a scan
-    density: np.ndarray  # error of the intensity of clutter
-    right: np.ndarray  # m, Wasserstein over the scans whose number was right; nan for none
-    lost: np.ndarray  # targets lost in SETTLED
-    again: np.ndarray  # and found again
+def _right(scenario: MultiTargetScenario, runs: MultiTargetRuns) -> np.ndarray:
+    return mean_where(runs.wasserstein, (runs.named == runs.targets) & (runs.targets > 0))
 
 
-def evidence(scenario: MultiTargetScenario, results: Mapping[str, MultiTargetRuns]) -> dict[str, Evidence]:
-    """What the claims need of every tracker of a table."""
-    found = {}
-    for name, runs in results.items():
-        right = (runs.named == runs.targets) & (runs.targets > 0)
-        one = scenario.cutoff**scenario.order / 2
-        missed = np.diff(np.rint(runs.missed[:, SETTLED] / one), axis=1)
-        found[name] = Evidence(
-            runs.ospa.mean(axis=1),
-            np.nan_to_num(runs.wasserstein).mean(axis=1),
-            runs.wasserstein,
-            cardinality_error(runs.named, runs.targets).mean(axis=1),
-            runs.false.mean(axis=1) / one,
-            compared(runs.density_error),
-            mean_where(runs.wasserstein, right),
-            np.maximum(missed, 0).sum(axis=1),
-            np.maximum(-missed, 0).sum(axis=1),
-        )
-    return found
+def _one(scenario: MultiTargetScenario) -> float:
+    """What one target missed, or one estimate of nothing, is in GOSPA."""
+    return scenario.cutoff**scenario.order / 2
 
 
-def claims(evidence: Mapping[str, Mapping[str, Evidence]]) -> list[dict[str, Any]]:
-    """A record for each sentence that the tables at hand can tell of; differences are run by run, on the same
-    episodes."""
-    asked = [
-        (claim, table, name, ((table, name), (table, UNIFORM)))
-        for table in evidence
-        for name in FITTED
-        for claim in PRINTED
-    ]
-    records = []
-    for claim, table, name, needed in (*asked, *ACROSS):
-        if all(other in evidence.get(where, ()) for where, other in needed):
-            values = claim.value(*(evidence[where][other] for where, other in needed))
-            if len(values):
-                (figure,) = no_event_width([bootstrap_mean(values)], len(values))
-            else:
-                figure = Estimate(np.nan)
-            records.append(judged(claim, figure, len(values), table=table, runs=name))
-    return records
+def _newly_missed(sign: int, scenario: MultiTargetScenario, runs: MultiTargetRuns) -> np.ndarray:
+    missed = np.diff(np.rint(runs.missed[:, SETTLED] / _one(scenario)), axis=1)
+    return np.maximum(sign * missed, 0).sum(axis=1)
+
+
+# of one tracker, run by run (runs,)
+QUANTITIES = {
+    "ospa": lambda scenario, runs: runs.ospa.mean(axis=1),  # m
+    # m, Wasserstein as eq. 41 has it, 0 where either set is empty
+    "printed": lambda scenario, runs: np.nan_to_num(runs.wasserstein).mean(axis=1),
+    "wasserstein": lambda scenario, runs: runs.wasserstein,  # (runs, T), m; nan where either set is empty
+    # by how many targets the number named was wrong
+    "off": lambda scenario, runs: cardinality_error(runs.named, runs.targets).mean(axis=1),
+    # estimates of nothing in a scan
+    "false": lambda scenario, runs: runs.false.mean(axis=1) / _one(scenario),
+    "density": lambda scenario, runs: compared(runs.density_error),  # error of the intensity of clutter
+    "right": _right,  # m, Wasserstein over the scans whose number was right; nan for none
+    "lost": partial(_newly_missed, 1),  # targets lost in SETTLED
+    "again": partial(_newly_missed, -1),  # and found again
+}
 
 
 PRINTED = (
@@ -119,23 +93,32 @@ PRINTED = (
 DENSER = Claim(
     "the denser the clutter that targets pass, the more fake targets",
     "estimates of nothing in a scan: less those where clutter is thinner", 0.0,
-    lambda thin, thick: thick.false - thin.false,
+    lambda thin, thick: thick.false - thin.false, UNIFORM, UNIFORM,
 )  # fmt: skip
 AS_GOOD = Claim(
     "ours: a clutter that is learned is as good as one that is told",
     f"{CLOSE:g} m less the OSPA by which gm-phd with the true clutter is better", 0.0,
-    lambda learned, told: CLOSE - (learned.ospa - told.ospa),
+    lambda learned, told: CLOSE - (learned.ospa - told.ospa), LEARNED, UNIFORM,
 )  # fmt: skip
 FREE = Claim(
     "ours: learning costs nothing where clutter is uniform",
     f"{LITTLE:g} m less the OSPA by which gm-phd is better", 0.0,
-    lambda learned, uniform: LITTLE - (learned.ospa - uniform.ospa),
+    lambda learned, uniform: LITTLE - (learned.ospa - uniform.ospa), LEARNED, UNIFORM,
 )  # fmt: skip
-# with the table and the tracker they are about, and whose evidence they take
+
+
 ACROSS = (
-    (DENSER, "groups", UNIFORM, (("uniform", UNIFORM), ("groups", UNIFORM))),
-    (DENSER, "dense", UNIFORM, (("groups", UNIFORM), ("dense", UNIFORM))),
-    (AS_GOOD, "groups", LEARNED, (("groups", LEARNED), ("groups-told", UNIFORM))),
-    (AS_GOOD, "dense", LEARNED, (("dense", LEARNED), ("dense-told", UNIFORM))),
-    (FREE, "uniform", LEARNED, (("uniform", LEARNED), ("uniform", UNIFORM))),
+    Asked((DENSER,), ("uniform", "groups"), UNIFORM, "groups", run_by_run=True),
+    Asked((DENSER,), ("groups", "dense"), UNIFORM, "dense", run_by_run=True),
+    Asked((AS_GOOD,), ("groups", "groups-told"), LEARNED, "groups", run_by_run=True),
+    Asked((AS_GOOD,), ("dense", "dense-told"), LEARNED, "dense", run_by_run=True),
+    Asked((FREE,), ("uniform",), LEARNED, run_by_run=True),
 )
+
+
+def asked(tables: Iterable[str]) -> tuple[Asked, ...]:
+    """The printed sentences of every fitted tracker of these tables, and those across tables; differences are
+    run by run, on the same episodes."""
+    printed = {name: tuple(claim._replace(of=name, against=UNIFORM) for claim in PRINTED) for name in FITTED}
+    each = [Asked(printed[name], (table,), name, run_by_run=True) for table in tables for name in FITTED]
+    return (*each, *ACROSS)

@@ -9,25 +9,21 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from gmr_gym.evaluation.curves import resampled
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, in_common, paired_share, wilson
+from gmr_gym.evaluation.summary import Estimate, bootstrap_mean
 from gmr_gym.experiments.drawings import save
-from gmr_gym.experiments.papers.maybeck_claims import claims
+from gmr_gym.experiments.evidence import Evidence, Rows, all_measured, error_differences, error_rows
+from gmr_gym.experiments.papers.maybeck_claims import ASKED
 from gmr_gym.experiments.papers.maybeck_numbers import (
     PRINTED,
     QUANTITIES,
     SPANS,
-    Tracked,
+    UNITS,
     average,
-    evidence,
     rms,
-    tracked,
 )
-from gmr_gym.experiments.tables import Table
+from gmr_gym.experiments.tables import Paper, Table
 from gmr_gym.simulation.single_target import Scenario
-
-__all__ = ["TABLES", "claims", "figures"]
 
 # of the errors by quantity and span, in the order of the paper's Table I
 ERRORS = {
@@ -65,20 +61,15 @@ def _printed(role: str) -> dict[str, float]:
     }
 
 
-def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
+def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
     """One row per tracker: share of runs lost; temporally averaged rms errors of position (m) and velocity
     (m/s), of the whole flight and of its level part, `_own` over the runs the tracker kept, as in Table I,
     and `_common` over those that all trackers kept that kept any; components; gate area (m^2) of runs kept;
     time a scan (s)."""
-    every = {name: tracked(scenario, runs) for name, runs in results.items()}
-    common = in_common({name: one.kept for name, one in every.items()})
-    rows = {}
+    every = all_measured(QUANTITIES, scenario, results)
+    rows = error_rows(every, tuple(ERRORS.values()), _errors)
     for name, one in every.items():
         runs = results[name]
-        rows[name] = {"track_loss": wilson(int((~one.kept).sum()), len(one.kept))}
-        for which, mask in (("own", one.kept), ("common", common[name])):
-            figures = resampled(partial(_errors, one), mask)
-            rows[name] |= {f"{error}_{which}": f for error, f in zip(ERRORS.values(), figures, strict=True)}
         rows[name] |= {
             "components": bootstrap_mean(runs.components.mean(axis=1)),
             # a track given up coasts, and its gates grow without bound
@@ -89,27 +80,8 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str
     return rows
 
 
-def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
-    """Every tracker minus the first on the same episodes: track_loss over all runs, the errors over the runs
-    that neither of the two lost."""
-    (reference, against), *others = ((name, tracked(scenario, runs)) for name, runs in results.items())
-    rows = {}
-    for name, one in others:
-        both = one.kept & against.kept
-        figures = resampled(partial(_gain, one, against), both)
-        rows[f"{name} - {reference}"] = {
-            "track_loss": paired_share(against.kept.astype(float) - one.kept),
-            **{f"{error}_common": f for error, f in zip(ERRORS.values(), figures, strict=True)},
-        }
-    return rows
-
-
-def _errors(one: Tracked, weight: np.ndarray) -> np.ndarray:
+def _errors(one: Evidence, weight: np.ndarray) -> np.ndarray:
     return np.array([rms(one, quantity, SPANS[span], weight) for quantity, span in ERRORS])
-
-
-def _gain(one: Tracked, against: Tracked, weight: np.ndarray) -> np.ndarray:
-    return _errors(one, weight) - _errors(against, weight)
 
 
 def _table(
@@ -126,8 +98,8 @@ def _table(
         runs=50,
         summarise=_rows,
         columns=COLUMNS,
-        evidence=partial(evidence, roles),
-        paired=_differences,
+        roles=roles,
+        paired=partial(error_differences, QUANTITIES, tuple(ERRORS.values()), _errors),
     )
 
 
@@ -160,7 +132,7 @@ def figures(
 ) -> None:
     """Errors and runs not lost by epoch; mode probabilities (Figs. 3-4); for Table I error bands against
     filter bands (Figs. 5-7)."""
-    every = {name: tracked(scenario, runs) for name, runs in results.items()}
+    every = all_measured(QUANTITIES, scenario, results)
     epochs = np.arange(1, scenario.horizon + 1)
     save(_errors_by_epoch(every, epochs), out / f"errors-{table.name}.png")
     jerk = _jerk(next(iter(results.values())).truth[0], scenario.period)
@@ -181,20 +153,20 @@ def _jerk(truth: np.ndarray, period: float) -> np.ndarray:
     return np.linalg.norm(np.gradient(truth[:, 4:], period, axis=0), axis=1)
 
 
-def _alive(one: Tracked, epochs: np.ndarray) -> np.ndarray:
+def _alive(one: Evidence, epochs: np.ndarray) -> np.ndarray:
     """Runs not lost, by epoch (T,)."""
     at = np.where(one.lost_at < 0, len(epochs), one.lost_at)
     return (at[:, None] >= epochs).sum(axis=0)
 
 
-def _errors_by_epoch(every: Mapping[str, Tracked], epochs: np.ndarray) -> Drawing:
+def _errors_by_epoch(every: Mapping[str, Evidence], epochs: np.ndarray) -> Drawing:
     drawing = Drawing(figsize=(9, 9), layout="constrained")
     *panels, alive = drawing.subplots(3, 1, sharex=True)
     for name, one in every.items():
-        for axes, quantity in zip(panels, QUANTITIES, strict=True):
+        for axes, quantity in zip(panels, UNITS, strict=True):
             axes.plot(epochs, np.sqrt(average(getattr(one, quantity), one)), lw=1, label=name)
         alive.plot(epochs, _alive(one, epochs), lw=1)
-    for axes, (quantity, unit) in zip(panels, QUANTITIES.items(), strict=True):
+    for axes, (quantity, unit) in zip(panels, UNITS.items(), strict=True):
         axes.set(ylabel=f"{quantity} rms error, {unit}")
         if any(one.kept.any() for one in every.values()):  # nothing has no logarithm
             axes.set_yscale("log")
@@ -206,7 +178,7 @@ def _errors_by_epoch(every: Mapping[str, Tracked], epochs: np.ndarray) -> Drawin
     return drawing
 
 
-def _probabilities(name: str, one: Tracked, epochs: np.ndarray, jerk: np.ndarray) -> Drawing:
+def _probabilities(name: str, one: Evidence, epochs: np.ndarray, jerk: np.ndarray) -> Drawing:
     """Mean and deviation over the runs kept of the benign motion's probability, that of the first of them,
     and the flight's jerk."""
     drawing = Drawing(figsize=(9, 8), layout="constrained")
@@ -227,7 +199,7 @@ def _probabilities(name: str, one: Tracked, epochs: np.ndarray, jerk: np.ndarray
     return drawing
 
 
-def _bands(name: str, one: Tracked, aggressive: Tracked, epochs: np.ndarray) -> Drawing:
+def _bands(name: str, one: Evidence, aggressive: Evidence, epochs: np.ndarray) -> Drawing:
     """Mean error and two deviations of it against two that the filter claims, and those of the aggressive
     filters alone; rms errors; mode probabilities and runs not lost."""
     drawing = Drawing(figsize=(11, 12), layout="constrained")
@@ -242,7 +214,7 @@ def _bands(name: str, one: Tracked, aggressive: Tracked, epochs: np.ndarray) -> 
             axes.plot(epochs, sign * bound[:, i], "C1", lw=0.8, ls=":")
         axes.plot(epochs, middle[:, i], "k", lw=1.4)
         axes.set(ylabel=label)
-    for axes, (quantity, unit) in zip(panels[2], QUANTITIES.items(), strict=True):
+    for axes, (quantity, unit) in zip(panels[2], UNITS.items(), strict=True):
         axes.plot(epochs, np.sqrt(average(getattr(one, quantity), one)), "k", lw=1)
         axes.set(ylabel=f"{quantity} rms, {unit}")
     for label, chances in (("benign", 1 - one.aggressive), ("aggressive", one.aggressive)):
@@ -253,3 +225,6 @@ def _bands(name: str, one: Tracked, aggressive: Tracked, epochs: np.ndarray) -> 
     panels[3, 1].set(ylabel="runs not lost", xlabel="epoch", ylim=(0, None))
     drawing.suptitle(f"{name}: error (black) and claimed deviations, twice; dotted: aggressive filters alone")
     return drawing
+
+
+PAPER = Paper(TABLES, figures, QUANTITIES, ASKED)

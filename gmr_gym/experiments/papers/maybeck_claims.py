@@ -1,20 +1,17 @@
 """What Maybeck, Kozak and Smith say of their trackers in section V, each sentence as a number with an
 interval."""
 
-from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import product
 
-import numpy as np
-
-from gmr_gym.evaluation.curves import resampled
+from gmr_gym.experiments.claims import Asked, Claim
 from gmr_gym.experiments.papers.maybeck_numbers import (
     JINKS,
     LEVEL,
     PRINTED,
-    QUANTITIES,
     SPANS,
     TURNS,
+    UNITS,
     WHOLE,
     Table,
     agreeing,
@@ -29,7 +26,6 @@ from gmr_gym.experiments.papers.maybeck_numbers import (
     slower_back,
     told_apart,
 )
-from gmr_gym.experiments.tables import Claim, judged, no_event_width
 
 NAMES = {
     "aggressive": "MHT of aggressive filters", "benign": "MHT of benign filters",
@@ -42,43 +38,10 @@ NEAR_HALF = 0.1  # of 50 %, where a probability "hovers"
 UNIMPEDED = 0.8  # of the flow without clutter, above which clutter "does not impede" it
 
 
-def claims(tables: Mapping[str, Table]) -> list[dict]:
-    """Every sentence that the tables run can speak to, as plain data. Two trackers are compared over the runs
-    that both kept."""
-    records = []
-    for name, table in tables.items():
-        if "imm_of" in table:
-            records += _judged(name, ARCHITECTURES, table)
-        elif "benign" in table:
-            records += _judged(name, FAILING, table)
-        else:
-            records += _judged(name, CLEAR if name.startswith("clear") else RIVALS, table)
-    if "clear" in tables and "1" in tables:
-        records += _judged("1 against clear", CLUTTER, tables["1"], tables["clear"])
-    for name, other in (("1", "switching"), ("clear", "clear-switching")):
-        if name in tables and other in tables:
-            records += _judged(f"{name} against {other}", TUNING, tables[name], tables[other])
-    return records
-
-
-def _judged(name: str, about: Sequence[Claim], *tables: Table) -> list[dict]:
-    everything = np.ones(len(next(iter(tables[0].values())).kept), bool)
-
-    def values(weight):
-        return np.array([claim.value(weight, *tables) for claim in about])
-
-    figures = no_event_width(resampled(values, everything), len(everything))
-    runs = f"of {len(everything)}"
-    return [
-        judged(claim, figure, len(everything), table=name, runs=runs)
-        for claim, figure in zip(about, figures, strict=True)
-    ]
-
-
 def _comparison(better: str, worse: str, clutter: bool = True) -> list[Claim]:
     """That one beats another, in both errors and over both spans; Table I is of what happens in clutter."""
     sentences = []
-    for quantity, (i, span) in product(QUANTITIES, enumerate(SPANS)):
+    for quantity, (i, span) in product(UNITS, enumerate(SPANS)):
         names = NAMES if clutter else ALONE
         share = 1 - PRINTED[better][quantity][i] / PRINTED[worse][quantity][i]
         claim = Claim(
@@ -139,7 +102,7 @@ ARCHITECTURES = (
             ) - saved(who, "aggressive", quantity, WHOLE, weight, table),
         )
         for who in ("mmae", "imm")
-        for quantity in QUANTITIES
+        for quantity in UNITS
     ),
     *(
         Claim(
@@ -224,7 +187,7 @@ CLUTTER = (
                 "mmae", "aggressive", quantity, LEVEL, weight, clear
             ) - saved("mmae", "aggressive", quantity, LEVEL, weight, table),
         )
-        for quantity in QUANTITIES
+        for quantity in UNITS
     ),
     Claim(
         "the offset while jinking does not exist without clutter",
@@ -246,5 +209,21 @@ TUNING = tuple(
         0.0,
         partial(_kept_in_both, quantity, SPANS[span]),
     )
-    for quantity, span in product(QUANTITIES, SPANS)
+    for quantity, span in product(UNITS, SPANS)
+)
+# two trackers are compared over the runs that both kept
+ASKED = tuple(
+    Asked(claims, tables, "of {}")
+    for claims, tables in (
+        (ARCHITECTURES, ("1",)),
+        (FAILING, ("benign",)),
+        (CLEAR, ("clear",)),
+        (ARCHITECTURES, ("1-runnalls",)),
+        (RIVALS, ("switching",)),
+        (CLEAR, ("clear-switching",)),
+        (ARCHITECTURES, ("missed",)),
+        (CLUTTER, ("1", "clear")),
+        (TUNING, ("1", "switching")),
+        (TUNING, ("clear", "clear-switching")),
+    )
 )

@@ -1,19 +1,19 @@
 """What Maybeck's sentences need of the runs, and the numbers that they are."""
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping
 
 import numpy as np
 
 from gmr_gym.evaluation.metrics import lost_at
-from gmr_gym.evaluation.montecarlo import Runs
+from gmr_gym.evaluation.summary import not_lost
+from gmr_gym.experiments.evidence import Evidence, error, squared_position, squared_velocity
 from gmr_gym.simulation.single_target import Scenario
 
 WHOLE = slice(None)
 LEVEL = slice(119, 199)  # epochs 120 to 199, straight and level: the "benign" part
 TURNS, JINKS = slice(44, 100), slice(199, 250)  # epochs 45 to 100, and 200 to 250
 SPANS = {"whole": WHOLE, "level": LEVEL}
-QUANTITIES = {"position": "m", "velocity": "m/s"}
+UNITS = {"position": "m", "velocity": "m/s"}
 # Table I: rms errors of position (m) and velocity (m/s), over the whole flight and over its benign part
 PRINTED = {
     "aggressive": {"position": (22.9, 18.1), "velocity": (17.5, 15.4)},
@@ -26,39 +26,27 @@ HARDLY = 0.1  # flow of probability that is none
 TUNED = 1.25  # times the claimed deviation, or its inverse, within which the actual one agrees
 
 
-class Tracked(NamedTuple):
-    """What the sentences need of one tracker's runs."""
-
-    position: np.ndarray  # (runs, T), squared error, m^2
-    velocity: np.ndarray  # (runs, T), squared error, (m/s)^2
-    error: np.ndarray  # (runs, T, 4), of position and velocity
-    claimed: np.ndarray  # (runs, T, 4), the variances claimed for them
-    aggressive: np.ndarray  # (runs, T), probability of the last motion, the aggressive one
-    kept: np.ndarray  # (runs,)
-    lost_at: np.ndarray  # (runs,), scan, counted from 0, -1 for never
+Table = Mapping[str, Evidence]  # by what a tracker is, as in NAMES
 
 
-Table = Mapping[str, Tracked]  # by what a tracker is, as in NAMES
+def _states(scenario: Scenario) -> list[int]:
+    return [*scenario.position, *scenario.velocity]
 
 
-def tracked(scenario: Scenario, runs: Runs) -> Tracked:
-    """The runs of one tracker, as the sentences need them."""
-    states = [*scenario.position, *scenario.velocity]
-    error = (runs.x - runs.truth)[..., states]
-    squared, k = error**2, len(scenario.position)
-    at = lost_at(runs.off_target, scenario.patience)
-    return Tracked(
-        squared[..., :k].sum(axis=-1), squared[..., k:].sum(axis=-1), error,
-        np.diagonal(runs.P, axis1=-2, axis2=-1)[..., states], runs.modes[..., -1], at < 0, at,
-    )  # fmt: skip
+QUANTITIES = {
+    "position": squared_position,
+    "velocity": squared_velocity,
+    # (runs, T, 4), of position and velocity, and the variances claimed for them
+    "error": lambda scenario, runs: error(scenario, runs)[..., _states(scenario)],
+    "claimed": lambda scenario, runs: np.diagonal(runs.P, axis1=-2, axis2=-1)[..., _states(scenario)],
+    "aggressive": lambda scenario, runs: runs.modes[..., -1],  # (runs, T), probability of the last motion
+    "kept": not_lost,
+    # (runs,), scan, counted from 0, -1 for never
+    "lost_at": lambda scenario, runs: lost_at(runs.off_target, scenario.patience),
+}
 
 
-def evidence(roles: Sequence[str], scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Tracked]:
-    """Evidence from a table's results, whose trackers are these, in this order."""
-    return {role: tracked(scenario, runs) for role, runs in zip(roles, results.values(), strict=True)}
-
-
-def rms(one: Tracked, quantity: str, span: slice, weight: np.ndarray) -> float:
+def rms(one: Evidence, quantity: str, span: slice, weight: np.ndarray) -> float:
     """Temporally averaged rms error, as in Table I: over the runs scan by scan, then averaged over the
     span; not a number where no run has weight."""
     if not weight.any():
@@ -77,7 +65,7 @@ def lost(who: str, weight, table: Table) -> float:
     return float(weight @ ~table[who].kept / weight.sum())
 
 
-def average(values: np.ndarray, one: Tracked, weight=1.0) -> np.ndarray:
+def average(values: np.ndarray, one: Evidence, weight=1.0) -> np.ndarray:
     """Over the runs kept (T, ...); nan where there are none."""
     own = weight * one.kept
     return np.tensordot(own / own.sum(), values, 1) if own.any() else np.full(values.shape[1:], np.nan)

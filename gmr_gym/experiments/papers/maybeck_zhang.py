@@ -6,20 +6,19 @@ from collections.abc import Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from gmr_gym.evaluation.curves import resampled
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, errors, not_lost, paired_share, summary
+from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, errors, not_lost, summary
+from gmr_gym.experiments.claims import Asked, Claim
 from gmr_gym.experiments.drawings import error_against_time, save
+from gmr_gym.experiments.evidence import Evidence, Rows, all_measured, differences
 from gmr_gym.experiments.papers.maybeck import MOST, STICKIER
 from gmr_gym.experiments.papers.zhang import QUIET
-from gmr_gym.experiments.tables import Claim, Table, judged, no_event_width
+from gmr_gym.experiments.tables import Paper, Table
 from gmr_gym.simulation.single_target import Scenario
-
-__all__ = ["TABLES", "claims", "figures"]
 
 COLUMNS = (
     "track_loss", "error_capped", "rmse_own", "rmse_common", "velocity_rmse_own", "components", "gate_area",
@@ -28,11 +27,12 @@ COLUMNS = (
 FLIGHT, JUMP = "gmr_gym/AgileFlight-v0", "gmr_gym/JumpMarkov-v0"
 
 
-class Outcome(NamedTuple):
-    """Run by run (runs,), of one tracker."""
+def _capped(scenario: Scenario, runs: Runs) -> np.ndarray:
+    """Position error (runs,), m, averaged over the scans, each counted at most as the scenario's cutoff."""
+    return np.minimum(errors(scenario, runs)[0], scenario.cutoff).mean(axis=1)
 
-    error: np.ndarray  # m, averaged over the scans, each counted at most as the scenario's cutoff
-    lost: np.ndarray
+
+QUANTITIES = {"error": _capped, "kept": not_lost}
 
 
 def _rivals(reduction: str, one: int, *mmgs: str) -> dict[str, dict[str, Any]]:
@@ -55,77 +55,39 @@ def _work() -> dict[str, dict[str, Any]]:
     }
 
 
-def _outcomes(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Outcome]:
-    return {
-        name: Outcome(
-            np.minimum(errors(scenario, runs)[0], scenario.cutoff).mean(axis=1), ~not_lost(scenario, runs)
-        )
-        for name, runs in results.items()
-    }
-
-
-def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
+def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
     """The figures of `summary`, and error_capped: mean position error (m) over all runs, lost ones too, with
     no scan counted as more than the scenario's cutoff."""
     rows = summary(scenario, results)
-    for name, outcome in _outcomes(scenario, results).items():
-        rows[name]["error_capped"] = bootstrap_mean(outcome.error)
+    for name, one in all_measured(QUANTITIES, scenario, results).items():
+        rows[name]["error_capped"] = bootstrap_mean(one.error)
     return rows
 
 
-def _differences(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
-    """Every tracker minus the first, run by run over all runs of the same episodes."""
-    (reference, against), *others = _outcomes(scenario, results).items()
-    return {
-        f"{name} - {reference}": {
-            "track_loss": paired_share(one.lost - against.lost.astype(float)),
-            "error_capped": bootstrap_mean(one.error - against.error),
-        }
-        for name, one in others
-    }
+def _gain(one: Evidence, against: Evidence) -> dict[str, Estimate]:
+    return {"error_capped": bootstrap_mean(one.error - against.error)}
 
 
-def claims(tables: Mapping[str, Mapping[str, Outcome]]) -> list[dict]:
-    """Maybeck's word on each of his four architectures: models and associations expanded together are
-    inferior to it. Zhang's is the contrary: where the first fails, the second holds."""
-    records = []
-    for name, outcomes in tables.items():
-        pairs = list(product(*([who for who in outcomes if kind in who] for kind in ("mmg", "-mht"))))
-        about = [
-            Claim(f"{mmg} is inferior to {bank}", measure, 0.0, partial(value, outcomes[mmg], outcomes[bank]))
-            for measure, value in MEASURES.items()
-            for mmg, bank in pairs
-        ]
-        runs = len(next(iter(outcomes.values())).lost)
-        measured = no_event_width(resampled(partial(_values, about), np.ones(runs, bool)), runs)
-        records += [
-            judged(claim, figure, runs, table=name, runs=f"all {runs}")
-            for claim, figure in zip(about, measured, strict=True)
-        ]
-    return records
-
-
-def _values(about, weight: np.ndarray) -> np.ndarray:
-    return np.array([claim.value(weight) for claim in about])
-
-
-def _worse(mmg: Outcome, bank: Outcome, weight: np.ndarray) -> float:
+def worse(weight: np.ndarray, mmg: Evidence, bank: Evidence) -> float:
+    """By how much MMG's error exceeds the other's."""
     return float(weight @ (mmg.error - bank.error) / weight.sum())
 
 
-def _lost_more(mmg: Outcome, bank: Outcome, weight: np.ndarray) -> float:
-    return float(weight @ (mmg.lost.astype(float) - bank.lost) / weight.sum())
+def lost_more(weight: np.ndarray, mmg: Evidence, bank: Evidence) -> float:
+    """By how much MMG's share of lost runs exceeds the other's."""
+    return float(weight @ (bank.kept.astype(float) - mmg.kept) / weight.sum())
 
 
-def _worse_where_kept(mmg: Outcome, bank: Outcome, weight: np.ndarray) -> float:
-    both = weight * ~mmg.lost * ~bank.lost
-    return float(both @ (mmg.error - bank.error) / both.sum()) if both.any() else np.nan
+def worse_where_kept(weight: np.ndarray, mmg: Evidence, bank: Evidence) -> float:
+    """By how much MMG's error exceeds the other's over the runs that both kept; nan for none."""
+    both = weight * mmg.kept * bank.kept
+    return worse(both, mmg, bank) if both.any() else np.nan
 
 
 MEASURES = {
-    "capped error over all runs, its less the other's, m": _worse,
-    "share of runs lost, its less the other's": _lost_more,
-    "capped error over the runs that both kept, its less the other's, m": _worse_where_kept,
+    "capped error over all runs, its less the other's, m": worse,
+    "share of runs lost, its less the other's": lost_more,
+    "capped error over the runs that both kept, its less the other's, m": worse_where_kept,
 }
 
 
@@ -145,7 +107,7 @@ def figures(
 def _table(name: str, title: str, env_id: str, settings: dict[str, Any], trackers) -> Table:
     return Table(
         name, title, env_id, settings, trackers, summarise=_rows, columns=COLUMNS,
-        evidence=None if name.endswith("work") else _outcomes, paired=_differences,
+        paired=partial(differences, QUANTITIES, _gain),
     )  # fmt: skip
 
 
@@ -170,3 +132,22 @@ TABLES = (
     _table("flight-work", "the F-16, staying with 0.98, by number of components", FLIGHT, _STICKY, _work()),
     _table("jump-quiet-work", f"{_QUIETLY}, by number of components", JUMP, _QUIET, _work()),
 )  # fmt: skip
+
+
+def _asked(table: Table) -> Asked:
+    """Maybeck's word on each of his four architectures: models and associations expanded together are
+    inferior to it. Zhang's is the contrary: where the first fails, the second holds."""
+    mmgs, banks = ([name for name in table.trackers if kind in name] for kind in ("mmg", "-mht"))
+    claims = tuple(
+        Claim(f"{mmg} is inferior to {bank}", measure, 0.0, value, mmg, bank)
+        for (measure, value), mmg, bank in product(MEASURES.items(), mmgs, banks)
+    )
+    return Asked(claims, (table.name,))
+
+
+PAPER = Paper(
+    TABLES,
+    figures,
+    QUANTITIES,
+    tuple(_asked(table) for table in TABLES if not table.name.endswith("work")),
+)

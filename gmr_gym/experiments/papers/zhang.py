@@ -2,7 +2,6 @@
 section 4 without clutter. The paper prints curves and no figures; its sentences are in zhang_claims."""
 
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +12,11 @@ from gmr_gym.evaluation.montecarlo import Runs
 from gmr_gym.evaluation.summary import Estimate, in_common, not_lost
 from gmr_gym.experiments.drawings import error_against_time, save
 from gmr_gym.experiments.output import write_rows
-from gmr_gym.experiments.papers.zhang_claims import claims, evidence
-from gmr_gym.experiments.tables import Table
+from gmr_gym.experiments.papers.zhang_claims import ASKED, QUANTITIES, ROLES
+from gmr_gym.experiments.tables import Paper, Table
 from gmr_gym.reduction.clustering import LINKAGES
 from gmr_gym.reduction.dissimilarity import MEASURES
 from gmr_gym.simulation.single_target import Scenario
-
-__all__ = ["TABLES", "claims", "figures"]
 
 QUIET = 0.01  # of the printed Q = I, at which an acceleration is but two deviations of the process noise
 COLUMNS = (
@@ -31,7 +28,7 @@ LABELS = ("position RMSE, m", "velocity RMSE, m/s", "NCI, dB", "inclination, dB"
 
 
 def _table(
-    name: str, title: str, case: str, quiet: bool, trackers: Mapping[str, dict], judged=False
+    name: str, title: str, case: str, quiet: bool, trackers: Mapping[str, dict], judged: bool = False
 ) -> Table:
     settings = {"case": case} | ({"process_variance": QUIET} if quiet else {})
     return Table(
@@ -42,7 +39,7 @@ def _table(
         trackers=dict(trackers),
         summarise=averages,
         columns=COLUMNS,
-        evidence=partial(evidence, case) if judged else None,
+        roles=ROLES if judged else None,
     )
 
 
@@ -113,3 +110,6 @@ def _four_curves(drawn) -> Drawing:
     panels[3].axhline(0, color="0.6", lw=0.8)
     panels[0].legend(title="solid: runs that none lost; dotted: all", fontsize=8, title_fontsize=8)
     return drawing
+
+
+PAPER = Paper(TABLES, figures, QUANTITIES, ASKED)

@@ -1,17 +1,17 @@
 """What Zhang and Liu say of their curves in section 6.4, each sentence as a number with an interval."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.evaluation.curves import Curves, Errors, curves, errors_of, resampled
-from gmr_gym.evaluation.montecarlo import Runs
+from gmr_gym.evaluation.curves import Curves, curves
+from gmr_gym.evaluation.metrics import nees
 from gmr_gym.evaluation.summary import not_lost
-from gmr_gym.experiments.tables import Claim, judged
+from gmr_gym.experiments.claims import Asked, Claim
+from gmr_gym.experiments.evidence import Evidence, error, squared_position, squared_velocity
 from gmr_gym.scenarios.zhang import SWITCHES
-from gmr_gym.simulation.single_target import Scenario
 
 BEFORE, AFTER = 5, 5  # scans before a switch, and from it on, that a peak is looked for in
 PEAK = 0.1  # of what is on either side, what a peak must rise above it
@@ -19,14 +19,14 @@ MOST, CONSTANTLY = 0.5, 0.9  # shares of the scans
 MUCH = 1.0  # dB
 
 
-class Evidence(NamedTuple):
-    """The runs of one table that the sentences are about."""
-
-    case: str
-    mmg: Errors
-    imm_mht: Errors
-    imm_pda: Errors
-    not_lost: np.ndarray  # (runs,), by all three
+ROLES = ("mmg", "imm_mht", "imm_pda")  # the first trackers of a table
+QUANTITIES = {  # what curves are made of, and the runs that were not lost
+    "error": error,
+    "claimed": lambda scenario, runs: nees(error(scenario, runs), runs.P),
+    "position": squared_position,
+    "velocity": squared_velocity,
+    "kept": not_lost,
+}
 
 
 class Trio(NamedTuple):
@@ -41,42 +41,9 @@ class Trio(NamedTuple):
         return self.imm_mht, self.imm_pda
 
 
-def evidence(case: str, scenario: Scenario, results: Mapping[str, Runs]) -> Evidence:
-    """Evidence from a table's results, whose first three trackers are MMG, IMM+MHT and IMM+PDA."""
-    trio = list(results.values())[:3]
-    mmg, imm_mht, imm_pda = (errors_of(scenario, runs) for runs in trio)
-    kept_by_all = np.logical_and.reduce([not_lost(scenario, runs) for runs in trio])
-    return Evidence(case, mmg, imm_mht, imm_pda, kept_by_all)
-
-
-def claims(tables: Mapping[str, Evidence]) -> list[dict]:
-    """Every sentence that the tables run can speak to, over all runs and over the runs kept by all three,
-    as plain data. A sentence on both cases needs both tables at the same process noise."""
-    records = []
-    for name, one in tables.items():
-        about = CASE_1 if one.case == "1" else CASE_2
-        records += _judged(name, about, [one])
-        first = tables.get(name.replace("2", "1", 1))
-        if one.case == "2" and first is not None:
-            records += _judged(f"{name} against {name.replace('2', '1', 1)}", BOTH, [first, one])
-    return records
-
-
-def _judged(name: str, about: tuple[Claim, ...], tables: list[Evidence]) -> list[dict]:
-    everything = np.ones(len(tables[0].kept), bool)
-    records = []
-    for which, mask in (("all", everything), ("kept", np.logical_and.reduce([one.kept for one in tables]))):
-
-        def values(weight):
-            trios = [Trio(*(curves(errors, weight) for errors in one[1:4])) for one in tables]
-            return np.array([claim.value(*trios) for claim in about])
-
-        figures = resampled(values, mask)
-        records += [
-            judged(claim, figure, int(mask.sum()), table=name, runs=f"{which} {mask.sum()}")
-            for claim, figure in zip(about, figures, strict=True)
-        ]
-    return records
+def trios(weight: np.ndarray, *tables: Mapping[str, Evidence]) -> tuple[Trio, ...]:
+    """The curves of each table's trackers over the runs as they are drawn."""
+    return tuple(Trio(*(curves(table[role], weight) for role in ROLES)) for table in tables)
 
 
 def _lead(field: str, trio: Trio) -> float:
@@ -152,52 +119,49 @@ def _least_rise(field: str, first: Trio, second: Trio) -> float:
 
 
 SHARE = "share of scans"
-PEAKS = "rise of MMG's {} RMSE over both sides of a switch, the lesser switch"
-CALM = f"{PEAK:g} less the rivals' greater rise of {{}} RMSE at the first switch"
-ROBUST = "MMG's rise of {} RMSE at the first switch less the rivals' greater rise"
 WORSE = "average less the worse of the others', dB"
-POSITION, VELOCITY = ("rmse", "position"), ("velocity_rmse", "velocity")
-AT_FIRST_SWITCH = tuple(
-    claim
-    for field, name in (POSITION, VELOCITY)
-    for claim in (
-        Claim(
-            f"the IMM based methods have no peak at the first switch ({name})",
-            CALM.format(name), 0.0, partial(_flat, field),
-        ),
-        Claim(
-            f"the IMM based methods are more robust to the first switch ({name})",
-            ROBUST.format(name), 0.0, partial(_calmer, field),
-        ),
-    )
-)  # fmt: skip
-LOWEST = tuple(
-    Claim(f"MMG has the lowest {name} RMSE for most of the time", SHARE, MOST, partial(_lowest, field))
-    for field, name in (POSITION, VELOCITY)
-)
+ERRORS = {"rmse": "position", "velocity_rmse": "velocity"}
+CREDIBILITY = {"nci": "NCI", "inclination": "inclination"}
+
+
+def _each(
+    names: Mapping[str, str], sentence: str, measure: str, threshold: float, value: Callable[..., float]
+) -> Iterator[Claim]:
+    """The same of several curves: value(field, *trios)."""
+    for field, name in names.items():
+        yield Claim(sentence.format(name), measure.format(name), threshold, partial(value, field))
+
+
+def _rise_of_pda(field: str, first: Trio, second: Trio) -> float:
+    return _rise(field, first.imm_pda, second.imm_pda)
+
+
+ABSENT = tuple(_each(
+    ERRORS, "the IMM based methods have no peak at the first switch ({})",
+    f"{PEAK:g} less the rivals' greater rise of {{}} RMSE at the first switch", 0.0, _flat,
+))  # fmt: skip
+CALMER = tuple(_each(
+    ERRORS, "the IMM based methods are more robust to the first switch ({})",
+    "MMG's rise of {} RMSE at the first switch less the rivals' greater rise", 0.0, _calmer,
+))  # fmt: skip
+AT_FIRST_SWITCH = (ABSENT[0], CALMER[0], ABSENT[1], CALMER[1])
+LOWEST = tuple(_each(ERRORS, "MMG has the lowest {} RMSE for most of the time", SHARE, MOST, _lowest))
 CASE_1 = (
     Claim(
-        "MMG has the best position RMSE",
-        "better rival's average less MMG's, m", 0.0, partial(_lead, "rmse"),
+        "MMG has the best position RMSE", "better rival's average less MMG's, m", 0.0, partial(_lead, "rmse")
     ),
     Claim(
-        "MMG has the best velocity RMSE",
-        "better rival's average less MMG's, m/s", 0.0, partial(_lead, "velocity_rmse"),
+        "MMG has the best velocity RMSE", "better rival's average less MMG's, m/s", 0.0,
+        partial(_lead, "velocity_rmse"),
     ),
     *LOWEST,
-    *(
-        Claim(
-            f"except right after a switch, where MMG has not the lowest {name} RMSE",
-            "share of five scans from each switch", MOST, partial(_beaten_after_switches, field),
-        )
-        for field, name in (POSITION, VELOCITY)
+    *_each(
+        ERRORS, "except right after a switch, where MMG has not the lowest {} RMSE",
+        "share of five scans from each switch", MOST, _beaten_after_switches,
     ),
-    *(
-        Claim(
-            f"two peaks of MMG are the two switches ({name})",
-            PEAKS.format(name), PEAK, partial(_peaks, field),
-        )
-        for field, name in (POSITION, VELOCITY)
+    *_each(
+        ERRORS, "two peaks of MMG are the two switches ({})",
+        "rise of MMG's {} RMSE over both sides of a switch, the lesser switch", PEAK, _peaks,
     ),
     *AT_FIRST_SWITCH,
     Claim("MMG has the lowest NCI for most of the time", SHARE, MOST, partial(_lowest, "nci")),
@@ -205,9 +169,7 @@ CASE_1 = (
         "MMG is constantly pessimistic except at the transients",
         "share of scans away from start and switches", CONSTANTLY, _pessimistic,
     ),
-    Claim(
-        "IMM+PDA is constantly optimistic", SHARE, CONSTANTLY, lambda trio: _optimistic(trio.imm_pda),
-    ),
+    Claim("IMM+PDA is constantly optimistic", SHARE, CONSTANTLY, lambda trio: _optimistic(trio.imm_pda)),
     Claim(
         "IMM+MHT shows no consistent pattern of inclination",
         "share of scans on the rarer side of 0", 1 - CONSTANTLY,
@@ -218,36 +180,44 @@ CASE_2 = (
     *LOWEST,
     *AT_FIRST_SWITCH,
     Claim(
-        "the NCI of IMM+PDA is much worse than that of the other two",
-        WORSE, MUCH, partial(_worse_pda, "nci"),
+        "the NCI of IMM+PDA is much worse than that of the other two", WORSE, MUCH,
+        partial(_worse_pda, "nci"),
     ),
     Claim(
-        "the inclination of IMM+PDA is much worse than that of the other two",
-        f"magnitude's {WORSE}", MUCH, partial(_worse_pda, "inclination"),
+        "the inclination of IMM+PDA is much worse than that of the other two", f"magnitude's {WORSE}", MUCH,
+        partial(_worse_pda, "inclination"),
     ),
 )  # fmt: skip
 BOTH = (
-    *(
-        Claim(
-            f"all filters have larger {name} errors than in case 1",
-            "average in case 2 less case 1, the least of the three", 0.0, partial(_least_rise, field),
-        )
-        for field, name in (POSITION, VELOCITY)
+    *_each(
+        ERRORS, "all filters have larger {} errors than in case 1",
+        "average in case 2 less case 1, the least of the three", 0.0, _least_rise,
     ),
-    *(
-        Claim(
-            f"the {name} of IMM+PDA is much worse than in case 1",
-            "average magnitude in case 2 less case 1, dB", MUCH,
-            lambda first, second, field=field: _rise(field, first.imm_pda, second.imm_pda),
-        )
-        for field, name in (("nci", "NCI"), ("inclination", "inclination"))
+    *_each(
+        CREDIBILITY, "the {} of IMM+PDA is much worse than in case 1",
+        "average magnitude in case 2 less case 1, dB", MUCH, _rise_of_pda,
     ),
-    *(
-        Claim(
-            f"PDA is more sensitive to the clutter density ({name})",
-            "IMM+PDA's rise from case 1 less the greater of the others', dB", 0.0,
-            partial(_sensitive_pda, field),
-        )
-        for field, name in (("nci", "NCI"), ("inclination", "inclination"))
+    *_each(
+        CREDIBILITY, "PDA is more sensitive to the clutter density ({})",
+        "IMM+PDA's rise from case 1 less the greater of the others', dB", 0.0, _sensitive_pda,
     ),
 )  # fmt: skip
+
+
+def _asked(claims: tuple[Claim, ...], tables: tuple[str, ...], table: str = "") -> tuple[Asked, ...]:
+    """Over all runs, and over those that all three kept in each table; curves differ from run to run."""
+    claims = tuple(claim._replace(widened=False) for claim in claims)
+    about = (("all {}", False), ("kept {}", True))
+    return tuple(Asked(claims, tables, runs, table, kept=kept, prepare=trios) for runs, kept in about)
+
+
+# a sentence on both cases needs both tables at the same process noise
+ASKED = tuple(
+    asked
+    for noise in ("", "-quiet")
+    for asked in (
+        *_asked(CASE_1, (f"1{noise}",)),
+        *_asked(CASE_2, (f"2{noise}",)),
+        *_asked(BOTH, (f"1{noise}", f"2{noise}"), f"2{noise} against 1{noise}"),
+    )
+)

@@ -1,0 +1,145 @@
+"""What papers say of their trackers, as numbers: each is resampled over the runs and judged, in one loop."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.special import ndtri
+
+from gmr_gym.evaluation.curves import resampled
+from gmr_gym.evaluation.summary import CONFIDENCE, FEWEST, Estimate, bootstrap_mean, wilson
+from gmr_gym.experiments.evidence import Evidence
+
+TOO_FEW = "too few runs"
+ByTracker = Mapping[str, Evidence]  # of one table
+
+
+class Claim(NamedTuple):
+    """A sentence of a paper as a number: it holds where the number lies above the threshold.
+
+    Parameters
+    ----------
+    sentence : str
+        What the paper says.
+    measure : str
+        What the number is, with its unit.
+    threshold : float
+    value : Callable
+        `value(weight, *evidence)` is the number with every run counted as often as weight `(runs,)` says. Of
+        claims that are judged run by run, `value(*evidence)` `(runs,)`, and the number is the mean.
+    of, against : str
+        The tracker the sentence is about, in the first table, and its rival, in the last: the two whose
+        evidence `value` takes. Without them it takes whole tables.
+    widened : bool
+        Whether an interval without width is taken for that of no event, as of a share.
+    """
+
+    sentence: str
+    measure: str
+    threshold: float
+    value: Callable[..., Any]
+    of: str = ""
+    against: str = ""
+    widened: bool = True
+
+    def evidence(self, tables: Sequence[ByTracker]) -> Sequence[Any] | None:
+        """What the number is taken of; None where a tracker is not in its table."""
+        if not self.of:
+            return tables
+        if self.of not in tables[0] or self.against not in tables[-1]:
+            return None
+        return tables[0][self.of], tables[-1][self.against]
+
+
+class Asked(NamedTuple):
+    """Claims about the same tables, judged where the evidence of all of these is at hand.
+
+    Parameters
+    ----------
+    claims : tuple of Claim
+    tables : tuple of str
+        Names of the tables, in the order in which `value` takes their evidence.
+    runs : str
+        What a record says of the runs; their number goes where the braces are.
+    table : str
+        What a record calls the tables, unless "one against other".
+    kept : bool
+        Over the runs that no tracker at hand lost, not over all.
+    run_by_run : bool
+        The values are numbers of each run; their mean is judged.
+    prepare : Callable, optional
+        `prepare(weight, *tables)` are the arguments that every `value` takes instead.
+    """
+
+    claims: tuple[Claim, ...]
+    tables: tuple[str, ...]
+    runs: str = "all {}"
+    table: str = ""
+    kept: bool = False
+    run_by_run: bool = False
+    prepare: Callable[..., tuple] | None = None
+
+
+def claim_records(asked: Iterable[Asked], evidence: Mapping[str, ByTracker]) -> list[dict[str, Any]]:
+    """Every claim that the evidence of the tables at hand can tell of, judged, as plain data."""
+    records = []
+    for each in asked:
+        if not set(each.tables) <= set(evidence):
+            continue
+        tables = [evidence[name] for name in each.tables]
+        claims = [claim for claim in each.claims if claim.evidence(tables) is not None]
+        estimates = _run_by_run(claims, tables) if each.run_by_run else _resampled(each, claims, tables)
+        name = each.table or " against ".join(each.tables)
+        for claim, (figure, count) in zip(claims, estimates, strict=True):
+            if claim.widened and count:
+                (figure,) = no_event_width([figure], count)
+            records.append(judged(claim, figure, count, table=name, runs=each.runs.format(count)))
+    return records
+
+
+def _run_by_run(claims: Iterable[Claim], tables: list[ByTracker]) -> list[tuple[Estimate, int]]:
+    values = [claim.value(*claim.evidence(tables)) for claim in claims]
+    return [(bootstrap_mean(each), len(each)) for each in values]
+
+
+def _resampled(asked: Asked, claims: list[Claim], tables: list[ByTracker]) -> list[tuple[Estimate, int]]:
+    kept = [one.kept for table in tables for one in table.values()]
+    mask = np.logical_and.reduce(kept) if asked.kept else np.ones(len(kept[0]), bool)
+
+    def values(weight: np.ndarray) -> np.ndarray:
+        shared = asked.prepare(weight, *tables) if asked.prepare else None
+        return np.array([claim.value(*shared or (weight, *claim.evidence(tables))) for claim in claims])
+
+    return [(figure, int(mask.sum())) for figure in resampled(values, mask)] if claims else []
+
+
+def judged(claim: Claim, figure: Estimate, count: int, **about: str) -> dict[str, Any]:
+    """A claim about a figure of so many runs as plain data: "holds" or "fails" when chance puts the number on
+    the other side of the threshold less than once in a hundred times, else "tie"; "unknown" without an
+    interval, and TOO_FEW where so few runs do not tell how often that is."""
+    # from the interval's confidence to 99 %, as `verdict` asks
+    reach = (figure.high - figure.low) / 2 * ndtri(0.995) / ndtri((1 + CONFIDENCE) / 2)
+    if not np.isfinite(reach):
+        verdict = "unknown"
+    elif count < FEWEST:
+        verdict = TOO_FEW
+    elif abs(figure.value - claim.threshold) <= reach:
+        verdict = "tie"
+    else:
+        verdict = "holds" if figure.value > claim.threshold else "fails"
+    record: dict[str, Any] = {**about, "claim": claim.sentence, "measure": claim.measure}
+    return record | plain(figure) | {"threshold": claim.threshold, "verdict": verdict}
+
+
+def no_event_width(figures: Iterable[Estimate], runs: int) -> list[Estimate]:
+    """Where no resample of the runs differs, rounding apart, a bootstrap claims certainty: the interval is
+    then as wide as that of no event in as many runs, for numbers that are shares."""
+    most = wilson(0, runs).high
+    return [
+        Estimate(f.value, f.value - most, f.value + most) if f.high - f.low < 1e-9 else f for f in figures
+    ]
+
+
+def plain(figure: Estimate) -> dict[str, float | None]:
+    """A figure and its interval for JSON, which knows no number that is not finite."""
+    return {key: float(value) if np.isfinite(value) else None for key, value in figure._asdict().items()}
