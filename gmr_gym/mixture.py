@@ -26,9 +26,9 @@ class Mixture(NamedTuple):
         Covariances.
     """
 
-    w: np.ndarray  # (n,)
-    m: np.ndarray  # (n, d)
-    P: np.ndarray  # (n, d, d)
+    w: np.ndarray
+    m: np.ndarray
+    P: np.ndarray
 
 
 def mixture(w, m, P) -> Mixture:
