@@ -263,6 +263,11 @@ def raw(z, deviations) -> Converted:
     deviations : array_like (3,)
         Standard deviations of their noise.
 
+    Raises
+    ------
+    ValueError
+        For an impossible detection, and for deviations as in `radar`.
+
     References
     ----------
     Li, eqs. 2-5.
@@ -282,6 +287,11 @@ def debiased(z, deviations) -> Converted:
         Detections: range (m), azimuth and elevation (rad).
     deviations : array_like (3,)
         Standard deviations of their noise.
+
+    Raises
+    ------
+    ValueError
+        For an impossible detection, and for deviations as in `radar`.
 
     Notes
     -----
@@ -321,6 +331,11 @@ def unbiased(z, deviations) -> Converted:
     deviations : array_like (3,)
         Standard deviations of their noise.
 
+    Raises
+    ------
+    ValueError
+        For an impossible detection, and for deviations as in `radar`.
+
     References
     ----------
     Mo, Song, Zhou, Sun and Bar-Shalom 1998, extended to three dimensions.
@@ -339,6 +354,11 @@ def modified_unbiased(z, deviations) -> Converted:
         Detections: range (m), azimuth and elevation (rad).
     deviations : array_like (3,)
         Standard deviations of their noise.
+
+    Raises
+    ------
+    ValueError
+        For an impossible detection, and for deviations as in `radar`.
 
     References
     ----------
@@ -370,6 +390,11 @@ def decorrelated(z, deviations, at, spread) -> Converted:
     Converted
         Positions (k, 3), and covariances (n, 3, 3), one for each prediction.
 
+    Raises
+    ------
+    ValueError
+        For an impossible detection or prediction, and for deviations as in `radar`.
+
     References
     ----------
     Bordonaro, Willett and Bar-Shalom 2014.
@@ -396,6 +421,11 @@ def debiased_at(z, deviations, at, spread) -> Converted:
     -------
     Converted
         Positions (n, k, 3), since the bias is that of the prediction, and covariances (n, 3, 3).
+
+    Raises
+    ------
+    ValueError
+        For an impossible detection or prediction, and for deviations as in `radar`.
     """
     about = _check_predictions(at, spread)
     return Converted(*kernels.debiased_at_of(check_detections(z), check_deviations(deviations), *about))

@@ -112,6 +112,11 @@ def greedy_isd(p: Mixture, components: int) -> Reduced:
     Reduced
         The reduced mixture and the origin (n,).
 
+    Raises
+    ------
+    ValueError
+        For `components` below 1, or a mixture that fails `checked`.
+
     References
     ----------
     Zhang, section 3.

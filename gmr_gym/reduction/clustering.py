@@ -79,6 +79,11 @@ def k_means(p: Mixture, components: int) -> Reduced:
     -------
     Reduced
         The reduced mixture and the origin (n,).
+
+    Raises
+    ------
+    ValueError
+        For `components` below 1, or a mixture that fails `checked`.
     """
     return merged_by(lambda q, components: _lloyd(q.w, whitened(q), components), p, components)
 

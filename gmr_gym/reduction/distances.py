@@ -23,6 +23,11 @@ def kullback_leibler(m1, P1, m2, P2) -> float:
     P1, P2 : array_like (d, d)
         Covariances.
 
+    Raises
+    ------
+    ValueError
+        Naming the argument, for a shape that does not fit, and for a mean or covariance that is not valid.
+
     Notes
     -----
     .. math::
@@ -55,6 +60,11 @@ def bhattacharyya(m1, P1, m2, P2) -> float:
     P1, P2 : array_like (d, d)
         Covariances.
 
+    Raises
+    ------
+    ValueError
+        Naming the argument, for a shape that does not fit, and for a mean or covariance that is not valid.
+
     References
     ----------
     Bhattacharyya 1943.
@@ -77,12 +87,19 @@ def hellinger(m1, P1, m2, P2) -> float:
         Means.
     P1, P2 : array_like (d, d)
         Covariances.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, for a shape that does not fit, and for a mean or covariance that is not valid.
     """
     return float(np.sqrt(-np.expm1(-bhattacharyya(m1, P1, m2, P2))))
 
 
 def correlation(m1, P1, m2, P2) -> float:
-    """Correlation of two densities, <N1, N2> / sqrt(<N1, N1> <N2, N2>), in [0, 1]; 1 only if they are equal.
+    """Correlation of two densities, <N1, N2> / sqrt(<N1, N1> <N2, N2>), in [0, 1].
+
+    It is 1 only for equal densities.
 
     Parameters
     ----------
@@ -90,6 +107,11 @@ def correlation(m1, P1, m2, P2) -> float:
         Means.
     P1, P2 : array_like (d, d)
         Covariances.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, for a shape that does not fit, and for a mean or covariance that is not valid.
     """
     d2, log_volume = _mean_shape(m1, P1, m2, P2)
     return float(np.exp(-d2 / 4 - log_volume))
@@ -104,6 +126,11 @@ def wasserstein(m1, P1, m2, P2) -> float:
         Means.
     P1, P2 : array_like (d, d)
         Covariances.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, for a shape that does not fit, and for a mean or covariance that is not valid.
 
     Notes
     -----
@@ -126,8 +153,8 @@ def wasserstein(m1, P1, m2, P2) -> float:
 
 
 def _mean_shape(m1, P1, m2, P2):
-    """Squared Mahalanobis distance of the means under S = (P1 + P2) / 2, and log(|S| / sqrt(|P1| |P2|)) /
-    2 >= 0, the part due to the difference in shape."""
+    """Squared Mahalanobis distance of the means under S = (P1 + P2) / 2, and the part due to the
+    difference in shape, log(|S| / sqrt(|P1| |P2|)) / 2 >= 0."""
     m1, P1, m2, P2 = _two_gaussians(m1, P1, m2, P2)
     L, L1, L2 = np.linalg.cholesky([np.add(P1, P2) / 2, P1, P2])
     y = np.linalg.solve(L, np.subtract(m1, m2))
@@ -158,6 +185,11 @@ def inner_product(p: Mixture, q: Mixture) -> float:
     ----------
     p, q : Mixture
         Of the same dimension; the weights need not sum to 1.
+
+    Raises
+    ------
+    ValueError
+        For mixtures that fail `checked` or differ in dimension.
     """
     return _inner_product(*_two_mixtures(p, q))
 
@@ -171,6 +203,11 @@ def integral_squared_difference(p: Mixture, q: Mixture) -> float:
     ----------
     p, q : Mixture
         Of the same dimension; the weights need not sum to 1.
+
+    Raises
+    ------
+    ValueError
+        For mixtures that fail `checked` or differ in dimension.
 
     Notes
     -----
@@ -206,6 +243,11 @@ def normalised_integral_squared_difference(p: Mixture, q: Mixture) -> float:
     ----------
     p, q : Mixture
         Of the same dimension; the weights need not sum to 1.
+
+    Raises
+    ------
+    ValueError
+        For mixtures that fail `checked` or differ in dimension.
 
     References
     ----------

@@ -1,8 +1,8 @@
 """Greedy merging by Runnalls' cost B.
 
 For three components let F be the least of the sum of w KL(component || N) over all Gaussians N. It is the
-same for any order of merging, F = B(i, j) + B(ij, k), and it is at least B(i, k), B(j, k) and half of B(i, j)
-+ B(i, k) + B(j, k), since each of these three contains two of its terms. So
+same for any order of merging, F = B(i, j) + B(ij, k). Each of B(i, j), B(i, k) and B(j, k) minimises two of
+the three terms of that sum, so F is at least each of them, and at least half of their sum. Hence
 
     B(ij, k) >= max(B(i, k), B(j, k), 1/2 (B(i, j) + B(i, k) + B(j, k))) - B(i, j)
 

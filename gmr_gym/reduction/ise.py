@@ -188,7 +188,7 @@ def _cheapest_deletion(work, s, renormalise):
             lost, after = q / R, s * (W / R)
             rv, vv = rA - lost * r_rest, AA - 2.0 * lost * A_rest + lost * lost * rest_rest
             cost = 2.0 * s * rv + s * s * vv
-        if cost < least:  # false (nan) where nothing would be left to rescale
+        if cost < least:  # false where nothing would be left to rescale
             least, slot, scale = cost, a, after
     return least, slot, scale
 

@@ -33,9 +33,14 @@ def runnalls(p: Mixture, components: int) -> Reduced:
     Reduced
         The reduced mixture and the origin (n,).
 
+    Raises
+    ------
+    ValueError
+        For `components` below 1, or a mixture that fails `checked`.
+
     Notes
     -----
-    The cost B of a merge stands in `gmr_gym.reduction.merge_cost`.
+    The cost B of a merge is defined in `gmr_gym.reduction.merge_cost`.
 
     References
     ----------

@@ -75,6 +75,11 @@ def west(p: Mixture, components: int) -> Reduced:
     Reduced
         The reduced mixture and the origin (n,).
 
+    Raises
+    ------
+    ValueError
+        For `components` below 1, or a mixture that fails `checked`.
+
     References
     ----------
     West 1993, section 3.

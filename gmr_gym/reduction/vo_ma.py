@@ -57,13 +57,13 @@ def _near(w, m, P, distance):
     n, d = m.shape
     factors, factored = np.zeros((n, d, d)), np.zeros(n, np.bool_)
     group, count, y = np.full(n, -1), 0, np.empty(d)
-    alone = np.argsort(-w, kind="mergesort")
-    alone = alone[w[alone] > 0.0]
-    left = len(alone)
+    unmerged = np.argsort(-w, kind="mergesort")
+    unmerged = unmerged[w[unmerged] > 0.0]
+    left = len(unmerged)
     while left > 0:
-        heaviest, rest = alone[0], 0
+        heaviest, rest = unmerged[0], 0
         for a in range(left):
-            i = alone[a]
+            i = unmerged[a]
             within = True
             for r in range(d):
                 # the distance along one axis bounds the whole from below, up to rounding: most end here
@@ -79,7 +79,7 @@ def _near(w, m, P, distance):
             ):
                 group[i] = count
             else:
-                alone[rest] = i
+                unmerged[rest] = i
                 rest += 1
         left = rest
         count += 1
