@@ -13,7 +13,7 @@ from gmr_gym.kernels import kernel
 DOUBLE = np.dtype(float)
 HEAVIEST = 1e300  # limit of the sum of all weights, so that no merged weight exceeds it
 BLOCK = 64  # covariances factored together
-DROWNED = 1e-15  # a pivot below this fraction of its diagonal entry may be rounding alone
+LEAST_PIVOT = 1e-15  # a pivot below this fraction of its diagonal entry may be rounding alone
 
 
 def doubles(name: str, a, at: str = "") -> np.ndarray:
@@ -120,7 +120,7 @@ def _definite(A, P, n, d):
     for k in range(d):
         pivot = A[k * (k + 3) // 2]
         for j in range(n):
-            positive &= pivot[j] > DROWNED * P[j, k, k]
+            positive &= pivot[j] > LEAST_PIVOT * P[j, k, k]
             pivot[j] = 1.0 / pivot[j]
         for r in range(k + 1, d):
             below = A[r * (r + 1) // 2 + k]

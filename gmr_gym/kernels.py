@@ -67,7 +67,7 @@ def warn_uncached() -> None:
     if multiprocessing.parent_process() is None:
         # without a file: its source would be printed as a second line
         warnings.warn_explicit(
-            "compiled kernels cannot be kept, and every start compiles them anew: no folder can be written "
+            "compiled kernels cannot be kept, and every start compiles them again: no folder can be written "
             "to, or the disk is full; set NUMBA_CACHE_DIR to a folder with room",
             UserWarning, "gmr_gym", 1,
         )  # fmt: skip

@@ -11,7 +11,7 @@ from gmr_gym.reduction.distances import BLOCK, dimension, known, products_of_col
 # the letters are those of ise.py
 
 RIDGE = 1e-6  # keeps x and y small where A and B are alike
-DROWNED = 1e-15  # a conditional variance below this fraction of the variance may be rounding alone
+LEAST_VARIANCE = 1e-15  # a conditional variance below this fraction of the variance may be rounding alone
 ROUNDING = 1e-14  # relative error of a sum of products: margin of the bounds
 
 
@@ -116,7 +116,7 @@ def stands_out(c):
     if not cholesky_into(L, S):
         return False
     for row in range(d):
-        if not L[row, row] ** 2 > DROWNED * S[row, row]:
+        if not L[row, row] ** 2 > LEAST_VARIANCE * S[row, row]:
             return False
     return True
 
