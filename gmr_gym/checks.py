@@ -1,7 +1,8 @@
-"""Arguments checked once, at the border: each check raises ValueError that names the argument.
+"""Validation of arguments at public functions: each check raises a ValueError that names the argument.
 
-Arrays from outside are taken as they are where they fit a kernel, converted where they can be, else refused:
-a kernel trusts the shapes it is given and is compiled anew for every kind of array."""
+An array that fits a kernel is taken as it is, one that can be converted is converted, any other is refused:
+a kernel trusts the shapes it is given and is compiled once more for every kind of array.
+"""
 
 from numbers import Real
 
@@ -10,14 +11,27 @@ import numpy as np
 from gmr_gym.kernels import kernel
 
 DOUBLE = np.dtype(float)
-HEAVIEST = 1e300  # that all the weights add up to, so that none that are merged is beyond it
+HEAVIEST = 1e300  # limit of the sum of all weights, so that no merged weight exceeds it
 BLOCK = 64  # covariances factored together
-DROWNED = 1e-15  # a pivot that is no larger share of its entry may be rounding alone
+LEAST_PIVOT = 1e-15  # a pivot below this fraction of its diagonal entry may be rounding alone
 
 
 def doubles(name: str, a, at: str = "") -> np.ndarray:
-    """The array-like in float64, C-ordered and writeable: itself where it is that already, a copy where it is
-    not. Raises ValueError naming it where something is masked or is no real number."""
+    """The array-like in float64, C-ordered and writeable: as it is where it already fits, else a copy.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for the error message.
+    a : array_like
+    at : str
+        Prefix of the name.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, for a masked entry or an entry that is not a real number.
+    """
     if type(a) is np.ndarray and a.dtype == DOUBLE and a.flags.carray:
         return a
     try:
@@ -29,12 +43,13 @@ def doubles(name: str, a, at: str = "") -> np.ndarray:
     if given.dtype.kind not in "fiub":
         raise ValueError(f"{at}{name} must be an array of real numbers, got dtype {given.dtype}")
     if np.ma.is_masked(given):
-        raise ValueError(f"{at}{name} must have no masked entries; leave out the components that have")
+        raise ValueError(f"{at}{name} must have no masked entries; leave out the masked components")
     return np.require(given.data, DOUBLE, ["C", "A", "W", "E"])
 
 
 def refuse_unsound(at: str, w: np.ndarray, m: np.ndarray, P: np.ndarray) -> None:
-    """Raise ValueError naming what is wrong with a mixture that is not `sound`, `at` before its names."""
+    """Raise the ValueError that says what is wrong with a mixture that is not `sound`; `at` is the prefix
+    of its names."""
     if w.ndim != 1:
         raise ValueError(f"{at}w must have shape (n,), got {w.shape}")
     if m.ndim != 2 or len(m) != len(w) or m.shape[1] == 0:
@@ -68,8 +83,8 @@ def check_covariance(name: str, P: np.ndarray) -> None:
 
 @kernel
 def sound(w, m, P):
-    """Whether weights (n,), means (n, d) and covariances (n, d, d) fit each other, the first finite and not
-    negative, the second finite, the third symmetric and positive definite."""
+    """Whether weights (n,), means (n, d) and covariances (n, d, d) fit each other, the weights are finite
+    and not negative, the means finite, and the covariances symmetric and positive definite."""
     n, d = m.shape
     if d == 0 or len(w) != n or P.shape[0] != n or P.shape[1] != d or P.shape[2] != d:
         return False
@@ -80,7 +95,7 @@ def sound(w, m, P):
     good &= total <= HEAVIEST
     for i in range(n * d):
         good &= abs(flat[i]) < np.inf
-    A = np.empty((d * (d + 1) // 2, BLOCK))  # lower triangles, by entry
+    A = np.empty((d * (d + 1) // 2, BLOCK))  # lower triangles, one entry a row
     for start in range(0, n, BLOCK):
         k, block, q = min(BLOCK, n - start), P[start : start + BLOCK], 0
         for r in range(d):
@@ -99,13 +114,13 @@ def sound(w, m, P):
 
 @kernel(inline="always")
 def _definite(A, P, n, d):
-    """Whether the first n matrices of P, by entry in A (d (d + 1) / 2, BLOCK), are positive definite beyond
-    their rounding, by LDL'; A is overwritten."""
+    """Whether the first n matrices of P are positive definite beyond their rounding, by LDL'. A (d (d +
+    1) / 2, BLOCK) holds their lower triangles, one entry a row, and is overwritten."""
     positive = True
     for k in range(d):
         pivot = A[k * (k + 3) // 2]
         for j in range(n):
-            positive &= pivot[j] > DROWNED * P[j, k, k]
+            positive &= pivot[j] > LEAST_PIVOT * P[j, k, k]
             pivot[j] = 1.0 / pivot[j]
         for r in range(k + 1, d):
             below = A[r * (r + 1) // 2 + k]
@@ -121,7 +136,7 @@ def _nearly_symmetric(P):
     """Whether every matrix (d, d) of P is symmetric to rounding."""
     for A in P:
         largest = np.abs(A).max()
-        if not largest < np.inf:  # of which everything would be a rounding
+        if not largest < np.inf:  # any difference would be within rounding
             return False
         for r in range(len(A)):
             for c in range(r):
@@ -137,20 +152,20 @@ def _check_positive(**values: float) -> None:
 
 
 def check_choice(name: str, choice: str, choices: tuple[str, ...]) -> None:
-    """Raise ValueError naming the argument unless the choice is one of those there are."""
+    """Raise ValueError naming the argument unless the choice is one of `choices`."""
     if choice not in choices:
         raise ValueError(f"{name} must be one of {', '.join(choices)}, got {choice!r}")
 
 
 def check_whole(name: str, value: int, least: int) -> None:
-    """Raise ValueError naming the parameter unless it is a whole number, at least `least`."""
+    """Raise ValueError naming the argument unless it is a whole number, at least `least`."""
     if isinstance(value, bool) or not isinstance(value, Real) or not value % 1 == 0:
         raise ValueError(f"{name} must be a whole number, got {value!r}")
     if value < least:
         raise ValueError(f"{name} must be at least {least}, got {value}")
 
 
-LEAST_DENSITY = float(np.finfo(float).tiny)  # of clutter; less has lost digits, or its inverse is infinite
+LEAST_DENSITY = float(np.finfo(float).tiny)  # of clutter; below it digits are lost or the inverse overflows
 
 
 def check_probability(name: str, value: float) -> None:
@@ -160,21 +175,33 @@ def check_probability(name: str, value: float) -> None:
 
 
 def check_density(name: str, value: float) -> None:
-    """Raise ValueError naming the argument unless value is a finite density of clutter, and no less than what
-    can be divided by."""
+    """Raise ValueError naming the argument unless value is a finite clutter density, large enough to
+    divide by."""
     if not LEAST_DENSITY <= value < np.inf:
         raise ValueError(
             f"{name} must be positive and finite, {LEAST_DENSITY:.3g} or more, got {value}; where there is "
-            "no clutter pass a very small density, so that a second detection has an explanation"
+            "no clutter pass a very small density, so that a second detection can be a false alarm"
         )
 
 
-UNLIMITED = 2**62  # components: more than there ever are
+UNLIMITED = 2**62  # components: no limit
 
 
 def check_count(count: int, name: str = "components") -> int:
-    """A count, by default the budget of components, checked, and no more than kernels can take, ANY;
-    ValueError naming it unless it is a whole number of at least 1."""
+    """The count as an int, at most `UNLIMITED`, which kernels can still take.
+
+    Parameters
+    ----------
+    count : int
+        By default the budget of components.
+    name : str
+        Name of the argument, for the error message.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, unless it is a whole number of at least 1.
+    """
     if not isinstance(count, Real) or not count >= 1:
         raise ValueError(f"{name} must be at least 1, got {count!r}")
     if count % 1 != 0:
@@ -183,14 +210,14 @@ def check_count(count: int, name: str = "components") -> int:
 
 
 def check_not_negative(name: str, value: float) -> float:
-    """A threshold, checked; ValueError naming it unless it is a number that is not negative."""
+    """The threshold as a float; ValueError naming the argument unless it is a number of at least 0."""
     if not isinstance(value, Real) or not value >= 0:
         raise ValueError(f"{name} must be a number, at least 0, got {value!r}")
     return float(value)
 
 
 def check_limits(prune_weight: float, max_hypotheses: int, give_up_ratio: float = np.inf) -> None:
-    """Raise ValueError naming the limit of a tracker's work that is none."""
+    """Raise ValueError naming the first invalid limit of a tracker's work."""
     if not 0 <= prune_weight < np.inf:
         raise ValueError(f"prune_weight must be non-negative and finite, got {prune_weight}")
     if not max_hypotheses >= 1 or max_hypotheses % 1 != 0:

@@ -9,8 +9,8 @@ LOG_2PI = float(np.log(2 * np.pi))
 
 @leaf_kernel
 def pairwise_sum(w):
-    """Sum of w (n,), in pairs of pairs and so on, which keeps its rounding small; to the last bit that of
-    NumPy."""
+    """Sum of w (n,) by pairwise summation, which keeps the rounding small; equal to NumPy's to the last
+    bit."""
     n = len(w)
     if n < 8:
         out = 0.0
@@ -33,7 +33,8 @@ def pairwise_sum(w):
 
 @leaf_kernel
 def cholesky_into(L, S):
-    """Lower factor of the symmetric S (p, p) written into L; False when S is not definite."""
+    """Writes the lower Cholesky factor of the symmetric S (p, p) into L; False when S is not positive
+    definite."""
     p = len(S)
     for r in range(p):
         for c in range(r + 1):
@@ -65,7 +66,7 @@ def root_determinants(P):
 
 @leaf_kernel
 def mahalanobis_squared(L, z, z_hat, y):
-    """(z - z_hat)' S^-1 (z - z_hat) with S = L L'; y (p,) is room to work in."""
+    """(z - z_hat)' S^-1 (z - z_hat) with S = L L'; y (p,) is workspace."""
     d2 = 0.0
     for r in range(len(z)):
         total = z[r] - z_hat[r]
@@ -78,7 +79,7 @@ def mahalanobis_squared(L, z, z_hat, y):
 
 @leaf_kernel
 def log_gaussian_scale(L):
-    """log of N(z; z, L L'), the density at its mean."""
+    """log of N(z; z, L L'), the density at the mean."""
     p = len(L)
     total = -0.5 * p * LOG_2PI
     for r in range(p):

@@ -11,21 +11,48 @@ from gmr_gym.linalg import cholesky_into, log_gaussian_scale, mahalanobis_square
 
 
 class Mixture(NamedTuple):
-    """Sum of w[i] N(x; m[i], P[i]) over n components in d dimensions.
+    """Gaussian mixture: the sum of w[i] N(x; m[i], P[i]) over n components in d dimensions.
 
-    Weights mean what they sum to: 1 for a posterior, the expected number of targets for an
-    intensity. Only `normalised` rescales them.
+    The weights sum to 1 for a posterior and to the expected number of targets for an intensity. Only
+    `normalised` rescales them. `mixture` makes a checked one.
+
+    Attributes
+    ----------
+    w : ndarray (n,)
+        Weights, not negative.
+    m : ndarray (n, d)
+        Means.
+    P : ndarray (n, d, d)
+        Covariances.
     """
 
-    w: np.ndarray  # (n,)
-    m: np.ndarray  # (n, d)
-    P: np.ndarray  # (n, d, d)
+    w: np.ndarray
+    m: np.ndarray
+    P: np.ndarray
 
 
 def mixture(w, m, P) -> Mixture:
-    """Checked Mixture from array-likes w (n,), m (n, d), P (n, d, d), copied to float64.
+    """Checked Mixture from array-likes, copied to float64.
 
-    Raises ValueError as `checked` does, and where there is no component or none weighs anything.
+    Parameters
+    ----------
+    w : array_like (n,)
+        Weights, n >= 1, not negative, not all zero.
+    m : array_like (n, d)
+        Means.
+    P : array_like (n, d, d)
+        Covariances, symmetric positive definite.
+
+    Raises
+    ------
+    ValueError
+        As `checked`, and for a mixture without components or without weight.
+
+    Examples
+    --------
+    >>> p = mixture([0.25, 0.75], [[0.0], [4.0]], [[[1.0]], [[1.0]]])
+    >>> p.w.tolist(), p.m.shape, p.P.shape
+    ([0.25, 0.75], (2, 1), (2, 1, 1))
     """
     w, m, P = (doubles(name, a).copy() for name, a in (("w", w), ("m", m), ("P", P)))
     if w.ndim != 1 or len(w) == 0:
@@ -37,17 +64,41 @@ def mixture(w, m, P) -> Mixture:
 
 
 def gaussian(m, P) -> Mixture:
-    """Mixture of one component: mean m (d,), covariance P (d, d); checked as in `mixture`."""
+    """Mixture of one component of weight 1, checked as in `mixture`.
+
+    Parameters
+    ----------
+    m : array_like (d,)
+        Mean.
+    P : array_like (d, d)
+        Covariance.
+
+    Examples
+    --------
+    >>> gaussian([1.0, 2.0], [[4.0, 0.0], [0.0, 9.0]]).m.tolist()
+    [[1.0, 2.0]]
+    """
     return mixture([1.0], [m], [P])
 
 
 def checked(p: Mixture, at: str = "p.") -> Mixture:
-    """The mixture, of any number of components, none at all and those of weight zero included, in arrays that
-    kernels take: itself where it has such, else a copy in float64.
+    """The mixture, validated, in arrays that kernels take.
 
-    Raises ValueError naming the argument, `at` before w, m or P, when something is masked or no real
-    number, a shape does not fit, a number is not finite, a weight is negative or a covariance is not
-    symmetric positive definite.
+    It may have no component, and components of weight zero. It is returned as it is where its arrays are
+    float64, C-ordered and writeable; otherwise as a copy in float64.
+
+    Parameters
+    ----------
+    p : Mixture
+    at : str
+        Prefix of the names w, m and P in error messages.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument: for a masked entry, an entry that is not a real number, a shape that does not
+        fit, a number that is not finite, a negative weight, or a covariance that is not symmetric positive
+        definite.
     """
     w, m, P = arrays_of(p, at)
     if not sound(w, m, P):
@@ -68,8 +119,18 @@ def arrays_of(p: Mixture, at: str = "p.") -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def normalised(p: Mixture) -> Mixture:
-    """The same shape with weights that sum to 1; ValueError when nothing is left to rescale and for weights
-    that are no numbers or negative. Nothing but the weights is looked at."""
+    """The mixture with weights that sum to 1. Only the weights are checked.
+
+    Raises
+    ------
+    ValueError
+        For weights that are negative, not finite, or sum to 0.
+
+    Examples
+    --------
+    >>> normalised(mixture([1.0, 3.0], [[0.0], [4.0]], [[[1.0]], [[1.0]]])).w.tolist()
+    [0.25, 0.75]
+    """
     w = doubles("p.w", p.w)
     if w.ndim != 1 or not ((w >= 0) & (w < np.inf)).all():
         raise ValueError(f"p.w must be finite and non-negative with shape (n,), got {w}")
@@ -82,40 +143,111 @@ def take(p: Mixture, index: np.ndarray) -> Mixture:
 
 
 def joined(parts: Sequence[Mixture]) -> Mixture:
-    """All the components of the parts, one after another."""
+    """The components of all parts, one part after another."""
     return Mixture(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def moments(p: Mixture) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (d,) and covariance (d, d) of the normalised mixture (D'Ortenzio, eqs. 12, 21, 22)."""
+    r"""Mean and covariance of the normalised mixture.
+
+    Parameters
+    ----------
+    p : Mixture
+        At least one component; weights of any sum.
+
+    Returns
+    -------
+    mean : ndarray (d,)
+    covariance : ndarray (d, d)
+
+    Notes
+    -----
+    .. math::
+
+        \bar w_i = w_i / \textstyle\sum_j w_j, \qquad m = \sum_i \bar w_i m_i, \qquad
+        P = \sum_i \bar w_i \left( P_i + (m_i - m)(m_i - m)^T \right)
+
+    References
+    ----------
+    D'Ortenzio, eqs. 12, 21, 22.
+
+    Examples
+    --------
+    >>> mean, covariance = moments(mixture([0.25, 0.75], [[0.0], [4.0]], [[[1.0]], [[1.0]]]))
+    >>> mean.tolist(), covariance.tolist()
+    ([3.0], [[4.0]])
+    """
     return mean_and_covariance(checked(p))
 
 
 def collapsed(p: Mixture) -> Mixture:
-    """The one Gaussian with the total weight, mean and covariance of the mixture."""
+    """The one Gaussian with the total weight, mean and covariance of the mixture.
+
+    Examples
+    --------
+    >>> p = collapsed(mixture([0.25, 0.75], [[0.0], [4.0]], [[[1.0]], [[1.0]]]))
+    >>> p.w.tolist(), p.m.tolist(), p.P.tolist()
+    ([1.0], [[3.0]], [[[4.0]]])
+    """
     return match_all(checked(p))
 
 
 def match_all(p: Mixture) -> Mixture:
-    """`collapsed` for a mixture made here."""
+    """`collapsed` without checks, for a mixture already checked."""
     mean, covariance = mean_and_covariance(p)
     return Mixture(np.array([p.w.sum()]), mean[None], covariance[None])
 
 
 def mean_and_covariance(p: Mixture) -> tuple[np.ndarray, np.ndarray]:
-    """`moments` for a mixture made here."""
+    """`moments` without checks, for a mixture already checked."""
     if len(p.w) == 0:
-        raise ValueError("p has no component, and a mixture of none has no moments")
+        raise ValueError("p has no component, so it has no moments")
     _, m, P = match(*p, np.zeros(len(p.w), np.int64), 1)
     return m[0], P[0]
 
 
 def matched(p: Mixture, group: np.ndarray, count: int) -> Mixture:
-    """Moment match of each of `count` groups: group (n,) holds the group of every component, -1 for
-    none (Zhang, eqs. 4-5). Components that all weigh nothing are matched as if of equal weight.
+    r"""Moment match of each group of components.
 
-    Raises ValueError for a mixture that is not `checked`, and for a group that is not of every component or
-    beyond the count."""
+    Parameters
+    ----------
+    p : Mixture
+    group : array_like of int (n,)
+        Group of every component, below `count`; -1 for a component in no group.
+    count : int
+        Number of groups.
+
+    Returns
+    -------
+    Mixture
+        One component per group. A group whose components all have weight zero is matched as if they had
+        equal weights.
+
+    Raises
+    ------
+    ValueError
+        As `checked`, and for a `group` of another shape, not of integers, or beyond `count`.
+
+    Notes
+    -----
+    With the sums over the components i of group g:
+
+    .. math::
+
+        w_g = \sum w_i, \qquad m_g = \frac{1}{w_g} \sum w_i m_i, \qquad
+        P_g = \frac{1}{w_g} \sum w_i \left( P_i + (m_i - m_g)(m_i - m_g)^T \right)
+
+    References
+    ----------
+    Zhang, eqs. 4-5.
+
+    Examples
+    --------
+    >>> p = mixture([1.0, 1.0, 2.0], [[0.0], [2.0], [9.0]], [[[1.0]], [[1.0]], [[1.0]]])
+    >>> q = matched(p, [0, 0, 1], 2)
+    >>> q.w.tolist(), q.m.tolist(), q.P.ravel().tolist()
+    ([2.0, 2.0], [[1.0], [9.0]], [2.0, 1.0])
+    """
     p, group = checked(p), np.asarray(group)
     if group.shape != p.w.shape or group.dtype.kind != "i":
         raise ValueError(f"group must hold an integer for each of {len(p.w)} components, got {group!r}")
@@ -123,14 +255,35 @@ def matched(p: Mixture, group: np.ndarray, count: int) -> Mixture:
 
 
 def match_groups(p: Mixture, group: np.ndarray, count: int) -> Mixture:
-    """`matched` for a mixture made here."""
+    """`matched` without checks of the mixture, for one already checked."""
     if group.max(initial=-1) >= count:
-        raise ValueError(f"group names group {group.max()}, but there are only {count}")
+        raise ValueError(f"group must hold indices below count = {count}, got {group.max()}")
     return Mixture(*match(p.w, p.m, p.P, group, count))
 
 
 def log_density(p: Mixture, x: np.ndarray) -> np.ndarray:
-    """Log of the mixture at the points x (k, d), shape (k,); the weights are not normalised."""
+    """Log of the mixture's density at points; the weights are not normalised.
+
+    Parameters
+    ----------
+    p : Mixture
+    x : array_like (k, d)
+        Points.
+
+    Returns
+    -------
+    ndarray (k,)
+
+    Raises
+    ------
+    ValueError
+        As `checked`, and for points of another dimension.
+
+    Examples
+    --------
+    >>> log_density(gaussian([0.0], [[1.0]]), [[0.0], [1.0]]).round(4).tolist()
+    [-0.9189, -1.4189]
+    """
     p, x = checked(p), doubles("x", x)
     if x.ndim != 2 or x.shape[1] != p.m.shape[1]:
         raise ValueError(f"x must have shape (k, {p.m.shape[1]}), got {x.shape}")
@@ -170,10 +323,10 @@ def match(w, m, P, group, count):
 @kernel(inline="always")
 def rescaled(w):
     """The weights w (n,) divided by their sum."""
-    whole = pairwise_sum(w)
-    if not whole > 0.0:
-        raise ValueError("the weights sum to 0 or are no numbers; a mixture needs at least one above 0")
-    return w / whole
+    total = pairwise_sum(w)
+    if not total > 0.0:
+        raise ValueError("the weights sum to 0 or are not numbers; at least one must be positive")
+    return w / total
 
 
 @kernel

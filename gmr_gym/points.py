@@ -1,19 +1,45 @@
-"""The door for points from outside, rows of a scan or of a set: what is a point, and which are there."""
+"""Validation of points given by the user, rows of a scan or of a set: their shape, their range, the
+absent rows."""
 
 import numpy as np
 
 from gmr_gym.kernels import leaf_kernel
 
-# m or rad, of any coordinate: filters drawn apart by detections farther away could not be merged, for their
-# covariances drown in the squares of such distances
+# m or rad, of any coordinate: components updated with detections farther away could not be merged, because
+# their covariances would be lost in rounding beside the squares of such distances
 FARTHEST = 1e10
 
 
 def check_points(z, p: int, farthest: float = FARTHEST) -> np.ndarray:
-    """The points z as floats of their own (k, p), (0, p) for none; a row with a masked coordinate is absent.
+    """The points as a float array of its own.
 
-    ValueError when the shape does not fit, for what is no number, and naming the row, as counted without the
-    absent, for one that is not finite or has a coordinate beyond +-`farthest`."""
+    Parameters
+    ----------
+    z : array_like (k, p)
+        Points; empty for none. A row with a masked coordinate is absent.
+    p : int
+        Dimension of a point.
+    farthest : float
+        Limit of the absolute value of a coordinate, m or rad.
+
+    Returns
+    -------
+    ndarray (k, p)
+        Without the absent rows; (0, p) for none.
+
+    Raises
+    ------
+    ValueError
+        For another shape, for entries that are not numbers, and for a row that is not finite or beyond
+        +-`farthest`. The row is counted without the absent ones.
+
+    Examples
+    --------
+    >>> check_points([[1, 2], [3, 4]], 2).tolist()
+    [[1.0, 2.0], [3.0, 4.0]]
+    >>> check_points([], 2).shape
+    (0, 2)
+    """
     try:
         z = np.asarray(present(z))
         z = z.astype(float, order="C", casting="same_kind") if z.size else np.empty((0, p))
@@ -30,13 +56,13 @@ def check_points(z, p: int, farthest: float = FARTHEST) -> np.ndarray:
 
 
 def present(points):
-    """Without the rows in which anything is masked; what masks nothing is returned as it is."""
+    """The points without the rows that have a masked entry; returned as they are if nothing is masked."""
     hidden = absent(points)
     return points if hidden is None else np.ma.getdata(points)[~hidden]
 
 
 def absent(points) -> np.ndarray | None:
-    """Which rows (k,) of points (k, ...) have anything masked; None where nothing can be."""
+    """Mask (k,) of the rows of points (k, ...) with a masked entry; None for points that cannot be masked."""
     if type(points) is np.ndarray:
         return None
     if isinstance(points, list | tuple) and any(isinstance(row, np.ma.MaskedArray) for row in points):
@@ -48,17 +74,17 @@ def absent(points) -> np.ndarray | None:
 
 
 def check_unmasked(name: str, values) -> None:
-    """Raise ValueError naming the argument if any of the values is masked, where none can be absent."""
+    """Raise ValueError naming the argument if any of its values is masked."""
     hidden = absent(values)
     if hidden is not None and hidden.any():
         raise ValueError(f"{name} must be given in full, but some of it is masked")
 
 
 @leaf_kernel
-def _first_beyond(z, reach):
-    """The first row of z (k, p) with a coordinate that is not within +-reach, -1 for none."""
+def _first_beyond(z, limit):
+    """First row of z (k, p) with a coordinate outside +-limit, or not a number; -1 if there is none."""
     for j in range(z.shape[0]):
         for r in range(z.shape[1]):
-            if not abs(z[j, r]) <= reach:
+            if not abs(z[j, r]) <= limit:
                 return j
     return -1

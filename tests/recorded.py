@@ -69,7 +69,7 @@ def reductions() -> Iterator[tuple[str, Callable[[], list]]]:
         "adaptive-0.01": partial(adaptive, loss_bound=0.01),
         "prune": partial(prune, weight=1e-2),
         "prune-density": partial(prune_density, density=1e-3),
-        "heaviest": partial(prune_and_cap, weight=1e-3, max_hypotheses=7),
+        "heaviest": partial(prune_and_cap, weight=1e-3, max_components=7),
     }
     named = {name: partial(reduce, components=5) for name, reduce in REDUCERS.items()}
     for label, p in examples():

@@ -19,7 +19,7 @@ DROPPING = {
     "capping": partial(REDUCERS["capping"], components=2),
     "prune": partial(prune, weight=0.1),
     "prune_density": partial(prune_density, density=0.1),
-    "heaviest": partial(prune_and_cap, weight=1e-9, max_hypotheses=2),
+    "heaviest": partial(prune_and_cap, weight=1e-9, max_components=2),
     "vo_ma": partial(vo_ma, components=2),
 }
 MERGING = {name: partial(reduce, components=2) for name, reduce in REDUCERS.items() if name != "capping"} | {

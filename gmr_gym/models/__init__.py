@@ -1,6 +1,6 @@
-"""What a tracker assumes: motions, sensors, gates, switching, clutter, priors.
+"""The assumptions of a tracker: motion models, sensors, gates, mode switching, clutter, priors.
 
-Stands on `mixture` and `linalg` alone, and knows no filter. Open `model.py` first, then `kalman.py`.
+Depends on `mixture` and `linalg` alone, and contains no filter. Open `model.py` first, then `kalman.py`.
 """
 
 from gmr_gym.models.clutter import Clutter, uniform_clutter

@@ -1,4 +1,4 @@
-"""The intensity of clutter, and intensities in general: densities whose integral is an expected number."""
+"""The intensity of clutter. An intensity is a density whose integral is an expected number."""
 
 from typing import NamedTuple
 
@@ -9,27 +9,51 @@ from gmr_gym.models.gating import unit_ball
 
 
 class Clutter(NamedTuple):
-    """Intensity of false detections in a scan, over a box: uniform, Gaussian and elliptic parts."""
+    """Intensity of false alarms per scan, over a box: a uniform, a Gaussian and an elliptic part.
 
-    low: np.ndarray  # (p,), m
-    high: np.ndarray  # (p,), m
-    uniform: float  # expected number, uniform in the box
-    gaussians: Mixture  # weights are expected numbers; may hold none, shapes (0,), (0, p), (0, p, p)
-    ellipses: Mixture  # likewise, each uniform where (z - m)' P^-1 (z - m) <= 1
+    Attributes
+    ----------
+    low, high : ndarray (p,)
+        Opposite corners of the box, m.
+    uniform : float
+        Expected number of false alarms that are uniform in the box.
+    gaussians : Mixture
+        Gaussian parts; the weights are expected numbers. For none the shapes are (0,), (0, p), (0, p, p).
+    ellipses : Mixture
+        Likewise, each uniform where (z - m)' P^-1 (z - m) <= 1.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    uniform: float
+    gaussians: Mixture
+    ellipses: Mixture
 
     @property
     def expected(self) -> float:
-        """Number of false detections in a scan."""
+        """Expected number of false alarms per scan."""
         return float(self.uniform + self.gaussians.w.sum() + self.ellipses.w.sum())
 
     @property
     def volume(self) -> float:
-        """Of the box, m^p."""
+        """Volume of the box, m^p."""
         return np.prod(self.high - self.low)
 
     def density(self, z: np.ndarray) -> np.ndarray:
-        """kappa(z) (k,), per unit of the detections' space, at detections z (k, p): Gaussians are not cut off
-        at the box, and the uniform part is taken to go on beyond it, so that nothing has no explanation."""
+        """Clutter density kappa(z), per unit volume of the sensor's space.
+
+        The Gaussians are not truncated at the box, and the uniform part extends beyond it, so that the
+        density is positive everywhere.
+
+        Parameters
+        ----------
+        z : ndarray (k, p)
+            Detections.
+
+        Returns
+        -------
+        ndarray (k,)
+        """
         kappa = np.full(len(z), self.uniform / self.volume)
         if len(self.gaussians.w):
             kappa += np.exp(log_density(self.gaussians, z))
@@ -41,11 +65,25 @@ class Clutter(NamedTuple):
 
 
 def uniform_clutter(low, high, expected: float) -> Clutter:
-    """`expected` false detections a scan, uniform between two opposite corners (p,)."""
+    """Clutter that is uniform in a box.
+
+    Parameters
+    ----------
+    low, high : array_like (p,)
+        Opposite corners of the box, m.
+    expected : float
+        Expected number of false alarms per scan.
+
+    Examples
+    --------
+    >>> clutter = uniform_clutter([0.0, 0.0], [100.0, 100.0], expected=10.0)
+    >>> clutter.expected, clutter.density(np.zeros((1, 2))).tolist()
+    (10.0, [0.001])
+    """
     low, high = np.array(low, float), np.array(high, float)
     return Clutter(low, high, float(expected), no_components(len(low)), no_components(len(low)))
 
 
 def no_components(d: int) -> Mixture:
-    """The intensity of no component in d dimensions."""
+    """The intensity without components in d dimensions."""
     return Mixture(np.empty(0), np.empty((0, d)), np.empty((0, d, d)))

@@ -1,4 +1,4 @@
-"""Gates: where a target's detection is looked for, and which detections lie there."""
+"""Gates: the regions where a target's detection is expected, and the detections in them."""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -13,45 +13,109 @@ from gmr_gym.models.sensing import MeasurementModel
 
 
 class Gates(NamedTuple):
-    """Ellipses (z - z[i])' S[i]^-1 (z - z[i]) <= size, one around each predicted detection."""
+    r"""Ellipsoidal gates, one around each predicted detection.
 
-    z: np.ndarray  # (n, p), predicted detections
-    S: np.ndarray  # (n, p, p), innovation covariances
-    threshold: float  # squared Mahalanobis distance
+    Attributes
+    ----------
+    z : ndarray (n, p)
+        Predicted detections.
+    S : ndarray (n, p, p)
+        Innovation covariances.
+    threshold : float
+        Squared Mahalanobis distance.
+
+    Notes
+    -----
+    Gate i is the set of detections z with
+
+    .. math::
+
+        (z - \hat z_i)^T S_i^{-1} (z - \hat z_i) \le \gamma_G
+
+    where gamma_G is the `threshold`.
+    """
+
+    z: np.ndarray
+    S: np.ndarray
+    threshold: float
 
 
 @lru_cache
 def gate_threshold(probability: float, p: int) -> float:
-    """Chi-square quantile that a p-dimensional innovation stays under with `probability`."""
+    """Chi-square quantile: a p-dimensional innovation has a squared Mahalanobis distance below it with
+    `probability`.
+
+    Parameters
+    ----------
+    probability : float
+        P_G.
+    p : int
+        Dimension of a detection.
+
+    Examples
+    --------
+    >>> round(gate_threshold(0.99, 2), 4)
+    9.2103
+    """
     return float(2 * gammaincinv(p / 2, probability))
 
 
 def gates(predicted: Mixture, sensor: MeasurementModel, probability: float) -> Gates:
-    """Gates about every predicted component that hold its detection with `probability`."""
+    """Gates of every predicted component.
+
+    Parameters
+    ----------
+    predicted : Mixture
+        n components.
+    sensor : MeasurementModel
+    probability : float
+        P_G: that the gate of a component contains its detection.
+    """
     z, S = sensor.gates(predicted)
     return Gates(z, S, gate_threshold(probability, z.shape[1]))
 
 
 def gated_distances(predicted: Mixture, gates: Gates, sensor: MeasurementModel, z: np.ndarray) -> np.ndarray:
-    """Squared Mahalanobis distances (n, k) of the detections z (k, p), as the sensor's update has them, from
-    what each component expects; infinite beyond the gates' size."""
-    look = sensor.predict_detections(predicted, gates.z, gates.S, z)
-    return gated_distances_kernel(look.z_hat, look.S, look.z, look.R, gates.threshold)
+    """Squared Mahalanobis distances of detections from the predicted ones, infinite outside the gates.
+
+    Parameters
+    ----------
+    predicted : Mixture
+        n components.
+    gates : Gates
+        Gates of these components.
+    sensor : MeasurementModel
+    z : ndarray (k, p)
+        Detections, in the sensor's space; the distances are those of the sensor's update.
+
+    Returns
+    -------
+    ndarray (n, k)
+    """
+    scan = sensor.predict_detections(predicted, gates.z, gates.S, z)
+    return gated_distances_kernel(scan.z_hat, scan.S, scan.z, scan.R, gates.threshold)
 
 
 def volumes(gates: Gates) -> np.ndarray:
-    """Area (p = 2) or volume of each gate (n,), in the sensor's units; gates may overlap."""
+    """Area (p = 2) or volume of each gate (n,), in units of the gates' space; gates may overlap."""
     p = gates.z.shape[1]
     return unit_ball(p) * gates.threshold ** (p / 2) * root_determinants(gates.S)
 
 
 def gate_statistics(gates: Gates, z: np.ndarray) -> tuple[float, float]:
-    """Volume of a gate, and how many of the points z (k, p) of the gates' space lie in it, on average."""
+    """Mean over the gates of their volume, and of the number of detections in them.
+
+    Parameters
+    ----------
+    gates : Gates
+    z : ndarray (k, p)
+        Detections in the gates' space.
+    """
     return _gate_statistics(gates.z, gates.S, gates.threshold, unit_ball(gates.z.shape[1]), z)
 
 
 def outside_all_gates(gates: Gates, point: np.ndarray) -> bool:
-    """Whether the point (p,) of the gates' space lies in no gate; so too where it is nan."""
+    """Whether the point (p,) of the gates' space lies in no gate; True for a nan point."""
     return outside_all_gates_kernel(gates.z, gates.S, gates.threshold, point)
 
 
@@ -70,7 +134,7 @@ def _gate_statistics(centres, S, threshold, ball, z):
 
 @kernel(inline="always")
 def mean_volume(S, threshold, ball):
-    """Of the gates of innovation covariances S (n, p, p), with the volume of the ball of radius 1."""
+    """Mean volume of gates of innovation covariances S (n, p, p); `ball` is the volume of the unit ball."""
     whole = 0.0
     for root in root_determinants(S):
         whole += root
@@ -79,7 +143,7 @@ def mean_volume(S, threshold, ball):
 
 @kernel
 def outside_all_gates_kernel(centres, S, threshold, point):
-    """See `outside`."""
+    """See `outside_all_gates`."""
     p = len(point)
     first, _, _ = gated_pairs(centres, S, point.reshape(1, 1, p), np.empty((0, p, p)), threshold)
     return first[len(centres)] == 0
@@ -98,15 +162,15 @@ def gated_distances_kernel(z_hat, S, z, R, threshold):
 
 @kernel
 def gated_pairs(z_hat, S, z, R, threshold):
-    """The detections in each gate: those of component i stand at first[i] : first[i + 1], in order, and so do
-    their squared Mahalanobis distances."""
-    n, (seen, k, p) = len(z_hat), z.shape
+    """The detections in each gate: those of component i are at first[i] : first[i + 1], in order, and so
+    are their squared Mahalanobis distances."""
+    n, (views, k, p) = len(z_hat), z.shape
     first = np.zeros(n + 1, np.int64)
     detection, d2 = np.empty(n * k, np.int64), np.empty(n * k)
     L, y, S_pair = np.zeros((p, p)), np.empty(p), np.empty((p, p))
     hits = 0
     for i in range(n):
-        own = i if seen > 1 else 0
+        own = i if views > 1 else 0
         if len(R) == 0 and not cholesky_into(L, S[i]):
             raise ValueError("an innovation covariance S = H P H' + R is not positive definite")
         near = k

@@ -1,4 +1,4 @@
-"""Linear-Gaussian motion and sensing, over whole stacks of Gaussians."""
+"""Linear-Gaussian motion models and sensors, for all components of a mixture at once."""
 
 from typing import NamedTuple
 
@@ -11,26 +11,45 @@ from gmr_gym.models.sensing import PredictedDetections
 
 
 class Motion(NamedTuple):
-    """x' = F x + offset + noise of covariance Q, over one scan period."""
+    """Linear motion model over one scan period: x' = F x + offset + noise of covariance Q. `motion` makes
+    a checked one.
 
-    F: np.ndarray  # (d, d)
-    Q: np.ndarray  # (d, d), positive semidefinite
-    offset: np.ndarray  # (d,), the known input; zeros when there is none
+    Attributes
+    ----------
+    F : ndarray (d, d)
+        Transition matrix.
+    Q : ndarray (d, d)
+        Covariance of the process noise, positive semidefinite.
+    offset : ndarray (d,)
+        Known input; zeros for none.
+    """
+
+    F: np.ndarray
+    Q: np.ndarray
+    offset: np.ndarray
 
 
 class Sensor(NamedTuple):
-    """z = H x + noise of covariance R."""
+    """Linear measurement model: z = H x + noise of covariance R. `sensor` makes a checked one.
 
-    H: np.ndarray  # (p, d)
-    R: np.ndarray  # (p, p)
+    Attributes
+    ----------
+    H : ndarray (p, d)
+        Measurement matrix.
+    R : ndarray (p, p)
+        Covariance of the measurement noise.
+    """
+
+    H: np.ndarray
+    R: np.ndarray
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names (p,), with units, of what it detects: a position in the plane or in space."""
+        """Names (p,) of the coordinates of a detection, with units."""
         return tuple(f"{axis}_m" for axis in "xyz"[: len(self.H)])
 
     def measure(self, x: np.ndarray) -> np.ndarray:
-        """What it would say of states x (..., d), without noise (..., p)."""
+        """Noise-free detections (..., p) of states x (..., d)."""
         return x @ self.H.T
 
     def gates(self, p: Mixture) -> tuple[np.ndarray, np.ndarray]:
@@ -38,32 +57,69 @@ class Sensor(NamedTuple):
         return innovation(p.m, p.P, self.H, self.R)[:2]
 
     def relative(self, z: np.ndarray, centre: np.ndarray) -> np.ndarray:
-        """Detections (..., p) as seen from a centre (p,)."""
+        """Detections z (..., p) relative to a centre (p,)."""
         return z - centre
 
     def wrap_and_validate(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (k, p) of its space as it would report them, and which of them it can (k,)."""
+        """Detections (k, p), unchanged, and a mask (k,) of those the sensor could report: all."""
         return z, np.ones(len(z), bool)
 
     def to_gate_space(self, z: np.ndarray) -> np.ndarray:
-        """Detections z (k, p) where the gates stand."""
+        """Detections z (k, p) in the gates' space, which is the sensor's own."""
         return z
 
     def density(self, density: float, at: np.ndarray) -> np.ndarray:
-        """What a density in the sensor's own space is in that of the gates, at places (n, p)."""
+        """Density (n,) in the gates' space at points `at` (n, p) of a density in the sensor's own space:
+        the same."""
         return np.full(len(at), density)
 
     def predict_detections(
         self, p: Mixture, z_hat: np.ndarray, S: np.ndarray, z: np.ndarray
     ) -> PredictedDetections:
-        """The scan z (k, p) as the components of p see it, whose gates are (expected, S)."""
-        none = np.empty((0, *self.R.shape))
+        """Predicted detections of every component, their innovation covariances, and the scan in the same
+        coordinates.
+
+        Parameters
+        ----------
+        p : Mixture
+            n predicted components.
+        z_hat : ndarray (n, p)
+            Centres of their gates.
+        S : ndarray (n, p, p)
+            Covariances of their gates.
+        z : ndarray (k, p)
+            The scan.
+        """
+        no_noise = np.empty((0, *self.R.shape))
         C = _cross(p.P, self.H)
-        return PredictedDetections(z_hat, S, C, z[None], none, np.zeros(len(z)), self.H[None], self.R[None])
+        H, R = self.H[None], self.R[None]
+        return PredictedDetections(z_hat, S, C, z[None], no_noise, np.zeros(len(z)), H, R)
 
 
 def motion(F, Q, offset=None) -> Motion:
-    """Checked Motion; ValueError when a shape does not fit or Q is not positive semidefinite."""
+    """Checked Motion.
+
+    Parameters
+    ----------
+    F : array_like (d, d)
+        Transition matrix.
+    Q : array_like (d, d)
+        Covariance of the process noise.
+    offset : array_like (d,), optional
+        Known input.
+
+    Raises
+    ------
+    ValueError
+        For a shape that does not fit, a number that is not finite, and a Q that is not symmetric positive
+        semidefinite.
+
+    Examples
+    --------
+    >>> m = motion([[1.0, 1.0], [0.0, 1.0]], [[0.25, 0.5], [0.5, 1.0]])
+    >>> m.offset.tolist()
+    [0.0, 0.0]
+    """
     F, Q = np.array(F, float), np.array(Q, float)
     offset = np.zeros(len(F)) if offset is None else np.array(offset, float)
     if F.ndim != 2 or F.shape[0] != F.shape[1] or not np.isfinite(F).all():
@@ -79,7 +135,21 @@ def motion(F, Q, offset=None) -> Motion:
 
 
 def sensor(H, R) -> Sensor:
-    """Checked Sensor; ValueError when a shape does not fit or R is not positive definite."""
+    """Checked Sensor.
+
+    Parameters
+    ----------
+    H : array_like (p, d)
+        Measurement matrix.
+    R : array_like (p, p)
+        Covariance of the measurement noise.
+
+    Raises
+    ------
+    ValueError
+        For a shape that does not fit, a number that is not finite, and an R that is not symmetric positive
+        definite.
+    """
     H, R = np.array(H, float), np.array(R, float)
     if H.ndim != 2 or not np.isfinite(H).all():
         raise ValueError(f"H must be a finite matrix (p, d), got shape {H.shape}")
@@ -90,14 +160,51 @@ def sensor(H, R) -> Sensor:
 
 
 def position_sensor(deviation: float, axes: int = 2, rates: int = 1) -> Sensor:
-    """Positions of the state [positions, velocities, ...] with `rates` rates of change beside them, noise
-    `deviation` (m) on each axis (D'Ortenzio, eq. 19)."""
+    """Sensor of the position, of a state [positions, velocities, ...].
+
+    Parameters
+    ----------
+    deviation : float
+        Standard deviation of the measurement noise along each axis, m.
+    axes : int
+        Number of positions.
+    rates : int
+        Derivatives of the position in the state: 1 for velocities, 2 for accelerations too.
+
+    References
+    ----------
+    D'Ortenzio, eq. 19.
+
+    Examples
+    --------
+    >>> s = position_sensor(10.0)
+    >>> s.H.tolist(), s.R.tolist()
+    ([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]], [[100.0, 0.0], [0.0, 100.0]])
+    """
     H = np.eye(axes, axes * (1 + rates))
     return sensor(H, deviation**2 * np.eye(axes))
 
 
 def predict(p: Mixture, motion: Motion) -> Mixture:
-    """Every component carried forward one period: F m + offset, F P F' + Q."""
+    """Kalman prediction of every component over one period: F m + offset, F P F' + Q.
+
+    Parameters
+    ----------
+    p : Mixture
+    motion : Motion
+
+    Returns
+    -------
+    Mixture
+        With the same weights.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import gaussian
+    >>> q = predict(gaussian([0.0, 1.0], np.eye(2)), motion([[1.0, 1.0], [0.0, 1.0]], np.zeros((2, 2))))
+    >>> q.m.tolist(), q.P.tolist()
+    ([[1.0, 1.0]], [[[2.0, 1.0], [1.0, 1.0]]])
+    """
     m, P = predict_all(p.m, p.P, motion.F, motion.Q, motion.offset)
     return Mixture(p.w, m, P)
 

@@ -1,4 +1,4 @@
-"""What a tracker is told of the world, and nothing else."""
+"""The filter model: what a tracker assumes about target, sensor and clutter."""
 
 from typing import NamedTuple
 
@@ -13,20 +13,39 @@ from gmr_gym.models.switching import check_switching
 
 
 class Model(NamedTuple):
-    """All that a tracker may know before the first scan; `model` checks one."""
+    """Filter model: all that a tracker knows before the first scan. `model` makes a checked one.
 
-    motions: tuple[Motion, ...]  # the modes the target may move in; one for most scenarios
+    Attributes
+    ----------
+    motions : tuple of Motion
+        Motion models, one for each mode of the target; a single one for most scenarios.
+    sensor : MeasurementModel
+    detection_probability : float
+        P_D.
+    gate_probability : float
+        P_G.
+    clutter_density : float
+        Expected false alarms per scan and unit volume of the sensor's space.
+    prior : Mixture
+        Of the state one period before the first scan.
+    switching : ndarray (r, r)
+        Transition matrix of the modes; column p holds the probabilities of each mode after mode p.
+    mode_prior : ndarray (r,)
+        Probability of each mode one period before the first scan.
+    """
+
+    motions: tuple[Motion, ...]
     sensor: MeasurementModel
-    detection_probability: float  # P_D
-    gate_probability: float  # P_G
-    clutter_density: float  # expected false detections per unit volume of the sensor's space
-    prior: Mixture  # one period before the first scan
-    switching: np.ndarray  # (r, r), column p: probabilities of each mode after mode p
-    mode_prior: np.ndarray  # (r,), probability of each mode one period before the first scan
+    detection_probability: float
+    gate_probability: float
+    clutter_density: float
+    prior: Mixture
+    switching: np.ndarray
+    mode_prior: np.ndarray
 
     @property
     def motion(self) -> Motion:
-        """The one motion; ValueError where there are several, for trackers that know no modes."""
+        """The motion model, for trackers without modes; ValueError where there are several."""
         check_one_motion(self)
         return self.motions[0]
 
@@ -41,12 +60,43 @@ def model(
     switching=None,
     mode_prior=None,
 ) -> Model:
-    """Checked Model. switching (r, r) may be left out for one motion, and mode_prior (r,) always: all
-    modes are then alike.
+    """Checked Model.
 
-    Raises ValueError naming the argument for a probability outside (0, 1], a clutter density that is
-    not positive, motions, sensor and prior of unlike dimension, or a switching matrix whose columns
-    are no distributions."""
+    Parameters
+    ----------
+    motions : Motion or tuple of Motion
+        Motion models, one for each mode.
+    sensor : MeasurementModel
+    detection_probability : float
+        P_D, in (0, 1].
+    gate_probability : float
+        P_G, in (0, 1].
+    clutter_density : float
+        Expected false alarms per scan and unit volume of the sensor's space, positive.
+    prior : Mixture
+        Of the state one period before the first scan; the weights sum to 1.
+    switching : array_like (r, r), optional
+        Transition matrix of the modes, column-stochastic; optional for one motion model only.
+    mode_prior : array_like (r,), optional
+        Probability of each mode one period before the first scan; by default all are equal.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, for a probability outside (0, 1], a clutter density that is not positive, a
+        motion, sensor and prior of different dimensions, a prior that does not sum to 1, or a switching
+        matrix whose columns are not distributions.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gmr_gym.mixture import gaussian
+    >>> from gmr_gym.models import constant_velocity, position_sensor
+    >>> prior = gaussian([0.0, 0.0, 1.0, 0.0], np.eye(4))
+    >>> m = model(constant_velocity(1.0, 0.5), position_sensor(10.0), 0.9, 0.99, 1e-4, prior)
+    >>> len(m.motions), m.mode_prior.tolist()
+    (1, [1.0])
+    """
     motions = (motions,) if isinstance(motions, Motion) else tuple(motions)
     if not motions:
         raise ValueError("motions must hold at least one Motion")
@@ -71,8 +121,19 @@ def model(
 
 
 def with_radar_update(model: Model, update: str) -> Model:
-    """The model with another update of its radar, one of `gmr_gym.models.radar.UPDATES`; ValueError for
-    another name, and for a sensor that is no radar."""
+    """The model with another measurement update of its radar.
+
+    Parameters
+    ----------
+    model : Model
+    update : str
+        One of `gmr_gym.models.radar.UPDATES`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown update, and for a sensor that is not a radar.
+    """
     sensor = model.sensor
     if not isinstance(sensor, Radar):
         raise ValueError(f"update {update!r} needs a radar; the model's sensor is linear and has one update")
@@ -80,7 +141,7 @@ def with_radar_update(model: Model, update: str) -> Model:
 
 
 def check_one_motion(model: Model) -> None:
-    """Raise ValueError if there are several motions, for trackers that know no modes."""
+    """Raise ValueError if there are several motion models, for trackers without modes."""
     if len(model.motions) > 1:
         raise ValueError(
             f"this tracker knows one motion and the model has {len(model.motions)}: choose one with modes, "

@@ -1,4 +1,4 @@
-"""Many targets: what a tracker of them is told, what it says, and the intensity of clutter.
+"""The filter model of several targets.
 
 An intensity is a density whose integral is an expected number; its weights are never normalised.
 """
@@ -15,16 +15,35 @@ from gmr_gym.models.kalman import Motion, Sensor
 
 
 class MultiTargetModel(NamedTuple):
-    """What a tracker of many targets is told; `population` checks one."""
+    """Filter model of several targets: all that a tracker knows before the first scan.
+    `multi_target_model` makes a checked one.
+
+    Attributes
+    ----------
+    motion : Motion
+    sensor : Sensor
+    detection_probability : float
+        P_D.
+    survival_probability : float
+        P_S, of a target from scan to scan.
+    births : Mixture
+        Intensity of the targets born in a scan.
+    spawn_weight : float
+        Expected number of targets that each target spawns in a scan.
+    spawn_covariance : ndarray (d, d)
+        Covariance of a spawned target about the prediction of its parent.
+    clutter : Clutter
+        Intensity of the false alarms.
+    """
 
     motion: Motion
     sensor: Sensor
-    detection_probability: float  # P_D
-    survival_probability: float  # P_S, of a target from scan to scan
-    births: Mixture  # intensity of targets that appear in a scan, of themselves
-    spawn_weight: float  # expected number that each target spawns in a scan
-    spawn_covariance: np.ndarray  # (d, d), of the spawned about where their parent moves
-    clutter: Clutter  # what it believes of false detections
+    detection_probability: float
+    survival_probability: float
+    births: Mixture
+    spawn_weight: float
+    spawn_covariance: np.ndarray
+    clutter: Clutter
 
 
 def multi_target_model(
@@ -37,8 +56,32 @@ def multi_target_model(
     spawn_weight: float = 0.0,
     spawn_covariance=None,
 ) -> MultiTargetModel:
-    """Checked Population. Raises ValueError naming the argument for a probability outside (0, 1], for shapes
-    that do not fit each other, for intensities that are none and for clutter that is nowhere."""
+    """Checked MultiTargetModel.
+
+    Parameters
+    ----------
+    motion : Motion
+    sensor : Sensor
+        Linear.
+    detection_probability : float
+        P_D, in (0, 1].
+    survival_probability : float
+        P_S, in (0, 1].
+    births : Mixture
+        Intensity of the targets born in a scan.
+    clutter : Clutter
+        Intensity of the false alarms, with a positive uniform part over a finite box.
+    spawn_weight : float
+        Expected number of targets that each target spawns in a scan.
+    spawn_covariance : array_like (d, d), optional
+        Covariance of a spawned target about the prediction of its parent; by default the identity.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, for a probability outside (0, 1], a shape that does not fit, an invalid
+        intensity, or clutter without a uniform part or a finite box.
+    """
     d = len(motion.F)
     if not isinstance(sensor, Sensor):
         raise ValueError(f"sensor must be linear, a Sensor of positions, got a {type(sensor).__name__}")
@@ -50,7 +93,7 @@ def multi_target_model(
     if births.m.shape[1] != d:
         raise ValueError(f"births have {births.m.shape[1]} states, but the motion has {d}")
     if not 0 <= spawn_weight < np.inf:
-        raise ValueError(f"spawn_weight must be an expected number, got {spawn_weight}")
+        raise ValueError(f"spawn_weight must be non-negative and finite, got {spawn_weight}")
     spread = np.eye(d) if spawn_covariance is None else np.array(spawn_covariance, float)
     if spread.shape != (d, d):
         raise ValueError(f"spawn_covariance must have shape {(d, d)}, got {spread.shape}")
@@ -67,7 +110,7 @@ def multi_target_model(
     if not 0 < clutter.uniform < np.inf:
         raise ValueError(
             "clutter.uniform must be positive and finite, got "
-            f"{clutter.uniform}: a detection far from all else needs an explanation"
+            f"{clutter.uniform}: a detection far from all targets must have a density as a false alarm"
         )
     with np.errstate(all="ignore"):
         density = clutter.uniform / clutter.volume

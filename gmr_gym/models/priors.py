@@ -1,4 +1,4 @@
-"""The first state of a target, given or found from the first scan."""
+"""The prior of a target's state, given or from the first scan."""
 
 import numpy as np
 
@@ -9,21 +9,50 @@ from gmr_gym.models.model import Model, model
 from gmr_gym.models.motions import constant_velocity
 from gmr_gym.points import check_unmasked, present
 
-MOST_STARTS = 500  # detections; each may meet each of the next scan, at 200 bytes a pair
+MOST_STARTS = 500  # detections; each is paired with each of the next scan, at 200 bytes a pair
 
 
 def constant_velocity_model(
-    dt: float,  # s, between scans
+    dt: float,
     prior: Mixture,
     *,
     axes: int,
-    acceleration_deviation: float,  # m/s^2
-    sensor_deviation: float,  # m
+    acceleration_deviation: float,
+    sensor_deviation: float,
     detection_probability: float,
     gate_probability: float = 0.999,
-    clutter_density: float,  # m^-axes
+    clutter_density: float,
 ) -> Model:
-    """Model of a target seen in position; its state is [positions, velocities]."""
+    """Model of a nearly constant velocity and a sensor of the position; the state is [positions,
+    velocities].
+
+    Parameters
+    ----------
+    dt : float
+        Time between scans, s.
+    prior : Mixture
+        Of the state one period before the first scan.
+    axes : int
+    acceleration_deviation : float
+        Standard deviation of the acceleration, m/s^2.
+    sensor_deviation : float
+        Standard deviation of the measurement noise, m.
+    detection_probability : float
+        P_D.
+    gate_probability : float
+        P_G.
+    clutter_density : float
+        Expected false alarms per scan, per m^axes.
+
+    Examples
+    --------
+    >>> m = constant_velocity_model(
+    ...     1.0, prior_given([0.0, 10.0], [5.0, 2.0]), axes=1, acceleration_deviation=0.5,
+    ...     sensor_deviation=5.0, detection_probability=0.9, clutter_density=1e-3,
+    ... )
+    >>> m.sensor.R.tolist()
+    [[25.0]]
+    """
     _check_positive(dt=dt, axes=axes, sensor_deviation=sensor_deviation)
     _check_positive(acceleration_deviation=acceleration_deviation)
     motion = constant_velocity(dt, acceleration_deviation, axes)
@@ -32,7 +61,14 @@ def constant_velocity_model(
 
 
 def prior_given(mean, deviations) -> Mixture:
-    """The Gaussian of that mean (d,) and those standard deviations (d,), uncorrelated."""
+    """Uncorrelated Gaussian prior.
+
+    Parameters
+    ----------
+    mean : array_like (d,)
+    deviations : array_like (d,)
+        Standard deviations, positive.
+    """
     check_unmasked("mean", mean)
     check_unmasked("deviations", deviations)
     mean, deviations = np.array(mean, float), np.array(deviations, float)
@@ -44,8 +80,25 @@ def prior_given(mean, deviations) -> Mixture:
 
 
 def prior_from_first_scan(z, sensor_deviation: float, speed_deviation: float) -> Mixture:
-    """Prior of the time of the scan z (k, p), k >= 1: the target's detection is any of them alike, its
-    velocity zero give or take `speed_deviation` (m/s) along each axis (single-point initiation)."""
+    """Prior at the time of the first scan, by single-point initiation.
+
+    One component of equal weight for each detection, with mean velocity zero.
+
+    Parameters
+    ----------
+    z : array_like (k, p)
+        The scan, k >= 1.
+    sensor_deviation : float
+        Standard deviation of the measurement noise, m.
+    speed_deviation : float
+        Standard deviation of the velocity along each axis, m/s.
+
+    Examples
+    --------
+    >>> p = prior_from_first_scan([[0.0, 0.0], [50.0, 20.0]], sensor_deviation=10.0, speed_deviation=30.0)
+    >>> p.w.tolist(), p.m[1].tolist()
+    ([0.5, 0.5], [50.0, 20.0, 0.0, 0.0])
+    """
     z = np.asarray(present(z), float)
     if z.ndim != 2 or z.size == 0 or len(z) > MOST_STARTS or not np.isfinite(z).all():
         raise ValueError(f"z must be 1 to {MOST_STARTS} finite detections (k, p), got shape {z.shape}")

@@ -1,6 +1,6 @@
-"""Range, azimuth and elevation in loops: coordinates, scatter, conversions, how a scan looks to Gaussians.
+"""Kernels of range, azimuth and elevation: coordinates, covariances, conversions, predicted detections.
 
-Arrays are of float64; nothing is checked here. `radar` says what is what, and checks.
+Arrays are float64, and nothing is checked here. `radar` describes the quantities and checks them.
 """
 
 import numpy as np
@@ -13,8 +13,9 @@ EXTENDED, UNSCENTED, CUBATURE = range(6, 9)
 
 
 @kernel
-def first_wrong(z):
-    """The first row (k, 3) that no radar would say, -1 for none: range, elevation or what is not finite."""
+def first_invalid(z):
+    """First row of z (k, 3) with an impossible range or elevation or a number that is not finite; -1 if
+    none."""
     for i in range(len(z)):
         if not (0 < z[i, 0] < np.inf and abs(z[i, 1]) < np.inf and abs(z[i, 2]) <= np.pi / 2):
             return i
@@ -23,7 +24,7 @@ def first_wrong(z):
 
 @kernel
 def spherical_of(x):
-    """(n, 3) of positions (n, >= 3)."""
+    """Range, azimuth and elevation (n, 3) of positions (n, >= 3)."""
     out = np.empty((len(x), 3))
     for i in range(len(x)):
         level = np.hypot(x[i, 0], x[i, 1])
@@ -52,8 +53,8 @@ def wrapped_angle(angle):
 
 
 @kernel
-def settled_of(z):
-    """Points (k, 3) with azimuths wrapped, and which of them have a range and an elevation (k,)."""
+def wrap_and_validate_of(z):
+    """Detections (k, 3) with azimuths wrapped, and a mask (k,) of possible ranges and elevations."""
     out, possible = z.copy(), np.empty(len(z), np.bool_)
     for i in range(len(z)):
         out[i, 1] = wrapped_angle(z[i, 1])
@@ -62,8 +63,8 @@ def settled_of(z):
 
 
 @kernel
-def log_stretch_of(z):
-    """log(r^2 cos t) (k,): the volume in space that a unit of range, azimuth and elevation fills."""
+def log_jacobian_of(z):
+    """log(r^2 cos t) (k,): log of the volume in space per unit of range, azimuth and elevation."""
     least = 1e-300
     out = np.empty(len(z))
     for i in range(len(z)):
@@ -73,8 +74,8 @@ def log_stretch_of(z):
 
 @kernel
 def density_of(density, at):
-    """Density per m^3 at positions (n, 3) of what has a density per m rad^2."""
-    return density * np.exp(-log_stretch_of(spherical_of(at)))
+    """Density per m^3 at positions (n, 3) of a density per m rad^2."""
+    return density * np.exp(-log_jacobian_of(spherical_of(at)))
 
 
 @kernel
@@ -105,19 +106,21 @@ def inverse_jacobian_of(z):
 
 
 @kernel
-def shrinking_of(deviations):
-    """What averaging over both angles leaves of each coordinate (3,)."""
+def shrinkage_of(deviations):
+    """Factors (3,) by which averaging over the noise of both angles multiplies each coordinate."""
     lb, lt = np.exp(-(deviations[1] ** 2) / 2), np.exp(-(deviations[2] ** 2) / 2)
     return np.array([lb * lt, lb * lt, lt])
 
 
 @kernel
 def scatter_of(z, noise, spread):
-    """Covariance (k, 3, 3) of positions whose range, azimuth and elevation scatter with deviations `noise`
-    about a middle, averaged over middles of mean z (k, 3) and deviations `spread`, (k, 3), or (1, 3) for all.
+    """Covariance (k, 3, 3) of positions whose range, azimuth and elevation have standard deviations
+    `noise` about a centre, averaged over centres of mean z (k, 3) and standard deviations `spread`,
+    (k, 3), or (1, 3) for all.
 
-    A coordinate is a product of independent factors, and E[u v] - E[u] E[v] of products is formed factor
-    by factor, from each factor's own covariance and product of means: nothing large is subtracted."""
+    A coordinate is a product of independent factors. E[u v] - E[u] E[v] of such products is computed factor
+    by factor, from the covariance and the product of means of each, so that no large numbers are subtracted.
+    """
     out = np.empty((len(z), 3, 3))
     V = noise[0] ** 2
     for i in range(len(z)):
@@ -146,14 +149,15 @@ def _product(V, N, Vt, Nt, Vb, Nb):
 
 @kernel
 def _averages(noise, spread):
-    """What averaging leaves of a squared mean, of twice the angle, and what is lost of either."""
+    """Factors by which averaging multiplies a squared mean (over `noise`) and a mean of twice the angle
+    (over `spread`), each with its complement to 1: kept, lost, wide, narrow."""
     return np.exp(-(noise**2)), -np.expm1(-(noise**2)), np.exp(-2 * spread**2), -np.expm1(-2 * spread**2)
 
 
 @kernel
 def _angle(c, s, averages):
-    """Covariance and product of means of cosine and cosine, sine and sine, cosine and sine of an angle whose
-    own are c and s."""
+    """Covariance and product of means of cosine and cosine, sine and sine, cosine and sine, for an angle
+    of cosine c and sine s."""
     kept, lost, wide, narrow = averages
     cosine, sine = wide * (c * c - s * s), wide * 2 * s * c
     # 1 - kept cosine and 1 + kept cosine, without cancellation
@@ -180,13 +184,13 @@ def raw_of(z, noise):
 
 @kernel
 def debiased_of(z, noise):
-    D, x = shrinking_of(noise), cartesian_of(z)
+    D, x = shrinkage_of(noise), cartesian_of(z)
     return x - D * (D - 1) * x, scatter_of(z, noise, noise.reshape(1, 3))
 
 
 @kernel
 def unbiased_of(z, noise):
-    D, x = shrinking_of(noise), cartesian_of(z)
+    D, x = shrinkage_of(noise), cartesian_of(z)
     R = scatter_of(z, noise, np.zeros((1, 3)))
     for i in range(len(z)):
         off = (1 / D - D) * x[i]
@@ -196,42 +200,42 @@ def unbiased_of(z, noise):
 
 @kernel
 def modified_unbiased_of(z, noise):
-    return shrinking_of(noise) * cartesian_of(z), scatter_of(z, noise, np.zeros((1, 3)))
+    return shrinkage_of(noise) * cartesian_of(z), scatter_of(z, noise, np.zeros((1, 3)))
 
 
 @kernel
 def decorrelated_of(z, noise, at, spread):
-    D = shrinking_of(noise)
+    D = shrinkage_of(noise)
     return cartesian_of(z) / D, scatter_of(at, noise, spread) / (D.reshape(3, 1) * D)
 
 
 @kernel
 def debiased_at_of(z, noise, at, spread):
-    x, middle, D = cartesian_of(z), cartesian_of(at), shrinking_of(noise)
+    x, middle, D = cartesian_of(z), cartesian_of(at), shrinkage_of(noise)
     out = np.empty((len(at), len(z), 3))
     for i in range(len(at)):
-        out[i] = x - (D - 1) * shrinking_of(spread[i]) * middle[i]
+        out[i] = x - (D - 1) * shrinkage_of(spread[i]) * middle[i]
     return out, scatter_of(at, noise, spread)
 
 
 @kernel
 def gates_of(m, P, noise):
-    """Predicted positions (n, 3) and the covariances (n, 3, 3) of converted detections about them."""
+    """Predicted positions (n, 3), and the covariances (n, 3, 3) of converted detections about them."""
     at = np.ascontiguousarray(m[:, :3])
     return at, P[:, :3, :3] + scatter_of(spherical_of(at), noise, np.zeros((1, 3)))
 
 
 @kernel
 def predicted_detections(update, m, P, z, noise):
-    """The fields of PredictedDetections, of the scan z (k, 3) by Gaussians of means m (n, d) and covariances
-    P (n, d, d), by the update of that place in `radar.UPDATES`."""
+    """The fields of PredictedDetections, for the scan z (k, 3) and Gaussians of means m (n, d) and
+    covariances P (n, d, d), by the update of that index in `radar.UPDATES`."""
     n, k = len(m), len(z)
     at, P_at = np.ascontiguousarray(m[:, :3]), np.ascontiguousarray(P[:, :3, :3])
     C = np.ascontiguousarray(P[:, :3])
     R, points = np.empty((0, 3, 3)), np.empty((1, k, 3))
     place = spherical_of(at)
     if update >= DECORRELATED and not (place[:, 0] > 0).all():
-        raise ValueError("a predicted position is that of the radar itself, where there is no direction")
+        raise ValueError("a predicted position is that of the radar itself, where the direction is undefined")
     if update >= EXTENDED:
         z_hat = place
         if update == EXTENDED:
@@ -248,7 +252,7 @@ def predicted_detections(update, m, P, z, noise):
             for j in range(k):
                 points[i, j, 1] = z_hat[i, 1] + wrapped_angle(z[j, 1] - z_hat[i, 1])
         return z_hat, S, C, points, R, np.zeros(k), H, own
-    S, D, scale, own = P_at, shrinking_of(noise), np.ones(3), np.zeros((1, 3, 3))
+    S, D, scale, own = P_at, shrinkage_of(noise), np.ones(3), np.zeros((1, 3, 3))
     if update == RAW:
         points[0], R = raw_of(z, noise)
     elif update == DEBIASED:
@@ -268,14 +272,15 @@ def predicted_detections(update, m, P, z, noise):
         else:
             points, own = debiased_at_of(z, noise, place, spread)
         S = P_at + own
-    # what a conversion stretches, its clutter fills
-    log_jacobian = log_stretch_of(z) + np.log(scale).sum()
+    # a conversion that scales volumes scales the clutter density too
+    log_jacobian = log_jacobian_of(z) + np.log(scale).sum()
     return at, S, C, points, R, log_jacobian, np.expand_dims(np.eye(3, m.shape[1]), 0), own
 
 
 @kernel
 def _spread_of(place, P):
-    """Deviations (n, 3) of range, azimuth and elevation, to first order, of positions of covariances P."""
+    """Standard deviations (n, 3) of range, azimuth and elevation, to first order, of positions of
+    covariances P."""
     J = inverse_jacobian_of(place)
     out = np.zeros((len(place), 3))
     for i in range(len(place)):
@@ -288,9 +293,9 @@ def _spread_of(place, P):
 
 @kernel
 def _linearised(z_hat, PH):
-    """Covariances of what is expected with the state (n, 3, d) and with itself (n, 3, 3), to first order
-    about the prediction, and its derivatives by the state (n, 3, d); PH (n, 3, d) the position's covariance
-    with the state."""
+    """Covariances of the predicted detections with the state (n, 3, d) and with themselves (n, 3, 3), to
+    first order about the prediction, and their derivatives by the state (n, 3, d). PH (n, 3, d) is the
+    covariance of position and state."""
     J = inverse_jacobian_of(z_hat)
     C, S, H = np.zeros(PH.shape), np.zeros((len(PH), 3, 3)), np.zeros(PH.shape)
     H[:, :, :3] = J
@@ -309,10 +314,11 @@ def _linearised(z_hat, PH):
 
 @kernel
 def _by_points(z_hat, m, P, PH, update):
-    """The same by points of the position, the radar sees nothing else: cubature (Arasaratnam and Haykin
-    2009), or unscented with kappa = 3 - n = 0 raised to 1, so that the middle counts (Julier and Uhlmann
-    1997). `expected` is the middle's, and becomes the points' mean. In place of derivatives there is the
-    regression on the state, and then the covariance (n, 3, 3) of what it leaves."""
+    """As `_linearised`, by sigma points of the position, which is all the radar measures: cubature
+    (Arasaratnam and Haykin 2009), or unscented with kappa = 3 - n = 0 raised to 1, so that the centre
+    has weight (Julier and Uhlmann 1997). z_hat is that of the centre on entry, and becomes the mean of
+    the points. The regression on the state takes the place of the derivatives, and its residual
+    covariance (n, 3, 3) is also returned."""
     n, d = m.shape
     reach, weight, middle_weight = np.sqrt(3.0), 1 / 6, 0.0
     if update == UNSCENTED:
@@ -341,7 +347,7 @@ def _by_points(z_hat, m, P, PH, update):
                 for j in range(6):
                     S[i, a, b] += weight * (off[j, a] - shift[a]) * (off[j, b] - shift[b])
                     cross[a, b] += weight * off[j, a] * steps[j, b]
-        # the state's covariance with the points is that with the position, carried on by regression
+        # covariance of the detection with the state: that with the position, times its regression
         for c in range(d):
             for a in range(3):
                 total = PH[i, a, c]
@@ -362,9 +368,9 @@ def _by_points(z_hat, m, P, PH, update):
 
 @kernel
 def _regressed(H, left, off, shift, steps, weight, middle_weight):
-    """The linear regression H (3, >= 3) of points off (6, 3) from the middle's on their positions, which are
-    plus and then minus the columns of the lower `steps` (3, 3), and the covariance (3, 3) of what is `left`
-    about their mean `shift`: what is odd in the step is explained, what is even is not."""
+    """Linear regression H (3, >= 3) of the sigma points' deviations off (6, 3) from the centre on their
+    positions, plus and then minus the columns of the lower `steps` (3, 3), and the residual covariance
+    `left` (3, 3) about the mean `shift`: the odd part in the step is explained, the even part is not."""
     even = np.empty(3)
     for j in range(2, -1, -1):
         for a in range(3):

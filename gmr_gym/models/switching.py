@@ -1,10 +1,24 @@
-"""Matrices by which a target switches between motions."""
+"""Transition matrices of the modes of a target."""
 
 import numpy as np
 
 
 def sticky_switching(probability: float, modes: int) -> np.ndarray:
-    """Switching matrix (r, r) that keeps a mode with `probability` and is impartial otherwise."""
+    """Transition matrix (r, r) that keeps the mode with `probability`, and has equal probabilities
+    otherwise.
+
+    Parameters
+    ----------
+    probability : float
+        In [0, 1].
+    modes : int
+        r.
+
+    Examples
+    --------
+    >>> sticky_switching(0.5, 3).tolist()
+    [[0.5, 0.25, 0.25], [0.25, 0.5, 0.25], [0.25, 0.25, 0.5]]
+    """
     if not 0 <= probability <= 1:
         raise ValueError(f"probability must lie in [0, 1], got {probability}")
     if modes < 1:
@@ -16,7 +30,8 @@ def sticky_switching(probability: float, modes: int) -> np.ndarray:
 
 
 def check_switching(switching, modes: int) -> np.ndarray:
-    """The matrix as floats (r, r); ValueError unless every column is a distribution over the modes."""
+    """The transition matrix as floats (r, r); ValueError unless every column is a distribution over the
+    modes."""
     switching = np.array(switching, float)
     if switching.shape != (modes, modes):
         raise ValueError(f"switching must have shape {(modes, modes)}, got {switching.shape}")

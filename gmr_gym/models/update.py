@@ -1,20 +1,30 @@
-"""What a detection makes of a Gaussian: its gain and covariance, in the one place where they are formed."""
+"""The Kalman measurement update: gain and covariance, formed here alone."""
 
 import numpy as np
 
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into
 
-# of noise^-1 S, its trace: the square of how much wider than the noise a prediction is. P - W'W rounds a part
-# in 1e16 of P, so that up to here it is right to eight digits, and at 1e16 the noise is lost
+# trace of noise^-1 S: the ratio of the variances of prediction and noise. P - W'W has a rounding error of
+# 1e-16 P, so that up to this ratio it is accurate to eight digits; at 1e16 the noise is lost
 WIDEST = 1e8
 
 
 @kernel(inline="always")
 def posterior_into(P_out, K, W, L, L_noise, P, C, H, noise):
-    """The one covariance update: with S = L L' and W = L^-1 C, C = H P, P_out = P - W'W = P - K S K'
-    and the gain K = W' L^-1 (d, p). Where P is so much wider than the noise, S - H P H', that its rounding
-    hides it, P_out is Joseph's. All arguments but L, P, C, H and noise are written to."""
+    r"""Covariance and gain of the Kalman update. All arguments but L, P, C, H and noise are written to.
+
+    Notes
+    -----
+    With the innovation covariance S = L L', C = H P, and W = L^-1 C:
+
+    .. math::
+
+        K = P H^T S^{-1} = W^T L^{-1}, \qquad P^+ = P - K S K^T = P - W^T W
+
+    P_out is Joseph's form where P is so much larger than the noise, S - H P H', that its rounding hides the
+    noise.
+    """
     p, d = C.shape
     wide = 0.0 if cholesky_into(L_noise, noise) else np.inf
     for c in range(p):
@@ -48,9 +58,19 @@ def posterior_into(P_out, K, W, L, L_noise, P, C, H, noise):
 
 @kernel
 def joseph_into(P_out, K, P, H, noise):
-    """P_out = A P A' + K noise K', A = I - K H (Bucy and Joseph 1968): a sum of squares, so that it stays
-    definite. A is rounded to 1e-16, and enters twice: with deviations of P 1e10 times those of the noise
-    P_out is right to eleven digits, with 1e12 to seven, with 1e15 to one."""
+    r"""Covariance of the Kalman update in Joseph's form: a sum of squares, so that it stays positive
+    definite.
+
+    Notes
+    -----
+    .. math::
+
+        P^+ = A P A^T + K R K^T, \qquad A = I - K H
+
+    with R the noise (Bucy and Joseph 1968). A has a rounding error of 1e-16 and enters twice: with standard
+    deviations of P 1e10 times those of the noise P_out is accurate to eleven digits, with 1e12 to seven, with
+    1e15 to one.
+    """
     p, d = H.shape
     A, AP, KN = np.eye(d), np.zeros((d, d)), np.zeros((d, p))
     for i in range(d):

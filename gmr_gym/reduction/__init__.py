@@ -1,6 +1,8 @@
-"""Many components to few: each reduction takes a mixture and says where every component went.
+"""Mixture reduction: each reduction takes a mixture and returns a smaller one with the origin of its
+components.
 
-Stands on `mixture` and `linalg` alone. Open `runnalls.py` first; `registry.py` lists every reduction by name.
+Depends on `mixture` and `linalg` alone. Open `runnalls.py` first; `registry.py` lists every reduction by
+name.
 """
 
 from gmr_gym.reduction.ise import integral_squared_error

@@ -1,5 +1,5 @@
-"""Joining the nearest two again and again: a table of what joining any pair costs, its nearest pairs, and
-groups kept by the lowest index of their members."""
+"""Agglomerative merging: a table of the cost of merging every pair, its nearest pairs, and groups named
+by the lowest index of their members."""
 
 from collections.abc import Callable
 
@@ -15,18 +15,32 @@ from gmr_gym.reduction.merge_cost import merge_pair
 from gmr_gym.reduction.protocol import Reduced, grouped, through
 from gmr_gym.reduction.pruning import weighing
 
-LARGE = 1e100  # of a weight whose square a float holds
+LARGE = 1e100  # a weight whose square is still a float
 
 
 def merged_by(groups: Callable[[Mixture, int], np.ndarray], p: Mixture, components: int) -> Reduced:
-    """Moment match of groups of the components that weigh anything; groups(q, components) (n,) are
-    the groups 0..components-1 of those, called with q when it has more components than that."""
+    """Moment match of groups of the components of positive weight.
+
+    Parameters
+    ----------
+    groups : callable
+        groups(q, components) returns the group (n,), 0 to components - 1, of every component of q. Called
+        only when q, the mixture without components of weight zero, has more than `components`.
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,).
+    """
     components = check_count(components)
     q, place = weighing(p)
     if len(q.w) <= components:
         return q, place
-    # squares of tiny weights would underflow, and of huge ones overflow; those between stay, lest tiny ones
-    # beside them vanish
+    # squares of tiny weights would underflow and of huge ones overflow; all others stay as they are, or tiny
+    # weights beside them would vanish
     top = q.w.max()
     group = groups(q._replace(w=q.w / max(min(top, 1.0), top / LARGE)), components)
     return grouped(q, group, components), through(place, group)
@@ -34,8 +48,8 @@ def merged_by(groups: Callable[[Mixture, int], np.ndarray], p: Mixture, componen
 
 @kernel
 def nearest_others(table):
-    """The first nearest other (n,) of each row of a table of costs, and its cost (n,); the diagonal
-    becomes infinite."""
+    """The nearest other (n,) of each row of a table of costs, the first among equals, and its cost (n,).
+    The diagonal becomes infinite."""
     n = len(table)
     nearest, least = np.empty(n, np.int64), np.empty(n)
     for i in range(n):
@@ -50,13 +64,13 @@ def cheapest_pair(nearest, least):
     """Rows i < j of least cost, the first among equals."""
     i = first_least(least, len(least))
     if least[i] == np.inf:
-        raise ValueError("components lie too far apart to tell what merging them costs")
+        raise ValueError("components lie too far apart to compute the cost of merging them")
     return i, nearest[i]
 
 
 @kernel
 def absorb(i, j, group, table, nearest, least):
-    """Closes row j, whose members go to i; row i of the table holds its new costs already."""
+    """Removes row j, whose members go to i. Row i of the table must hold the new costs."""
     n = len(table)
     for k in range(n):
         group[k] = i if group[k] == j else group[k]
@@ -72,7 +86,7 @@ def absorb(i, j, group, table, nearest, least):
 
 @kernel
 def relabelled(group):
-    """Groups (n,) named by their first member, numbered in the order of these."""
+    """Groups (n,), each named by its first member, numbered in the order of these members."""
     number, count = np.full(len(group), -1), 0
     for i in range(len(group)):
         number[i] = count if group[i] == i else number[group[i]]
@@ -81,12 +95,35 @@ def relabelled(group):
 
 
 def greedy_isd(p: Mixture, components: int) -> Reduced:
-    """Merges the pair that makes the least integral squared difference to the mixture as it then
-    stands, until `components` remain (Zhang, section 3; compared with the original mixture, and
-    with deletions, it is Williams' error in `ise`). At equal cost the lowest indices come first."""
+    """Greedy merging by the integral squared difference.
+
+    Each step merges the pair whose merge has the least integral squared difference from the mixture before
+    that merge, until `components` remain. At equal cost the lowest indices come first. `ise` differs: it
+    compares with the original mixture, and also deletes.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,).
+
+    Raises
+    ------
+    ValueError
+        For `components` below 1, or a mixture that fails `checked`.
+
+    References
+    ----------
+    Zhang, section 3.
+    """
 
     def groups(q, components):
-        # about the mean, merged means keep the digits that their differences are made of
+        # about the mean: differences of merged means keep their digits
         return _merge_nearest(q.w.copy(), pack(q.m - moments(q)[0], q.P), components)
 
     return merged_by(groups, p, components)

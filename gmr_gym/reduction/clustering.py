@@ -1,7 +1,7 @@
-"""Reduction by clustering: compare all components once, cut them into groups, merge each group.
+"""Reduction by clustering: compare all components once, partition them into groups, merge each group.
 
-Zhang, section 3, after Schieferdecker and Huber 2009. Every group is replaced by its moment match, so
-that the total weight, mean and covariance stay; a component of weight zero is dropped first.
+Zhang, section 3, after Schieferdecker and Huber 2009. Every group is replaced by its moment match, so the
+total weight, mean and covariance are kept. Components of weight zero are dropped first.
 """
 
 import numpy as np
@@ -15,14 +15,44 @@ from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.salmond_west import whitened
 
 LINKAGES = ("average", "complete", "single")
-ROUNDS = 100  # of k-means and of k-medoids; both settle within ten or so
-ROUNDING = 1e-12  # relative: a swap of medoids must gain more, or rounding might swap for ever
+ROUNDS = 100  # of k-means and of k-medoids; both converge within about ten
+ROUNDING = 1e-12  # relative: a swap of medoids must gain more, or rounding could make it swap forever
 
 
 def hierarchical(p: Mixture, components: int, linkage: str = "average", measure: str = "isd") -> Reduced:
-    """Joins the two nearest clusters, each component one at first, until `components` remain. Clusters
-    are as near as their members on average, at most (complete) or at least (single), each member
-    counting the same. The first two come first among equals."""
+    """Agglomerative clustering: merges the two nearest clusters until `components` remain.
+
+    Every component is a cluster at first. Members count the same, whatever their weights. The first pair
+    comes first among equals.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+    linkage : {"average", "complete", "single"}
+        Distance of two clusters: the mean, the largest or the least of the distances of their members.
+    measure : {"isd", "correlation", "runnalls"}
+        Distance of two components, see `dissimilarity`.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,).
+
+    Raises
+    ------
+    ValueError
+        For an unknown linkage or measure, or a mixture that fails `checked`.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> p = mixture([1.0, 1.0, 2.0], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3)
+    >>> q, origin = hierarchical(p, 2)
+    >>> q.m.tolist(), origin.tolist()
+    ([[1.0], [9.0]], [0, 0, 1])
+    """
     check_choice("linkage", linkage, LINKAGES)
     check_choice("measure", measure, MEASURES)
 
@@ -33,24 +63,62 @@ def hierarchical(p: Mixture, components: int, linkage: str = "average", measure:
 
 
 def k_means(p: Mixture, components: int) -> Reduced:
-    """Lloyd's weighted k-means on the means, in coordinates where the whole mixture has unit
-    covariance, until nothing moves or 100 rounds have passed.
+    """Lloyd's weighted k-means on the means, in coordinates where the whole mixture has unit covariance.
 
-    Starts at the heaviest component and goes on to that with the most weight times squared distance
-    from the starts so far. A component moves only to a centre strictly nearer, and none leaves a
-    cluster empty.
+    Runs until nothing moves, at most 100 rounds. The first start is the heaviest component; each next one has
+    the largest weight times squared distance from the starts so far. A component moves only to a centre that
+    is strictly nearer, and never out of a cluster of one.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,).
+
+    Raises
+    ------
+    ValueError
+        For `components` below 1, or a mixture that fails `checked`.
     """
     return merged_by(lambda q, components: _lloyd(q.w, whitened(q), components), p, components)
 
 
 def k_medoids(p: Mixture, components: int, measure: str = "isd") -> Reduced:
-    """Partitioning around medoids (Kaufman and Rousseeuw 1990): medoids are added one by one, each
-    where the sum of dissimilarities to the nearest medoid falls most, then swapped for others, the
-    best swap first, while that lowers the sum; at most 100 swaps.
+    """Partitioning around medoids.
 
-    Terms of the sum are multiplied by the weights for correlation, which knows nothing of them: a
-    light component should not draw a medoid as a heavy one does. The other two grow with the
-    weights of a pair, and multiplied again would count them twice.
+    Medoids are added one by one, each where it lowers the sum of dissimilarities to the nearest medoid most.
+    Then the best swap of a medoid for another component is made while that lowers the sum, at most 100 times.
+
+    For "correlation" the terms of the sum are multiplied by the weights, which that measure does not contain:
+    a light component should not attract a medoid as a heavy one does. The other two measures grow with the
+    weights of the pair, and another factor would count the weights twice.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+    measure : {"isd", "correlation", "runnalls"}
+        See `dissimilarity`.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,).
+
+    Raises
+    ------
+    ValueError
+        For an unknown measure, or a mixture that fails `checked`.
+
+    References
+    ----------
+    Kaufman and Rousseeuw 1990.
     """
     check_choice("measure", measure, MEASURES)
 
@@ -63,7 +131,7 @@ def k_medoids(p: Mixture, components: int, measure: str = "isd") -> Reduced:
 
 @kernel
 def _agglomerate(table, components, linkage):
-    """Groups (n,) of the clusters that remain; the table is used up."""
+    """Groups (n,) of the clusters that remain; the table is overwritten."""
     n = len(table)
     nearest, least = nearest_others(table)
     group, size = np.arange(n), np.ones(n)
@@ -94,7 +162,7 @@ def _lloyd(w, y, k):
 
 @kernel
 def _farthest_first(w, y, k):
-    """Nearest (n,) of k starts, each at a point of its own."""
+    """Index (n,) of the nearest of k starts; every start is at a different point."""
     n = len(w)
     group, d2 = np.zeros(n, np.int64), np.full(n, np.inf)
     start = int(np.argmax(w))
@@ -104,10 +172,10 @@ def _farthest_first(w, y, k):
             if near < d2[i]:
                 group[i], d2[i] = g, near
         group[start], d2[start] = g, -1.0  # taken
-        most = -1.0
+        largest = -1.0
         for i in range(n):
-            if d2[i] >= 0.0 and w[i] * d2[i] > most:
-                start, most = i, w[i] * d2[i]
+            if d2[i] >= 0.0 and w[i] * d2[i] > largest:
+                start, largest = i, w[i] * d2[i]
     return group
 
 
@@ -125,7 +193,7 @@ def _centres(w, y, group, k):
 
 @kernel
 def _reassign(y, centre, group):
-    """Moves points to the first nearest centre; whether any has moved."""
+    """Moves points to the nearest centre, the first among equals; returns whether any has moved."""
     members, moved = np.zeros(len(centre), np.int64), False
     for g in group:
         members[g] += 1
@@ -154,7 +222,7 @@ def _squared(x, y):
 def _around_medoids(table, weight, k):
     """Clusters (n,) about k medoids."""
     if table.max() == np.inf:
-        raise ValueError("components lie too far apart to tell what merging them costs")
+        raise ValueError("components lie too far apart to compute the cost of merging them")
     medoid = _first_medoids(table, weight, k)
     group, nearest, second = _nearest_medoids(table, medoid)
     for _ in range(ROUNDS):
@@ -186,7 +254,8 @@ def _first_medoids(table, weight, k):
 
 @kernel
 def _nearest_medoids(table, medoid):
-    """First nearest medoid (n,), how far it is (n,) and how far the second (n,); a medoid is its own."""
+    """Nearest medoid (n,), the first among equals, and the distances to it (n,) and to the second nearest
+    (n,). A medoid is nearest to itself."""
     n = len(table)
     group, nearest, second = np.zeros(n, np.int64), np.full(n, np.inf), np.full(n, np.inf)
     for g in range(len(medoid)):
@@ -201,7 +270,7 @@ def _nearest_medoids(table, medoid):
 
 @kernel
 def _best_swap(table, weight, medoid, group, nearest, second):
-    """Medoid g whose place point x should take, the change in cost that makes, and the cost as it is."""
+    """The medoid g to replace, the point x that replaces it, the change of cost, and the cost before."""
     n, k = len(table), len(medoid)
     best, slot, point, cost = np.inf, 0, 0, 0.0
     for j in range(n):
@@ -209,7 +278,7 @@ def _best_swap(table, weight, medoid, group, nearest, second):
     for x in range(n):
         if medoid[group[x]] == x:
             continue
-        # of x as one more medoid, and of what the members of each cluster lose with theirs besides
+        # gain: x as an additional medoid; loss: of the members of each cluster, without their own medoid
         gain, loss = 0.0, np.zeros(k)
         for j in range(n):
             beside = min(table[x, j], nearest[j])

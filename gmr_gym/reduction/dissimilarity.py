@@ -1,11 +1,11 @@
-"""How unlike two components of a mixture are, for all pairs at once.
+"""Dissimilarity of two components of a mixture, for all pairs at once.
 
-Merging i and j, of weights wi and wj, into their moment match c of weight wc = wi + wj makes
+Merging i and j, of weights wi and wj, into their moment match c of weight wc = wi + wj changes the mixture by
 
     D = integral of (wi Ni + wj Nj - wc Nc)^2
       = wi^2 <Ni, Ni> + wj^2 <Nj, Nj> + 2 wi wj <Ni, Nj> + wc^2 <Nc, Nc> - 2 wc <wi Ni + wj Nj, Nc>
 
-of integral squared difference to the whole mixture (Zhang, eq. 3), whatever the other components are.
+the integral squared difference from the mixture before (Zhang, eq. 3), whatever the other components are.
 """
 
 import numpy as np
@@ -20,14 +20,43 @@ MEASURES = ("isd", "correlation", "runnalls")
 
 
 def dissimilarity(p: Mixture, measure: str) -> np.ndarray:
-    """How unlike any two components are: symmetric (n, n), zero on the diagonal, never negative.
+    """Dissimilarity of every two components: symmetric, zero on the diagonal, never negative.
 
-    isd: the integral squared difference that merging the two makes to the mixture (Zhang, eq. 3),
-        good to about 1e-16 of the integral of the square of the two.
-        Departs: the line below eq. 3 prints + Jfg, which is not the square it expands.
-    correlation: 1 - <Ni, Nj> / sqrt(<Ni, Ni> <Nj, Nj>), in [0, 1]; weights play no part.
-    runnalls: the cost B of merging the two (D'Ortenzio, eq. 13), infinite where they lie so many
-        standard deviations apart, some 1e8, that it is lost in rounding.
+    Parameters
+    ----------
+    p : Mixture
+    measure : {"isd", "correlation", "runnalls"}
+        "isd": the integral squared difference of the mixtures before and after merging the two, accurate to
+        about 1e-16 of the integral of the square of the two components.
+
+        "correlation": 1 - <Ni, Nj> / sqrt(<Ni, Ni> <Nj, Nj>), in [0, 1]; the weights play no part.
+
+        "runnalls": the cost B of merging the two; infinite where they lie more than about 1e8 standard
+        deviations apart and B is lost in rounding.
+
+    Returns
+    -------
+    ndarray (n, n)
+
+    Raises
+    ------
+    ValueError
+        For an unknown measure, or a mixture that fails `checked`.
+
+    Notes
+    -----
+    Departs: the line below Zhang's eq. 3 prints + Jfg, which is not the expansion of the square.
+
+    References
+    ----------
+    Zhang, eq. 3; D'Ortenzio, eq. 13.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> p = mixture([0.5, 0.5], [[0.0], [2.0]], [[[1.0]], [[1.0]]])
+    >>> dissimilarity(p, "correlation").round(4).tolist()
+    [[0.0, 0.6321], [0.6321, 0.0]]
     """
     check_choice("measure", measure, MEASURES)
     return dissimilarities(checked(p), measure)
@@ -59,7 +88,7 @@ def isd_row(i, others, w, M, own):
     """D (k,) of merging i with each of `others` (k,), all packed in M (T, n), with <N, N> in own."""
     T, k = len(M), len(others)
     first = T - dimension(T)  # the row where the means begin
-    # the others and last i itself, about the mean of i: no digit is lost far from the origin
+    # the others and last i itself, relative to the mean of i: no digits are lost far from the origin
     near, weight = np.empty((T, k + 1)), np.empty(k + 1)
     for t in range(T):
         origin = M[t, i] if t >= first else 0.0
@@ -83,7 +112,7 @@ def isd_row(i, others, w, M, own):
         wc = wi + wj
         two = wi * wi * known(own[i]) + wj * wj * known(own[others[j]]) + 2 * wi * wj * known(ij[j])
         one = wc * wc * known(cc[j])
-        # rounding leaves two equal components near -1e-16
+        # for two equal components rounding may give -1e-16
         out[j] = max(two + one - 2 * wc * (wi * known(ic[j]) + wj * known(jc[j])), 0.0)
     return out
 
@@ -109,7 +138,7 @@ def _uncorrelatedness(M):
         row = products_with(M[:, i], M, i)
         for j in range(i):
             r = row[j] / np.sqrt(own[i]) / np.sqrt(own[j])
-            table[i, j] = table[j, i] = max(1.0 - r, 0.0)  # rounding leaves two equals near -1e-16
+            table[i, j] = table[j, i] = max(1.0 - r, 0.0)  # for two equals rounding may give -1e-16
     return table
 
 
@@ -123,6 +152,6 @@ def _merge_costs(w, m, P):
     for i in range(1, n):
         cost_row(i, ZERO, i, w, means, entries, log_det, room, table[i])
         for j in range(i):
-            # two of no weight have no moment match, and cost nothing
+            # two components of weight zero have no moment match and cost nothing
             table[i, j] = table[j, i] = table[i, j] if w[i] + w[j] > 0.0 else 0.0
     return table

@@ -12,37 +12,139 @@ BLOCK = 128  # matrices factored together: few enough to stay in the first-level
 
 
 def kullback_leibler(m1, P1, m2, P2) -> float:
-    """Divergence of N(m2, P2) from N(m1, P1), the expected log ratio under the first; >= 0."""
+    r"""Kullback-Leibler divergence of N(m2, P2) from N(m1, P1), in nats, >= 0.
+
+    It is the expectation under the first Gaussian of log(N1 / N2).
+
+    Parameters
+    ----------
+    m1, m2 : array_like (d,)
+        Means.
+    P1, P2 : array_like (d, d)
+        Covariances.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, for a shape that does not fit, and for a mean or covariance that is not valid.
+
+    Notes
+    -----
+    .. math::
+
+        \mathrm{KL}(N_1 \,\|\, N_2) = \tfrac{1}{2} \left( \operatorname{tr}(P_2^{-1} P_1)
+        + (m_1 - m_2)^T P_2^{-1} (m_1 - m_2) - d + \log \frac{|P_2|}{|P_1|} \right)
+
+    Examples
+    --------
+    >>> kullback_leibler([0.0], [[1.0]], [1.0], [[1.0]])
+    0.5
+    >>> round(kullback_leibler([0.0], [[1.0]], [0.0], [[4.0]]), 4)
+    0.3181
+    """
     m1, P1, m2, P2 = _two_gaussians(m1, P1, m2, P2)
     L1, L2 = np.linalg.cholesky(P1), np.linalg.cholesky(P2)
     A = np.linalg.solve(L2, L1)  # A A' is P1 in the coordinates that make P2 the identity
     y = np.linalg.solve(L2, np.subtract(m1, m2))
     divergence = 0.5 * (np.sum(A * A) + y @ y - len(y)) - np.log(np.diag(A)).sum()
-    return max(float(divergence), 0.0)  # rounding leaves two equal Gaussians near -1e-16
+    return max(float(divergence), 0.0)  # for two equal Gaussians rounding may give -1e-16
 
 
 def bhattacharyya(m1, P1, m2, P2) -> float:
-    """Minus the log of the integral of sqrt(N1 N2), >= 0 (Bhattacharyya 1943)."""
+    """Bhattacharyya distance: minus the log of the integral of sqrt(N1 N2), >= 0.
+
+    Parameters
+    ----------
+    m1, m2 : array_like (d,)
+        Means.
+    P1, P2 : array_like (d, d)
+        Covariances.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, for a shape that does not fit, and for a mean or covariance that is not valid.
+
+    References
+    ----------
+    Bhattacharyya 1943.
+
+    Examples
+    --------
+    >>> bhattacharyya([0.0], [[1.0]], [2.0], [[1.0]])
+    0.5
+    """
     d2, log_volume = _mean_shape(m1, P1, m2, P2)
     return d2 / 8 + log_volume
 
 
 def hellinger(m1, P1, m2, P2) -> float:
-    """Hellinger distance, sqrt(1 - integral of sqrt(N1 N2)), in [0, 1]."""
+    """Hellinger distance, sqrt(1 - integral of sqrt(N1 N2)), in [0, 1].
+
+    Parameters
+    ----------
+    m1, m2 : array_like (d,)
+        Means.
+    P1, P2 : array_like (d, d)
+        Covariances.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, for a shape that does not fit, and for a mean or covariance that is not valid.
+    """
     return float(np.sqrt(-np.expm1(-bhattacharyya(m1, P1, m2, P2))))
 
 
 def correlation(m1, P1, m2, P2) -> float:
-    """Correlation of two densities, <N1, N2> / sqrt(<N1, N1> <N2, N2>), in [0, 1]; 1 iff equal."""
+    """Correlation of two densities, <N1, N2> / sqrt(<N1, N1> <N2, N2>), in [0, 1].
+
+    It is 1 only for equal densities.
+
+    Parameters
+    ----------
+    m1, m2 : array_like (d,)
+        Means.
+    P1, P2 : array_like (d, d)
+        Covariances.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, for a shape that does not fit, and for a mean or covariance that is not valid.
+    """
     d2, log_volume = _mean_shape(m1, P1, m2, P2)
     return float(np.exp(-d2 / 4 - log_volume))
 
 
 def wasserstein(m1, P1, m2, P2) -> float:
-    """2-Wasserstein distance, in the unit of the means (Olkin and Pukelsheim 1982).
+    """2-Wasserstein distance, in the unit of the means.
 
-    The covariance part is |L1 - L2 U| over rotations U, least at the polar factor of L2' L1:
-    equal to the usual trace formula, without its cancellation when P1 is close to P2.
+    Parameters
+    ----------
+    m1, m2 : array_like (d,)
+        Means.
+    P1, P2 : array_like (d, d)
+        Covariances.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, for a shape that does not fit, and for a mean or covariance that is not valid.
+
+    Notes
+    -----
+    The covariance part is |L1 - L2 U| minimised over rotations U, attained at the polar factor of L2' L1. It
+    equals the usual trace formula without its cancellation when P1 is close to P2.
+
+    References
+    ----------
+    Olkin and Pukelsheim 1982.
+
+    Examples
+    --------
+    >>> round(wasserstein([0.0], [[1.0]], [3.0], [[25.0]]), 9)
+    5.0
     """
     m1, P1, m2, P2 = _two_gaussians(m1, P1, m2, P2)
     L1, L2 = np.linalg.cholesky(P1), np.linalg.cholesky(P2)
@@ -51,8 +153,8 @@ def wasserstein(m1, P1, m2, P2) -> float:
 
 
 def _mean_shape(m1, P1, m2, P2):
-    """Squared Mahalanobis distance of the means under S = (P1 + P2) / 2, and
-    log(|S| / sqrt(|P1| |P2|)) / 2 >= 0, what the difference in shape alone costs."""
+    """Squared Mahalanobis distance of the means under S = (P1 + P2) / 2, and the part due to the
+    difference in shape, log(|S| / sqrt(|P1| |P2|)) / 2 >= 0."""
     m1, P1, m2, P2 = _two_gaussians(m1, P1, m2, P2)
     L, L1, L2 = np.linalg.cholesky([np.add(P1, P2) / 2, P1, P2])
     y = np.linalg.solve(L, np.subtract(m1, m2))
@@ -61,7 +163,7 @@ def _mean_shape(m1, P1, m2, P2):
 
 
 def _two_gaussians(m1, P1, m2, P2):
-    """The four checked, in float64. Raises ValueError naming what is wrong."""
+    """The four arguments, checked, in float64. Raises ValueError naming the wrong one."""
     m1, P1 = doubles("m1", m1), doubles("P1", P1)
     m2, P2 = doubles("m2", m2), doubles("P2", P2)
     for number, m, P in (("1", m1, P1), ("2", m2, P2)):
@@ -77,27 +179,85 @@ def _two_gaussians(m1, P1, m2, P2):
 
 
 def inner_product(p: Mixture, q: Mixture) -> float:
-    """Integral of p(x) q(x) over all x; 0 when the two are out of each other's reach."""
+    """Integral of p(x) q(x) over all x; 0 where p and q lie too far apart to overlap.
+
+    Parameters
+    ----------
+    p, q : Mixture
+        Of the same dimension; the weights need not sum to 1.
+
+    Raises
+    ------
+    ValueError
+        For mixtures that fail `checked` or differ in dimension.
+    """
     return _inner_product(*_two_mixtures(p, q))
 
 
 def integral_squared_difference(p: Mixture, q: Mixture) -> float:
-    """Integral of (p(x) - q(x))^2, Jff + Jgg - 2 Jfg (Zhang 2014, eq. 3), >= 0.
+    r"""Integral of (p(x) - q(x))^2 over all x, >= 0.
 
-    Good to about 1e-16 (Jff + Jgg), whatever the difference itself.
-    Departs: the line below eq. 3 prints + Jfg, which is not the square it expands.
+    Accurate to about 1e-16 (Jff + Jgg), however small the difference itself is.
+
+    Parameters
+    ----------
+    p, q : Mixture
+        Of the same dimension; the weights need not sum to 1.
+
+    Raises
+    ------
+    ValueError
+        For mixtures that fail `checked` or differ in dimension.
+
+    Notes
+    -----
+    .. math::
+
+        \int (p(x) - q(x))^2 \, dx = J_{ff} + J_{gg} - 2 J_{fg}, \qquad
+        J_{fg} = \sum_{i, j} v_i w_j \, N(m_i; \mu_j, P_i + \Sigma_j)
+
+    with p the mixture of weights v, means m and covariances P, and q that of w, mu and Sigma; J_ff and J_gg
+    likewise.
+
+    Departs: the line below Zhang's eq. 3 prints + Jfg, which is not the expansion of the square.
+
+    References
+    ----------
+    Zhang 2014, eq. 3.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import gaussian
+    >>> round(integral_squared_difference(gaussian([0.0], [[1.0]]), gaussian([1.0], [[1.0]])), 4)
+    0.1248
     """
     return _difference_and_sum(*_two_mixtures(p, q))[0]
 
 
 def normalised_integral_squared_difference(p: Mixture, q: Mixture) -> float:
-    """Integral squared difference over Jff + Jgg, in [0, 1]: 1 when p and q nowhere overlap, and 0 when
-    neither weighs anything."""
+    """Integral squared difference divided by Jff + Jgg, in [0, 1].
+
+    It is 1 when p and q overlap nowhere, and 0 when both have weight zero.
+
+    Parameters
+    ----------
+    p, q : Mixture
+        Of the same dimension; the weights need not sum to 1.
+
+    Raises
+    ------
+    ValueError
+        For mixtures that fail `checked` or differ in dimension.
+
+    References
+    ----------
+    Zhang 2014, eq. 3.
+    """
     p, q = _two_mixtures(p, q)
     scale = max(p.w.max(initial=0.0), q.w.max(initial=0.0))
     if scale == 0.0:
         return 0.0
-    # the ratio is free of it; tiny weights would underflow
+    # the ratio does not depend on it; tiny weights would underflow
     difference, total = _difference_and_sum(p._replace(w=p.w / scale), q._replace(w=q.w / scale))
     if not 0.0 < total < np.inf:
         raise ValueError(
@@ -119,7 +279,7 @@ def _inner_product(p, q):
 
 
 def _difference_and_sum(p, q):
-    """Jff + Jgg - 2 Jfg, no less than 0, and Jff + Jgg."""
+    """max(Jff + Jgg - 2 Jfg, 0), and Jff + Jgg."""
     total = _inner_product(p, p) + _inner_product(q, q)
     return max(total - 2 * _inner_product(p, q), 0.0), total
 
@@ -162,7 +322,7 @@ def products_with(x, b, n):
         bordered = np.empty((T + 1, k))
         for t in range(T):
             row, total = b[t, start : start + k], bordered[t]
-            # covariances add up, means are taken apart
+            # covariances are added, means subtracted
             y = x[t] if t < mean else -x[t]
             for i in range(k):
                 total[i] = row[i] + y
@@ -187,8 +347,8 @@ def products_of_columns(a, b, n):
 
 @kernel
 def known(product):
-    """The product, or 0 where a covariance of the pair has drowned in rounding: merged over more
-    than 1e8 standard deviations, it lies too low to overlap with anything."""
+    """The product, or 0 where it is not a number: a covariance lost in rounding, of a merge over more
+    than 1e8 standard deviations, is of a density too low to overlap with anything."""
     return product if product < np.inf else 0.0
 
 
@@ -200,7 +360,7 @@ def dimension(T):
 
 @kernel
 def _density_at_border(out, bordered):
-    """N(e; 0, S) of each column [[S, e], [e', .]] of bordered (T + 1, n), which it uses up.
+    """N(e; 0, S) of each column [[S, e], [e', .]] of bordered (T + 1, n), which is overwritten.
 
     Underflows to 0, never to nan; nan where S is not positive definite.
     """
@@ -247,8 +407,8 @@ def _eliminate(out, bordered, d):
 
 @kernel
 def _eliminate_six(out, bordered):
-    """`_eliminate` for six states, the case of a planar position, velocity and acceleration, written
-    out: nothing leaves the registers, which takes half the time."""
+    """`_eliminate` for six states (planar position, velocity, acceleration), unrolled: everything stays
+    in registers, which takes half the time."""
     b = bordered
     for i in range(len(out)):
         s00 = b[0, i]
@@ -299,9 +459,9 @@ def _eliminate_six(out, bordered):
 
 @kernel
 def _times_exponentials(out, x, room):
-    """out[i] *= exp(x[i]) for x <= 0, to the last bits; room (n,) is overwritten.
+    """out[i] *= exp(x[i]) for x <= 0, to the last bits; room (n,) is workspace.
 
-    A call of the library's exponential would keep the loops from being vectorised.
+    A call of the library's exponential would prevent the loops from being vectorised.
     """
     n = len(out)
     bits = room.view(np.int64)

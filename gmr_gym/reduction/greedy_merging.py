@@ -1,18 +1,18 @@
 """Greedy merging by Runnalls' cost B.
 
-For three components the least of the sum of w KL(component || N) over all Gaussians N is F, the same for
-any order of merging, F = B(i, j) + B(ij, k), and it is at least B(i, k), B(j, k) and half of
-B(i, j) + B(i, k) + B(j, k), of which each holds two of its terms. So
+For three components let F be the least of the sum of w KL(component || N) over all Gaussians N. It is the
+same for any order of merging, F = B(i, j) + B(ij, k). Each of B(i, j), B(i, k) and B(j, k) minimises two of
+the three terms of that sum, so F is at least each of them, and at least half of their sum. Hence
 
     B(ij, k) >= max(B(i, k), B(j, k), 1/2 (B(i, j) + B(i, k) + B(j, k))) - B(i, j)
 
-still where B(i, k) and B(j, k) are themselves but bounds. After a merge, the cheapest there was, hardly
-a pair with the merged component is cheap enough to need its cost: of those that the plain form works out
-anew, 4 % in 400 hypotheses of a tracker on their way to 50, and a third in random mixtures. A pair's cost
-is made sure of before it is merged, so that the merges are those of working out every cost.
+which holds also where B(i, k) and B(j, k) are themselves lower bounds. After a merge, the cheapest of all,
+few pairs with the merged component need their exact cost: of those that the plain form computes again, 4 % in
+400 hypotheses of a tracker reduced to 50, and a third in random mixtures. The cost of a pair is computed
+before it is merged, so the merges are the same as when every cost is computed.
 
-Tried and left out: bounds from single states instead of the first costs take 4.8 ns a pair, which
-is no less than half of the 8 ns of the costs themselves, and many of these are needed all the same.
+Tried and rejected: bounds from single states instead of the first costs take 4.8 ns a pair, more than half of
+the 8 ns of the costs themselves, and many of the costs are needed all the same.
 """
 
 import numpy as np
@@ -20,17 +20,18 @@ import numpy as np
 from gmr_gym.kernels import ZERO, kernel, leaf_kernel
 from gmr_gym.reduction.merge_cost import BLOCK, components_last, cost_row, log_determinants, merge_pair
 
-ROUNDING = 1e-15  # of weight times log determinant: bounds stay on the safe side of it
-SOON = 2.0  # times the cost just paid: pairs that may cost less are priced at once, many together
-FULL = 0.75  # of the places: where fewer are taken the gaps between them are closed
+ROUNDING = 1e-15  # relative to weight times log determinant: margin of the bounds
+SOON = 2.0  # times the cost of the last merge: pairs with a bound below it are computed as a batch
+FULL = 0.75  # fraction of the slots in use below which the gaps between them are closed
 UNKNOWN, GONE = -1, -2
 
 
 @kernel
 def merge_greedily(w, m, P, components, budget):
-    """Merges the cheapest pair while more than `components` remain or its cost is still within
-    `budget`, which every merge lowers: w, m, P and origin (n,) of what is left, in the order of their
-    first members. At equal cost the pair comes first whose later component does, then whose earlier."""
+    """Merges the cheapest pair while more than `components` remain or its cost is within `budget`, which
+    every merge reduces. Returns w, m, P and origin (n,) of the components that remain, in the order of
+    their first members. At equal cost the pair with the lower later component comes first, then the
+    one with the lower earlier component."""
     n, d = m.shape
     w, means, entries = components_last(w, m, P)
     room = np.empty((len(entries), BLOCK)), np.empty(BLOCK)
@@ -40,9 +41,9 @@ def merge_greedily(w, m, P, components, budget):
     for i in range(n):
         largest = max(largest, abs(log_det[i]))
     rounding = ROUNDING * (10.0 + largest)
-    # table[i, j], j < i, is at most the cost of merging the two, and infinite once one of them is gone
+    # table[i, j], j < i: lower bound of the cost of merging the two; infinite once one of them is gone
     table = np.empty((n, n))
-    # the least of row i and where it stands; or a bound on it and UNKNOWN; or infinite and GONE
+    # the least of row i and its column; or a lower bound of it and UNKNOWN; or infinite and GONE
     least, nearest = np.full(n, np.inf), np.full(n, UNKNOWN)
     for i in range(1, n):
         cost_row(i, ZERO, i, w, means, entries, log_det, room, table[i])
@@ -57,7 +58,7 @@ def merge_greedily(w, m, P, components, budget):
         if least[i] == np.inf:
             if left <= components and budget < np.inf:
                 break
-            raise ValueError("components lie too far apart to tell what merging them costs")
+            raise ValueError("components lie too far apart to compute the cost of merging them")
         if nearest[i] == UNKNOWN:
             nearest[i] = first_least(table[i], i)
             least[i] = table[i, nearest[i]]
@@ -77,7 +78,7 @@ def merge_greedily(w, m, P, components, budget):
         least[i], nearest[i] = np.inf, GONE
         left -= 1
         k = _below(SOON * cost, row, n, listed)
-        _price(j, listed, k, w, means, entries, log_det, near, room, row)
+        _compute_costs(j, listed, k, w, means, entries, log_det, near, room, row)
         for r in range(j):
             table[j, r] = row[r]
         least[j], nearest[j] = 0.0 if j > 0 else np.inf, UNKNOWN
@@ -95,8 +96,8 @@ def merge_greedily(w, m, P, components, budget):
 
 @kernel(inline="always")
 def _bound_costs(i, j, n, w, cost, rounding, table, row):
-    """Bounds on the costs of the merge of i and j with each of the first n, written to row; those of i
-    become infinite in the table."""
+    """Lower bounds of the costs of merging each of the first n with the merge of i and j, written to row;
+    the costs of i become infinite in the table."""
     for r in range(j):
         row[r] = table[j, r]
     for r in range(j + 1, n):
@@ -107,9 +108,9 @@ def _bound_costs(i, j, n, w, cost, rounding, table, row):
     row[i] = row[j] = other[i] = other[j] = np.inf
     weight = w[i] + w[j]
     for r in range(n):
-        most = row[r] if row[r] > other[r] else other[r]
+        larger = row[r] if row[r] > other[r] else other[r]
         half = 0.5 * (cost + row[r] + other[r])
-        bound = (most if most > half else half) - cost - rounding * (weight + w[r])
+        bound = (larger if larger > half else half) - cost - rounding * (weight + w[r])
         row[r] = bound if bound > 0.0 else 0.0
     for r in range(i):
         other[r] = np.inf
@@ -117,7 +118,7 @@ def _bound_costs(i, j, n, w, cost, rounding, table, row):
 
 @leaf_kernel
 def _below(limit, row, n, listed):
-    """Lists where the first n of row lie below the limit; how many do."""
+    """Writes the indices of the first n of row that are below the limit to `listed`; returns their number."""
     k = 0
     for r in range(n):
         if row[r] < limit:
@@ -127,9 +128,8 @@ def _below(limit, row, n, listed):
 
 
 @kernel(inline="always")
-def _price(i, listed, k, w, means, entries, log_det, near, room, row):
-    """Costs of merging component i with each of the first k of those listed, written to their places
-    in row."""
+def _compute_costs(i, listed, k, w, means, entries, log_det, near, room, row):
+    """Writes the costs of merging component i with each of the first k listed to their columns of row."""
     w_near, means_near, entries_near, log_det_near, costs = near
     for r in range(k + 1):
         c = listed[r] if r < k else i
@@ -145,7 +145,7 @@ def _price(i, listed, k, w, means, entries, log_det, near, room, row):
 
 @kernel
 def _close_gaps(n, w, means, entries, log_det, table, least, nearest, name):
-    """Moves the components that are left to the first places, in their order; how many they are."""
+    """Moves the components that remain to the first slots, in order; returns their number."""
     place, at, left = np.full(n, -1), np.empty(n, np.int64), 0
     for i in range(n):
         if nearest[i] != GONE:
@@ -166,9 +166,8 @@ def _close_gaps(n, w, means, entries, log_det, table, least, nearest, name):
 
 @leaf_kernel
 def first_least(row, n):
-    """Index of the least of the first n, the first among equals. Eight at a time are compared two by two:
-    a minimum carried from one to the next, which the compiler does not vectorise, takes five times as
-    long."""
+    """Index of the least of the first n, the first among equals. Eight at a time are compared in pairs: a
+    running minimum, which the compiler does not vectorise, takes five times as long."""
     least, at, start = np.inf, 0, 0
     while start + 8 <= n:
         x = row[start : start + 8]
@@ -192,7 +191,7 @@ def first_least(row, n):
 
 @kernel(inline="always")
 def _by_component(n, w, means, entries, name, into):
-    """Undoes `components_last` for the first n components; origin from the chain of merges `into`."""
+    """Inverse of `components_last` for the first n components; origin from the chain of merges `into`."""
     d = len(means)
     m, P = np.empty((n, d)), np.empty((n, d, d))
     place, origin = np.empty(len(into), np.int64), np.empty(len(into), np.int64)

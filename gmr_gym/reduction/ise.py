@@ -1,4 +1,4 @@
-"""Williams' greedy reduction: each step leaves the least integral squared error it can."""
+"""Williams' greedy reduction: each step is the one with the least integral squared error."""
 
 import numpy as np
 
@@ -11,12 +11,12 @@ from gmr_gym.reduction.ise_pairs import (
     ROUNDING,
     Work,
     add_products,
-    carry,
     count_merges,
     pair,
     products_with_all,
     score_pairs,
     stands_out,
+    update_known,
     weighted,
 )
 from gmr_gym.reduction.protocol import at_unit, through
@@ -27,29 +27,67 @@ from gmr_gym.reduction.pruning import weighing
 # 2 <r, v> + <v, v>:
 #   to delete a               v = s A, or v = s (A - q[a] / R (g - A)) with the rest, of weight R, rescaled
 #   to merge a and b into c   v = s delta,  delta = A + B - C,  A = q[a] M[a], B = q[b] M[b], C = q[c] M[c]
-# <delta, delta> stays what it is while a and b live. <r, A> is known at any time for every a, and for any
+# <delta, delta> is constant while a and b remain. <r, A> is known at any time for every a, and for any
 # x and y
 #   <r, delta> = (1 - x) <r, A> + (1 - y) <r, B> - <r, C - x A - y B>
 # where the last is at most |r| |C - x A - y B| in size, least where x A + y B is the projection of C. So
-# many merges lose without a look at <r, C>. For those that do not
+# many merges are ruled out without computing <r, C>. For the others
 #   <r, delta> = (1 - s) <f, delta> + s <e, delta>,  e = f - g
-# in which e has few terms at first, the inputs that went and the merges made of them, and <e, C> changes by
-# at most three products per action. <f, C> stays; as s is near 1 a bound as above, of |f| for |r|, often
-# does in its place.
+# in which e has few terms at first, the inputs removed and the merges made of them, and <e, C> changes by
+# at most three products per action. <f, C> is constant; as s is near 1, a bound as above, with |f| for |r|,
+# often suffices in its place.
 
 
 def integral_squared_error(
     p: Mixture, components: int, renormalise: bool = True
 ) -> tuple[Mixture, np.ndarray]:
-    """At most `components` components, and where each input went (n,): its output index, or -1
-    if deleted (Williams and Maybeck 2006; Maybeck, eqs. 7-9).
+    r"""Greedy reduction by the integral squared error: each step merges a pair or deletes a component.
 
-    Each step makes the pair merge or the deletion whose result has the least integral squared
-    error from the original mixture. A deletion rescales what is left to the original total
-    weight if `renormalise`. At equal cost deletions come first, then lower indices. Costs are
-    good to about 1e-15 of the products <f, q[a] M[a]> they are made of; between actions closer
-    than that the choice is repeatable but arbitrary. A pair so many standard deviations apart, some
-    1e8, that the covariance of its merge is lost in rounding is not merged.
+    The step is the one whose result has the least integral squared error from the original mixture. At equal
+    cost deletions come first, then lower indices. Costs are accurate to about 1e-15 of the products <f, q[a]
+    M[a]> that they are sums of; between steps closer than that the choice is repeatable but arbitrary. A pair
+    more than about 1e8 standard deviations apart, whose merged covariance is lost in rounding, is not merged.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+    renormalise : bool
+        Whether a deletion rescales the rest to the original total weight.
+
+    Returns
+    -------
+    mixture : Mixture
+        The reduced mixture.
+    origin : ndarray (n,)
+        Output index of each input component, -1 if deleted.
+
+    Raises
+    ------
+    ValueError
+        For `components` below 1, a mixture that fails `checked`, or a square whose integral is outside the
+        range of floats.
+
+    Notes
+    -----
+    With f the original mixture and g the reduced one:
+
+    .. math::
+
+        J = \int (f(x) - g(x))^2 \, dx = J_{ff} - 2 J_{fg} + J_{gg}
+
+    References
+    ----------
+    Williams and Maybeck 2006; Maybeck, eqs. 7-9.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> p = mixture([0.25, 0.25, 0.5], [[0.0], [1.0], [9.0]], [[[1.0]]] * 3)
+    >>> q, origin = integral_squared_error(p, 2)
+    >>> q.m.tolist(), origin.tolist()
+    ([[0.5], [9.0]], [0, 0, 1])
     """
     components = check_count(components)
     p, place = weighing(p)
@@ -62,17 +100,18 @@ def integral_squared_error(
             "the square of p has parts whose integral lies outside the range of floats: choose units nearer "
             "to the spread of the states"
         )
-    work = _begun(w, f, E)
+    work = _initial_work(w, f, E)
     s = _reduce(work, components, renormalise)
     alive = np.flatnonzero(work.place >= 0)
     left = s * work.q[alive] * (p.w.max() / w.max())
-    return Mixture(left, *unpack(work.M[:, work.place[alive]], p.m.shape[1])), through(place, _numbered(work))
+    reduced = Mixture(left, *unpack(work.M[:, work.place[alive]], p.m.shape[1]))
+    return reduced, through(place, _output_index(work))
 
 
-def _begun(w, f, E):
-    """Where the reduction starts: g is f."""
+def _initial_work(w, f, E):
+    """The state before the first step: g is f."""
     T, n = f.shape
-    room = n // 2  # for merges, each of two inputs or more
+    room = n // 2  # columns for merges, each of two inputs or more
     M, weight = np.hstack([f, np.empty((T, room))]), np.append(w, np.zeros(room))
     place = np.arange(n)
     ec, fc = np.full((2, n, n), np.nan)
@@ -81,18 +120,18 @@ def _begun(w, f, E):
     return Work(M, weight, u, place, q, h, g, E, D, x, y, reach, ec, fc, bound, origin)
 
 
-def _numbered(work):
-    """Where each input went (n,), with the components of g numbered in order."""
+def _output_index(work):
+    """Output index of each input (n,), the components of g numbered in order."""
     number = np.append(np.cumsum(work.place >= 0) - 1, -1)  # the last for those deleted, at index -1
     return number[work.origin]
 
 
 @kernel
 def _reduce(work, components, renormalise):
-    """Act on `work` until `components` are left; the scale s."""
+    """Merge or delete in `work` until `components` are left; returns the scale s."""
     n = len(work.q)
     _overlap(work)
-    work.h[:] = work.g  # to the last bit: no difference yet, no cost
+    work.h[:] = work.g  # equal to the last bit: there is no error yet
     for a in range(n):
         score_pairs(work, a, np.arange(a))
     s = 1.0
@@ -116,7 +155,7 @@ def _reduce(work, components, renormalise):
 
 @kernel
 def _overlap(work):
-    """Set <g, q[a] M[a]> from scratch: rounding does not pile up."""
+    """Set <g, q[a] M[a]> from scratch, so that rounding does not accumulate."""
     g, q, n = work.g, work.q, len(work.q)
     g[:] = 0.0
     for b in range(n):
@@ -144,19 +183,19 @@ def _cheapest_deletion(work, s, renormalise):
         if renormalise:
             R, r_rest = W - q, (H - work.h[a]) - s * (G - work.g[a])
             A_rest, rest_rest = work.g[a] - AA, G - 2.0 * work.g[a] + AA
-            if q > R:  # the sums would drown in what is taken from them
+            if q > R:  # the differences would be lost in rounding
                 R, r_rest, A_rest, rest_rest = _rest(work, s, a, alive)
             lost, after = q / R, s * (W / R)
             rv, vv = rA - lost * r_rest, AA - 2.0 * lost * A_rest + lost * lost * rest_rest
             cost = 2.0 * s * rv + s * s * vv
-        if cost < least:  # not where nothing would be left to rescale
+        if cost < least:  # false where nothing would be left to rescale
             least, slot, scale = cost, a, after
     return least, slot, scale
 
 
 @kernel
 def _rest(work, s, a, alive):
-    """Weight of all but a, and its products with r, with A and with itself, term by term."""
+    """Weight of all but a, and the products of these with r, with A and with themselves, term by term."""
     R, r_rest, A_rest, rest_rest = 0.0, 0.0, 0.0, 0.0
     for b in alive:
         if b != a:
@@ -173,8 +212,8 @@ def _rest(work, s, a, alive):
 def _cheapest_merge(work, s, error, size, limit):
     """Cost and components a < b of the cheapest merge, or `limit` where none costs less.
 
-    Of what could be cheapest by its bound one pair is looked at, to learn how little a merge may cost,
-    then all the others together.
+    First the cost of the one pair with the least bound is computed, then the costs of all pairs whose bound
+    is not above it, as a batch.
     """
     n, total = len(work.q), len(work.q) + count_merges(work)
     f, f_weights = work.M[:, :n].copy(), work.w[:n]
@@ -192,7 +231,7 @@ def _cheapest_merge(work, s, error, size, limit):
         if not bound[i] < least:
             if not cost[a] < limit or stands_out(pair(work, a, cost_at[a])[0]):
                 return least, a, cost_at[a]
-            work.D[a, cost_at[a]] = np.inf  # never to be merged
+            work.D[a, cost_at[a]] = np.inf  # excluded from merging
             out_of_date[:] = False
             out_of_date[a] = True
             continue
@@ -208,8 +247,8 @@ def _cheapest_merge(work, s, error, size, limit):
 
 @kernel
 def _bound_row(work, a, s, error, size, r_with):
-    """Sets the bounds of a with every b > a. The least bound and its b, the least cost that is known and its
-    b."""
+    """Sets the lower bounds of the costs of merging a with every b > a. Returns the least bound and its
+    b, and the least known cost and its b."""
     n, b = len(work.q), a + 1
     h_a, g_a, r_a = work.h[a], work.g[a], r_with[a]
     h, g, r = work.h[b:], work.g[b:], r_with[b:]
@@ -220,7 +259,7 @@ def _bound_row(work, a, s, error, size, r_with):
         f_two = h_a + h[i]
         f_delta = f_delta if f_delta < f_two else f_two
         f_delta = f_delta if np.isnan(fc[i]) else f_two - fc[i]
-        e_delta = (f_two - ec[i]) - (g_a + g[i])  # to the rounding of what it is made of: no cost below that
+        e_delta = (f_two - ec[i]) - (g_a + g[i])  # accurate to the rounding of its terms, as every cost
         r_delta = (1.0 - s) * f_delta + s * e_delta  # s is at least 1
         below = (1.0 - x[i]) * r_a + (1.0 - y[i]) * r[i] - error * reach[i]
         r_delta = below if np.isnan(ec[i]) else r_delta
@@ -236,15 +275,16 @@ def _bound_row(work, a, s, error, size, r_with):
 
 
 @kernel
-def _unknown(table, bound, rows, most):
-    """Components a < b (k,) of the pairs in these rows that are unknown and whose bound is at most this."""
+def _unknown(table, bound, rows, limit):
+    """Components a < b (k,) of the pairs in the masked rows that are unknown and whose bound is at most
+    `limit`."""
     n = len(rows)
     a, b, count = np.empty(n * n // 2 + 1, np.int64), np.empty(n * n // 2 + 1, np.int64), 0
     for i in range(n):
         if rows[i]:
             for j in range(i + 1, n):
                 a[count], b[count] = i, j
-                count += bound[i, j] <= most and np.isnan(table[i, j])
+                count += bound[i, j] <= limit and np.isnan(table[i, j])
     return a[:count], b[:count]
 
 
@@ -253,12 +293,12 @@ def _delete(work, k):
     change, weights = work.M[:, work.place[k] : work.place[k] + 1].copy(), np.full(1, -work.q[k])
     work.origin[work.origin == k] = -1
     _vacate(work, k)
-    carry(work, change, weights)
+    update_known(work, change, weights)
 
 
 @kernel
 def _merge(work, a, b):
-    """Put the merge of a and b into a."""
+    """Replaces a by the merge of a and b."""
     n = len(work.q)
     c, qc = pair(work, a, b)
     change, weights = np.empty((len(c), 3)), np.array([-work.q[a], -work.q[b], qc])
@@ -266,7 +306,7 @@ def _merge(work, a, b):
     work.origin[work.origin == b] = a
     _vacate(work, a)
     _vacate(work, b)
-    carry(work, change, weights)
+    update_known(work, change, weights)
     column = n + count_merges(work)
     work.M[:, column], work.u[column] = c, qc
     work.place[a], work.q[a] = column, qc
@@ -280,7 +320,7 @@ def _merge(work, a, b):
 
 @kernel
 def _vacate(work, a):
-    """Take component a out of g; the last merge moves into the column of one that goes."""
+    """Removes component a from g; the last merge moves into a column that becomes free."""
     n, hole = len(work.q), work.place[a]
     if hole >= n:
         last = n + count_merges(work) - 1

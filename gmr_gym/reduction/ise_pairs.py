@@ -1,4 +1,4 @@
-"""What greedy reduction by the integral squared error knows of its pairs of components."""
+"""Greedy reduction by the integral squared error: the stored products and bounds of pairs of components."""
 
 from typing import NamedTuple
 
@@ -11,13 +11,14 @@ from gmr_gym.reduction.distances import BLOCK, dimension, known, products_of_col
 # the letters are those of ise.py
 
 RIDGE = 1e-6  # keeps x and y small where A and B are alike
-DROWNED = 1e-15  # a variance given the others, relative to itself, that may be rounding
-ROUNDING = 1e-14  # relative error granted to a sum of products; bounds stay on its safe side
+LEAST_VARIANCE = 1e-15  # a conditional variance below this fraction of the variance may be rounding alone
+ROUNDING = 1e-14  # relative error of a sum of products: margin of the bounds
 
 
 class Work(NamedTuple):
-    """f, and g with what is known of it. A merge takes the place of its first component, so that
-    the components of g keep the order of the inputs; nothing is moved when one goes."""
+    """The original mixture f, the reduced one g, and the stored products. A merge takes the slot of its
+    first component, so the components of g keep the order of the inputs; nothing moves when one is
+    removed."""
 
     M: np.ndarray  # (T, L) packed Gaussians: the N of f, then the merges that g holds
     w: np.ndarray  # (L,) their weights in f
@@ -28,12 +29,12 @@ class Work(NamedTuple):
     g: np.ndarray  # (N,) <g, q[a] M[a]>
     E: np.ndarray  # (N, N) <M[a], M[b]>
     D: np.ndarray  # (N, N) <delta, delta> of the pair a < b, infinite once one is gone or they may not merge
-    x: np.ndarray  # (N, N) the multiple of A, and
-    y: np.ndarray  # (N, N) that of B, which come nearest to C
+    x: np.ndarray  # (N, N) the multiples x of A and
+    y: np.ndarray  # (N, N) y of B for which x A + y B is nearest to C
     reach: np.ndarray  # (N, N) |C - x A - y B|, rounded up
     ec: np.ndarray  # (N, N) <e, C>, nan while unknown
     fc: np.ndarray  # (N, N) <f, C>, nan while unknown
-    bound: np.ndarray  # (N, N) at most what it costs to merge a < b
+    bound: np.ndarray  # (N, N) lower bound of the cost of merging a < b
     origin: np.ndarray  # (N,) component of g that each input went into, -1 once deleted
 
 
@@ -54,7 +55,7 @@ def score_pairs(work, a, others):
         apart = CC - 2.0 * (x * AC + y * BC) + x * x * AA + y * y * BB + 2.0 * x * y * AB
         i, j = min(a, b), max(a, b)
         D = AA + BB + CC + 2.0 * (AB - AC - BC)
-        work.D[i, j] = max(D, 0.0) if D < np.inf else np.inf  # of no covariance to be told from rounding
+        work.D[i, j] = max(D, 0.0) if D < np.inf else np.inf  # nan: the merged covariance is lost in rounding
         work.x[i, j], work.y[i, j] = (x, y) if a < b else (y, x)
         work.reach[i, j] = np.sqrt(max(apart, 0.0) + ROUNDING * (AA + BB + CC + x * x * AA + y * y * BB))
         work.ec[i, j] = work.fc[i, j] = np.nan
@@ -62,7 +63,7 @@ def score_pairs(work, a, others):
 
 @kernel
 def _projection(AA, AB, BB, AC, BC):
-    """The x and y with which x A + y B comes about nearest to C."""
+    """The x and y for which x A + y B is about nearest to C."""
     if not (AA > 0.0 and BB > 0.0):
         return 1.0, 1.0
     a, b = (1.0 + RIDGE) * AA, (1.0 + RIDGE) * BB
@@ -73,7 +74,7 @@ def _projection(AA, AB, BB, AC, BC):
 @kernel
 def _moment_match(work, a, b):
     """Packed merges (T, k) of the components a (k,) with b (k,), and their weights (eq. 9)."""
-    # indices without a sign need no look at whether they count from the end, which takes half the time
+    # unsigned indices need no test for counting from the end, which would take half of the time
     M, a_at, b_at = work.M, work.place[a].astype(np.uint32), work.place[b].astype(np.uint32)
     T, k = len(M), len(a)
     d = dimension(T)
@@ -105,7 +106,7 @@ def pair(work, a, b):
 
 @kernel
 def stands_out(c):
-    """Whether the covariance of the Gaussian packed in c (T,) stands out of its rounding."""
+    """Whether the covariance of the Gaussian packed in c (T,) is definite beyond its rounding."""
     d = dimension(len(c))
     S, L, t = np.empty((d, d)), np.zeros((d, d)), 0
     for row in range(d):
@@ -115,15 +116,15 @@ def stands_out(c):
     if not cholesky_into(L, S):
         return False
     for row in range(d):
-        if not L[row, row] ** 2 > DROWNED * S[row, row]:
+        if not L[row, row] ** 2 > LEAST_VARIANCE * S[row, row]:
             return False
     return True
 
 
 @kernel
 def add_products(work, table, a, b, columns, weights):
-    """Add the products of C with the Gaussians packed in columns (T, L), weighted, to the table, which holds
-    nan where none are counted yet, for the pairs of a (k,) with b (k,)."""
+    """Add the weighted products of C with the Gaussians packed in columns (T, L) to the table, for the
+    pairs of a (k,) with b (k,). The table holds nan where there is no product yet."""
     for start in range(0, len(a), BLOCK):
         left, right = a[start : start + BLOCK], b[start : start + BLOCK]
         c, qc = _moment_match(work, left, right)
@@ -142,8 +143,8 @@ def add_products(work, table, a, b, columns, weights):
 
 
 @kernel
-def carry(work, change, weights):
-    """Take the Gaussians packed in change (T, k), weighted, out of e in every <e, C> known."""
+def update_known(work, change, weights):
+    """Subtract the weighted Gaussians packed in change (T, k) from e in every known <e, C>."""
     a, b = _known_pairs(work)
     add_products(work, work.ec, a, b, change, -weights)
 

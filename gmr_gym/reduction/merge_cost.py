@@ -1,23 +1,32 @@
-"""Runnalls' cost of merging two components, many pairs at once.
+r"""Runnalls' cost of merging two components, many pairs at once.
 
-With a = wi / (wi + wj), b = 1 - a, and Pij = a Pi + b Pj + a b (mi - mj)(mi - mj)' the covariance
-of the merged pair, merging i and j costs
+Notes
+-----
+With the shares of the weights and the covariance of the merged pair
 
-    B = 1/2 (wi (log|Pij| - log|Pi|) + wj (log|Pij| - log|Pj|))       (D'Ortenzio, eq. 13)
+.. math::
 
-which is the least of wi KL(i || N) + wj KL(j || N) over all Gaussians N.
+    a = \frac{w_i}{w_i + w_j}, \qquad b = 1 - a, \qquad P_{ij} = a P_i + b P_j + a b (m_i - m_j)(m_i - m_j)^T
+
+merging i and j costs (D'Ortenzio, eq. 13)
+
+.. math::
+
+    B = \tfrac{1}{2} \left( w_i (\log |P_{ij}| - \log |P_i|) + w_j (\log |P_{ij}| - \log |P_j|) \right)
+
+which is the minimum of wi KL(i || N) + wj KL(j || N) over all Gaussians N.
 """
 
 import numpy as np
 
 from gmr_gym.kernels import ONE, kernel, leaf_kernel
 
-BLOCK = 128  # components: a block of covariances stays in the nearest cache
+BLOCK = 128  # components: a block of covariances fits in the first-level cache
 
 
 @leaf_kernel
 def cost_row(i, start, stop, w, means, entries, log_det, room, row):
-    """Costs of merging component i with each of start..stop-1, written to the same places in row."""
+    """Costs of merging component i with each of start..stop-1, written to the same columns of row."""
     if len(means) == 4:
         _planar_determinants(i, start, stop, w, means, entries, row)
     else:
@@ -31,13 +40,13 @@ def cost_row(i, start, stop, w, means, entries, log_det, room, row):
         log_det_ij = _logarithm(row[j])
         cost = 0.5 * (wi * (log_det_ij - log_det_i) + w[j] * (log_det_ij - log_det[j]))
         cost = cost if cost > 0.0 else 0.0
-        # beyond 1e8 standard deviations apart the determinant drowns in rounding: never nearest
+        # beyond 1e8 standard deviations apart the determinant is lost in rounding: never the nearest
         row[j] = cost if row[j] > 0.0 else np.inf
 
 
 @kernel(inline="always")
 def merge_pair(i, j, w, means, entries, room):
-    """Writes the moment match of i and j to place i; returns its log determinant."""
+    """Writes the moment match of i and j to slot i; returns its log determinant."""
     A, share = room
     pair_covariances(i, j, j + 1, w, means, entries, share, A)
     for q in range(len(entries)):
@@ -51,8 +60,8 @@ def merge_pair(i, j, w, means, entries, room):
 
 @kernel
 def total_cost(w, m, P):
-    """Cost of merging everything: the sum of the costs B of any way down to one; and the mean (d,) and
-    covariance (d, d) of that one."""
+    """Cost of merging everything, the sum of the costs B of any sequence of merges down to one, and the
+    mean (d,) and covariance (d, d) of that one."""
     n, d = m.shape
     weight, mean, covariance = 0.0, np.zeros(d), np.zeros((d, d))
     for i in range(n):
@@ -113,8 +122,8 @@ def _log_determinants(A, n, out):
 
 @kernel
 def components_last(w, m, P):
-    """The mixture with the component axis last, so that a loop over components is vectorised: w
-    (n,), means (d, n), lower triangles of the covariances row by row (d (d + 1) / 2, n)."""
+    """The mixture with the component axis last, so that loops over components are vectorised: w (n,),
+    means (d, n), and the lower triangles of the covariances row by row (d (d + 1) / 2, n)."""
     n, d = m.shape
     means, entries = np.empty((d, n)), np.empty((d * (d + 1) // 2, n))
     for i in range(n):
@@ -129,8 +138,8 @@ def components_last(w, m, P):
 
 @leaf_kernel
 def pair_covariances(i, start, stop, w, means, entries, share, A):
-    """Covariances by entry of component i merged with each of start..stop-1, written to the first
-    columns of A; share is left holding w_i / (w_i + w_j)."""
+    """Covariances of component i merged with each of start..stop-1, one entry a row, written to the first
+    columns of A; share holds w_i / (w_i + w_j) afterwards."""
     n = stop - start
     for j in range(n):
         share[j] = w[i] / (w[i] + w[start + j])
@@ -148,9 +157,8 @@ def pair_covariances(i, start, stop, w, means, entries, share, A):
 
 @leaf_kernel
 def _planar_determinants(i, start, stop, w, means, entries, out):
-    """`_determinants` of `pair_covariances` for four states, the case of a planar position and
-    velocity, written out: |A + c dd'| = |A| (1 + c d'A^-1 d) with A = a Pi + b Pj and c = a b, by
-    blocks of two states."""
+    """`_determinants` of `pair_covariances` for four states (planar position and velocity), unrolled: |A
+    + c dd'| = |A| (1 + c d'A^-1 d) with A = a Pi + b Pj and c = a b, by blocks of two states."""
     wi, m0, m1, m2, m3 = w[i], means[0, i], means[1, i], means[2, i], means[3, i]
     q00, q10, q11, q20, q21 = entries[0, i], entries[1, i], entries[2, i], entries[3, i], entries[4, i]
     q22, q30, q31, q32, q33 = entries[5, i], entries[6, i], entries[7, i], entries[8, i], entries[9, i]
@@ -177,17 +185,17 @@ def _planar_determinants(i, start, stop, w, means, entries, out):
         d2, d3 = d2 - x0 * d0 - x1 * d1, d3 - y0 * d0 - y1 * d1
         c = b * (1 - b)
         lower = p22 * p33 - p32 * p32
-        # c d'A^-1 d times lower: what the first two states add to it, and the others given these
+        # c d'A^-1 d times lower: the part of the first two states, and of the others given these
         near = lower * (p11 * d0 * d0 - 2 * p10 * d0 * d1 + p00 * d1 * d1) * v
         far = p33 * d2 * d2 - 2 * p32 * d2 * d3 + p22 * d3 * d3
         spread = c * (near + far)
-        # where the covariance itself would drown in rounding
+        # 0 where the covariance itself would be lost in rounding
         out[j] = upper * (lower + spread) if spread < 1e16 * lower else 0.0
 
 
 @leaf_kernel
 def _determinants(A, n, out):
-    """Determinants of the first n symmetric matrices given by entry, A (d (d + 1) / 2, n), by LDL'
+    """Determinants of the first n symmetric matrices, one entry a row in A (d (d + 1) / 2, n), by LDL'
     without square roots; A is overwritten."""
     for j in range(n):
         out[j] = 1.0
@@ -208,7 +216,7 @@ def _determinants(A, n, out):
 @leaf_kernel
 def _logarithm(x):
     """Natural logarithm of a positive normal number, to the last bit or the one before. A call of the
-    library's logarithm would keep a loop from being vectorised."""
+    library's logarithm would prevent a loop from being vectorised."""
     bits = np.float64(x).view(np.int64)
     mantissa = np.int64((bits & 0x000FFFFFFFFFFFFF) | 0x3FF0000000000000).view(np.float64)
     exponent = float((bits >> 52) - 1023)

@@ -1,4 +1,4 @@
-"""What a reduction returns."""
+"""The return value of a reduction."""
 
 import numpy as np
 
@@ -22,29 +22,28 @@ def check_reduced(reduced, n: int) -> None:
     except (TypeError, ValueError):
         sound = False
     if not sound:
-        raise ValueError(f"a reduction must return a Mixture and the origin ({n},) of what it was given")
+        raise ValueError(f"a reduction must return a Mixture and the origin ({n},) of its input")
 
 
 def at_unit(w: np.ndarray) -> np.ndarray:
-    """The weights w (n,) times the power of two, which rounds nothing, that brings the largest just below 1:
-    products of tiny ones do not underflow."""
+    """The weights w (n,) scaled by a power of two, without rounding, so that the largest is just below 1:
+    products of tiny weights do not underflow."""
     return np.ldexp(w, -np.frexp(w.max())[1])
 
 
 def grouped(p: Mixture, group: np.ndarray, count: int) -> Mixture:
-    """Moment match of each of `count` groups of a checked mixture; none of them empty.
-
-    Raises ValueError where the covariance of one has drowned in the distance between its members."""
+    """Moment match of each of `count` groups of a checked mixture, none of them empty; ValueError where a
+    merged covariance is lost in rounding beside the distance between its members."""
     return _definite(match_groups(p, group, count))
 
 
 def through(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Origin (n,) of a reduction of what another has left."""
+    """Origin (n,) of two reductions, one after the other."""
     return np.append(second, -1)[first]
 
 
 def _definite(q: Mixture) -> Mixture:
-    """The mixture; ValueError where a covariance is none any more."""
+    """The mixture; ValueError where a covariance is no longer positive definite."""
     if not sound(*q):
         raise ValueError(TOO_FAR)
     return q

@@ -1,4 +1,4 @@
-"""Drop what hardly counts: pruning and capping."""
+"""Pruning and capping: dropping light components."""
 
 import numpy as np
 
@@ -10,37 +10,128 @@ from gmr_gym.reduction.protocol import Reduced
 
 
 def capping(p: Mixture, components: int) -> Reduced:
-    """The `components` heaviest, the earlier first among equals (D'Ortenzio, section 3.3)."""
+    """The `components` heaviest components, the earlier first among equals.
+
+    Returns
+    -------
+    Reduced
+        The components that are kept, and the origin (n,). Weights are not rescaled.
+
+    Raises
+    ------
+    ValueError
+        For `components` below 1, or a mixture that fails `checked`.
+
+    References
+    ----------
+    D'Ortenzio, section 3.3.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> q, origin = capping(mixture([0.2, 0.7, 0.1], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3), 2)
+    >>> q.w.tolist(), origin.tolist()
+    ([0.2, 0.7], [0, 1, -1])
+    """
     p, components = checked(p), check_count(components)
     return _kept(p, heaviest_mask(p.w, components) & (p.w > 0))
 
 
 def prune(p: Mixture, weight: float) -> Reduced:
-    """Drops what weighs less than `weight` (gamma; D'Ortenzio, section 3.4), never the heaviest."""
+    """Drops the components whose weight is below `weight`, never the heaviest.
+
+    Parameters
+    ----------
+    p : Mixture
+    weight : float
+        Threshold gamma.
+
+    Returns
+    -------
+    Reduced
+        The components that are kept, and the origin (n,). Weights are not rescaled.
+
+    Raises
+    ------
+    ValueError
+        For a negative `weight`, or a mixture that fails `checked`.
+
+    References
+    ----------
+    D'Ortenzio, section 3.4.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> q, origin = prune(mixture([0.2, 0.7, 0.1], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3), 0.15)
+    >>> q.w.tolist(), origin.tolist()
+    ([0.2, 0.7], [0, 1, -1])
+    """
     p, weight = checked(p), check_not_negative("weight", weight)
     return _kept(p, above_threshold(p.w, p.w, weight))
 
 
 def prune_density(p: Mixture, density: float) -> Reduced:
-    """Drops what has w / sqrt|P| below `density` (gamma~, in units of 1 / sqrt|P|: s^2/m^4 for a
-    planar position and velocity), never the heaviest (D'Ortenzio, eq. 16)."""
+    """Drops the components whose w / sqrt|P| is below `density`, never the heaviest.
+
+    Parameters
+    ----------
+    p : Mixture
+    density : float
+        Threshold gamma~, in the unit of 1 / sqrt|P|: s^2/m^4 for a planar position and velocity.
+
+    Returns
+    -------
+    Reduced
+        The components that are kept, and the origin (n,). Weights are not rescaled.
+
+    Raises
+    ------
+    ValueError
+        For a negative `density`, or a mixture that fails `checked`.
+
+    References
+    ----------
+    D'Ortenzio, eq. 16.
+    """
     p, density = checked(p), check_not_negative("density", density)
     return _kept(p, above_threshold(p.w, p.w / root_determinants(p.P), density))
 
 
 def prune_and_cap(p: Mixture, weight: float, max_components: int) -> Reduced:
-    """What weighs at least `weight`, and of that no more than the `most` heaviest: `prune` and
-    `capping` in one, for the hypotheses that are to enter a reduction."""
-    return entering(checked(p), check_not_negative("weight", weight), check_count(max_components, "most"))
+    """The components of at least `weight`, and of these the `max_components` heaviest.
+
+    `prune` and `capping` in one, for the hypotheses that enter a reduction.
+
+    Parameters
+    ----------
+    p : Mixture
+    weight : float
+        Threshold; the heaviest component is never dropped.
+    max_components : int
+        Upper limit of the number of components that remain.
+
+    Returns
+    -------
+    Reduced
+        The components that are kept, and the origin (n,). Weights are not rescaled.
+
+    Raises
+    ------
+    ValueError
+        For a negative `weight` or `max_components` below 1, or a mixture that fails `checked`.
+    """
+    p, weight = checked(p), check_not_negative("weight", weight)
+    return entering(p, weight, check_count(max_components, "max_components"))
 
 
 def entering(p: Mixture, weight: float, max_components: int) -> Reduced:
-    """`prune_and_cap` for a mixture made here."""
+    """`prune_and_cap` without checks, for a mixture already checked."""
     return _kept(p, heaviest_mask(p.w, max_components) & above_threshold(p.w, p.w, weight))
 
 
 def weighing(p: Mixture) -> Reduced:
-    """The checked mixture without what weighs nothing: itself, where all of it weighs something."""
+    """The checked mixture without components of weight zero; as it is where there are none."""
     p = checked(p)
     kept = p.w > 0
     return (p, np.arange(len(kept))) if kept.all() else _kept(p, kept)
@@ -53,8 +144,8 @@ def _kept(p: Mixture, kept: np.ndarray) -> Reduced:
 
 @kernel
 def above_threshold(w, measure, threshold):
-    """Which components (n,) have a weight and a measure of at least the threshold: the heaviest if none,
-    should it weigh anything."""
+    """Mask (n,) of the components of positive weight whose measure is at least the threshold; only the
+    heaviest where there are none, if it has positive weight."""
     n, found, first = len(w), False, 0
     kept = np.zeros(n, np.bool_)
     for i in range(n):
@@ -68,14 +159,14 @@ def above_threshold(w, measure, threshold):
 
 @kernel
 def heaviest_mask(w, max_components):
-    """Which components (n,) are the `most` heaviest, the earlier first among equals."""
+    """Mask (n,) of the `max_components` heaviest components, the earlier first among equals."""
     n = len(w)
     kept = np.zeros(n, np.bool_)
     if n <= max_components:
         for i in range(n):
             kept[i] = True
         return kept
-    # numbers that are not negative are in the order of their bits: the largest that `most` of them reach
+    # non-negative floats are ordered as their bits: bisect for the largest value that `max_components` reach
     bits, low, high = np.empty(n, np.int64), np.int64(0), np.int64(0)
     for i in range(n):
         bits[i] = np.float64(w[i]).view(np.int64)
@@ -102,7 +193,7 @@ def heaviest_mask(w, max_components):
 
 @kernel
 def select(w, m, P, kept):
-    """Components that are kept, and the place (n,) of each, -1 where it is not."""
+    """The components that are kept, and the origin (n,): the index of each, -1 where it is dropped."""
     n, d = m.shape
     count = 0
     for i in range(n):

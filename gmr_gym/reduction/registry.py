@@ -1,4 +1,4 @@
-"""Reductions by name, as a tracker's parameter `reduction` takes them."""
+"""Reductions by name, as the parameter `reduction` of a tracker takes them."""
 
 from collections.abc import Callable
 from difflib import get_close_matches
@@ -37,10 +37,27 @@ REDUCERS: dict[str, Callable] = {
 
 
 def reducer(name: str, components: int) -> partial:
-    """The reduction of that name to `components`, to be called with a mixture. A name with a colon,
-    "module:function", is a function of (mixture, components) of your own.
+    """The reduction of that name to `components`, a function of a mixture.
 
-    Raises ValueError for an unknown name, with the nearest there is, and for a function not found.
+    Parameters
+    ----------
+    name : str
+        A key of `REDUCERS`, or "module:function" for a function of (mixture, components) of your own.
+    components : int
+        Upper limit of the number of components that remain.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, suggesting the nearest one, and for a function that cannot be imported.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> p = mixture([0.2, 0.7, 0.1], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3)
+    >>> q, origin = reducer("runnalls", 2)(p)
+    >>> len(q.w)
+    2
     """
     module, colon, function = str(name).partition(":")
     if colon:
@@ -56,8 +73,22 @@ def reducer(name: str, components: int) -> partial:
 
 
 def reduction_named(name: str, components: int, merging: float) -> Callable[[Mixture], Reduced]:
-    """The reduction of that name to `components`: "vo-ma", which alone heeds `merging`, or any that
-    `reducer` knows. Raises ValueError for an unknown name and a negative `merging`."""
+    """The reduction of that name to `components`, a function of a mixture.
+
+    Parameters
+    ----------
+    name : str
+        "vo-ma", or a name that `reducer` takes.
+    components : int
+        Upper limit of the number of components that remain.
+    merging : float
+        Merge distance of "vo-ma"; the other reductions ignore it.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name and a negative `merging`.
+    """
     merging = check_not_negative("merging", merging)
     if name == "vo-ma":
         return partial(vo_ma, components=components, distance=merging)

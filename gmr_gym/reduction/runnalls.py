@@ -1,10 +1,9 @@
-"""Mixture reduction: merge what is alike, drop what hardly counts.
+"""Mixture reduction by Runnalls' cost of a merge.
 
-Every reducer takes a Mixture and returns (Mixture, origin): origin (n,) is the output index that
-each input component flowed into, -1 where it was dropped. Merging keeps the total weight, mean and
-covariance; pruning and capping lower the weight and leave rescaling to `normalised`. A component
-of weight zero is always dropped, and nothing stays nothing. Raises ValueError for a mixture that
-is not `checked`.
+Every reduction takes a Mixture and returns (Mixture, origin): origin (n,) is the output index of each input
+component, -1 where it was dropped. Merging keeps the total weight, mean and covariance. Pruning and capping
+lower the total weight and leave rescaling to `normalised`. Components of weight zero are always dropped, and
+an empty mixture stays empty. A mixture that fails `checked` raises ValueError.
 """
 
 from dataclasses import dataclass
@@ -21,28 +20,90 @@ from gmr_gym.reduction.pruning import above_threshold, select, weighing
 
 
 def runnalls(p: Mixture, components: int) -> Reduced:
-    """Greedy merging of the pair with the least cost B until `components` remain
-    (Runnalls 2007; D'Ortenzio, eq. 13 and section 3.1)."""
+    """Greedy merging of the pair with the least cost B until `components` remain.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,).
+
+    Raises
+    ------
+    ValueError
+        For `components` below 1, or a mixture that fails `checked`.
+
+    Notes
+    -----
+    The cost B of a merge is defined in `gmr_gym.reduction.merge_cost`.
+
+    References
+    ----------
+    Runnalls 2007; D'Ortenzio, eq. 13 and section 3.1.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> p = mixture([0.25, 0.25, 0.5], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3)
+    >>> q, origin = runnalls(p, 2)
+    >>> q.m.tolist(), origin.tolist()
+    ([[1.0], [9.0]], [0, 0, 1])
+    """
     return Greedy(check_count(components))(p)
 
 
 def adaptive(p: Mixture, loss_bound: float, components: int | None = None) -> Reduced:
-    """Greedy merging while the relative loss stays within `loss_bound` (alpha in the paper); where
-    `components` is given, on past the bound until no more than that many remain
-    (D'Ortenzio, eqs. 14-15, Algorithm 1 and section 3.3).
+    """Greedy merging by cost B while the relative loss stays within `loss_bound`.
 
-    Departs: the listing lowers m after a merge that it has rejected and has no guard at m = 1; the
-    last accepted mixture is returned, and one component is left as it is.
+    Parameters
+    ----------
+    p : Mixture
+    loss_bound : float
+        Bound alpha, in [0, 1], of the sum of the costs of the merges relative to `total_merge_cost`.
+    components : int, optional
+        Upper limit of the number of components that remain: merging goes on beyond the bound until it is met.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,).
+
+    Raises
+    ------
+    ValueError
+        For a `loss_bound` outside [0, 1], `components` below 1, or a mixture that fails `checked`.
+
+    Notes
+    -----
+    Departs: the listing lowers m after a merge that it has rejected and has no guard at m = 1; here the last
+    accepted mixture is returned, and a single component is left as it is.
+
+    References
+    ----------
+    D'Ortenzio, eqs. 14-15, Algorithm 1 and section 3.3.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> p = mixture([0.25, 0.25, 0.5], [[0.0], [0.1], [9.0]], [[[1.0]]] * 3)
+    >>> q, origin = adaptive(p, loss_bound=0.05)
+    >>> len(q.w), origin.tolist()
+    (2, [0, 0, 1])
     """
     return greedy(components, loss_bound)(p)
 
 
 @dataclass(frozen=True)
 class Greedy:
-    """The two greedy ways of merging as plain numbers, which a compiled scan can take."""
+    """Greedy merging, as in `runnalls` and `adaptive`, as plain numbers that a compiled scan takes."""
 
-    components: int  # at most so many are left
-    loss_bound: float = -1.0  # alpha; negative for Runnalls, who stops at `components`
+    components: int  # upper limit of those that remain
+    loss_bound: float = -1.0  # alpha; negative for Runnalls' reduction, which stops at `components`
 
     def __call__(self, p: Mixture) -> Reduced:
         arrays = arrays_of(p)
@@ -55,17 +116,30 @@ class Greedy:
 
 
 def greedy(components: int | None, loss_bound: float) -> Greedy:
-    """Checked Greedy of `adaptive`; ValueError for a loss outside [0, 1] and for no component at all."""
+    """Checked Greedy of `adaptive`; ValueError for a loss bound outside [0, 1] and for `components` below
+    1."""
     if not 0 <= loss_bound <= 1:
         raise ValueError(f"loss_bound must lie in [0, 1], got {loss_bound}")
     return Greedy(UNLIMITED if components is None else check_count(components), float(loss_bound))
 
 
 def total_merge_cost(p: Mixture) -> float:
-    """Cost of merging everything into one Gaussian: sum of w_i KL(component i || moment match).
+    """Cost of merging everything into one Gaussian: the sum of w_i KL(component i || moment match).
 
-    Departs: D'Ortenzio, eq. 14 divides by the total weight; kept undivided it is the sum of the
-    costs B of any way of merging down to one, whatever the weights sum to.
+    Notes
+    -----
+    Departs: D'Ortenzio, eq. 14 divides by the total weight. Undivided, it is the sum of the costs B of any
+    sequence of merges down to one, whatever the weights sum to.
+
+    References
+    ----------
+    D'Ortenzio, eq. 14.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> round(total_merge_cost(mixture([0.5, 0.5], [[0.0], [2.0]], [[[1.0]], [[1.0]]])), 4)
+    0.3466
     """
     q, _ = weighing(p)
     return float(total_cost(*q)[0]) if len(q.w) else 0.0
@@ -83,11 +157,11 @@ def _checked_merging(w, m, P, components, loss_bound):
 
 @kernel(inline="always")
 def merge_by_cost(w, m, P, components, loss_bound):
-    """`adaptive`, or `runnalls` for a negative bound: w, m, P and origin (n,) of what is left."""
+    """`adaptive`, or `runnalls` for a negative bound: w, m, P and origin (n,) of the reduced mixture."""
     w, m, P, alive = select(w, m, P, above_threshold(w, w, 0.0))
     if len(w) <= 1 or (loss_bound < 0.0 and len(w) <= components):
         return w, m, P, alive
-    # at a bound of 1 the rounding of the sum must not spare the last merge
+    # at a bound of 1 the rounding of the sum must not prevent the last merge
     budget = np.inf if loss_bound == 1.0 else -1.0
     if 0.0 <= loss_bound < 1.0:
         budget = loss_bound * total_cost(w, m, P)[0]

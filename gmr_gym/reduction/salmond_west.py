@@ -1,4 +1,4 @@
-"""Joining (Salmond) and merging the lightest with its nearest (West)."""
+"""Salmond's joining, and West's merging of the lightest component with its nearest."""
 
 import numpy as np
 
@@ -10,9 +10,48 @@ from gmr_gym.reduction.pruning import weighing
 
 
 def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
-    """Joining: merges the pair with the least d^2 = wi wj / (wi + wj) (mi - mj)' P^-1 (mi - mj), P
-    the covariance of the whole mixture, while more than `components` remain or d^2 is below
-    `distance` (Salmond 1990, section 4.1). Raises ValueError for a negative distance."""
+    r"""Joining: merges the pair with the least distance, relative to the covariance of the whole mixture.
+
+    Merging goes on while more than `components` remain or the least squared distance is below `distance`.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+    distance : float
+        Squared distance below which pairs are merged even when few enough remain.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,).
+
+    Raises
+    ------
+    ValueError
+        For a negative distance, `components` below 1, or a mixture that fails `checked`.
+
+    Notes
+    -----
+    With P the covariance of the whole mixture:
+
+    .. math::
+
+        d_{ij}^2 = \frac{w_i w_j}{w_i + w_j} (m_i - m_j)^T P^{-1} (m_i - m_j)
+
+    References
+    ----------
+    Salmond 1990, section 4.1.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> p = mixture([0.25, 0.25, 0.5], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3)
+    >>> q, origin = salmond(p, 2)
+    >>> q.m.tolist(), origin.tolist()
+    ([[1.0], [9.0]], [0, 0, 1])
+    """
     components, distance = check_count(components), check_not_negative("distance", distance)
     q, place = weighing(p)
     if len(q.w) <= (components if distance == 0 else 1):
@@ -21,8 +60,30 @@ def salmond(p: Mixture, components: int, distance: float = 0.0) -> Reduced:
 
 
 def west(p: Mixture, components: int) -> Reduced:
-    """Merges the lightest component with its nearest neighbour, distances measured by the
-    covariance of the whole mixture, until `components` remain (West 1993, section 3)."""
+    """Merges the lightest component with its nearest neighbour until `components` remain.
+
+    Distances are relative to the covariance of the whole mixture.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,).
+
+    Raises
+    ------
+    ValueError
+        For `components` below 1, or a mixture that fails `checked`.
+
+    References
+    ----------
+    West 1993, section 3.
+    """
     components = check_count(components)
     q, place = weighing(p)
     if len(q.w) <= components:
@@ -41,15 +102,15 @@ def whitened(p: Mixture) -> np.ndarray:
 
 
 def _merged(p: Mixture, place: np.ndarray, group: np.ndarray) -> Reduced:
-    """Moment match of each group of components: group (n,) holds the index of a member. The origin is of the
-    mixture that p is left of by place."""
+    """Moment match of each group of components: group (n,) holds the index of a member. The origin refers
+    to the mixture before components of weight zero were dropped, whose origin is `place`."""
     used, origin = np.unique(group, return_inverse=True)
     return grouped(p, origin, len(used)), through(place, origin)
 
 
 @kernel
 def _joining(w, y, components, distance):
-    """Groups (n,) of Salmond's joining from the weights and whitened means y (n, d)."""
+    """Groups (n,) of Salmond's joining, from the weights and whitened means y (n, d)."""
     n, d = y.shape
     w, y, group, alive = w.copy(), y.copy(), np.arange(n), np.arange(n)
     while len(alive) > 1:
@@ -72,7 +133,7 @@ def _joining(w, y, components, distance):
 
 @kernel
 def _lightest_first(w, y, components):
-    """Groups (n,) of West's merging from the weights and whitened means y (n, d)."""
+    """Groups (n,) of West's merging, from the weights and whitened means y (n, d)."""
     w, y, group, alive = w.copy(), y.copy(), np.arange(len(w)), np.arange(len(w))
     while len(alive) > components:
         lightest = alive[w[alive].argmin()]

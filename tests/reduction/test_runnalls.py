@@ -304,7 +304,7 @@ def test_a_budget_of_two_and_a_half_components_is_refused():
         (lambda p, value: prune(p, value), "weight"),
         (lambda p, value: prune_density(p, value), "density"),
         (lambda p, value: prune_and_cap(p, value, 3), "weight"),
-        (lambda p, value: prune_and_cap(p, 0.0, value), "most"),
+        (lambda p, value: prune_and_cap(p, 0.0, value), "max_components"),
         (lambda p, value: salmond(p, 1, value), "distance"),
         (lambda p, value: vo_ma(p, 1, value), "distance"),
     ],
