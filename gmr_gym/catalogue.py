@@ -1,11 +1,10 @@
 """What there is by name, read without importing what the names stand for."""
 
 import ast
-import inspect
 import sys
 from importlib.metadata import EntryPoint, entry_points
 from itertools import accumulate
-from pathlib import Path
+from typing import Any
 
 from gmr_gym.deprecated import warn_renamed
 
@@ -46,21 +45,22 @@ def described(group: str) -> dict[str, str]:
 
 def _source(module: str) -> str:
     """Text of a module, empty where there is none to be found; not even its package is imported."""
-    path, origin = None, None
+    path: Any = None
+    loader: Any = None
     for name in accumulate(module.split("."), "{}.{}".format):
         finders = (finder.find_spec(name, path) for finder in sys.meta_path)
         spec = next(filter(None, finders), None)
         if spec is None:
             return ""
-        path, origin = spec.submodule_search_locations, spec.origin
-    return Path(origin).read_text(encoding="utf-8") if origin and origin.endswith(".py") else ""
+        path, loader = spec.submodule_search_locations, spec.loader
+    return (loader.get_source(module) if hasattr(loader, "get_source") else None) or ""
 
 
 def _docstrings(source: str) -> dict[str, str]:
     """Docstrings of the functions and classes at the top of a module, by their names."""
-    defined = (ast.FunctionDef, ast.ClassDef)
-    return {
-        node.name: inspect.cleandoc(ast.get_docstring(node) or "")
-        for node in ast.parse(source).body
-        if isinstance(node, defined)
-    }
+    try:
+        body = ast.parse(source).body
+    except SyntaxError:  # whoever makes the tracker is told
+        return {}
+    defined = [node for node in body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+    return {node.name: ast.get_docstring(node) or "" for node in defined}

@@ -101,6 +101,25 @@ def completed(words):
     return offered, heavy
 
 
+def test_trackers_of_other_packages_are_described_without_being_imported(tmp_path, monkeypatch):
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "__init__.py").write_text("raise AssertionError('imported')")
+    (other / "mine.py").write_text(
+        'import nowhere\ndef made(model):\n    """Mine, in\n    two lines.\n\n    Rest."""\nalias = made\n'
+    )
+    (other / "broken.py").write_text("def made(")
+    installed = tmp_path / "other-0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 0\n")
+    places = {"a": "mine:made", "b": "mine:alias", "c": "broken:made", "d": "missing:made"}
+    points = [f"other-{name} = other.{place}" for name, place in places.items()]
+    (installed / "entry_points.txt").write_text("\n".join(["[gmr_gym.trackers]", *points]))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    lines = {name: line for name, line in trackers().items() if name.startswith("other-")}
+    assert lines == {"other-a": "Mine, in two lines.", "other-b": "", "other-c": "", "other-d": ""}
+
+
 def test_list_and_help_import_neither_trackers_nor_kernels():
     for words in (["list"], ["evaluate", "--help"], ["--version"]):
         program = f"import sys; sys.argv = ['gmr-gym', *{words}]\nfrom gmr_gym.cli import main\n"
