@@ -72,7 +72,7 @@ def test_runs_of_a_block_are_the_same_on_two_workers_together_as_on_one_alone(mo
     world = turning_target(horizon=3, clutter_rate=20)
     trackers = {"mht": runnalls(world.model, 5), "pda": make_tracker("pda", world.model)}
     two = run(world, trackers, BATCH_FROM, seed=3, jobs=2)
-    monkeypatch.setattr(montecarlo, "MANY", BATCH_FROM + 1)
+    monkeypatch.setattr(montecarlo, "BATCH_FROM", BATCH_FROM + 1)
     one = run(world, trackers, BATCH_FROM, seed=3)
     for name in trackers:
         for field in Runs._fields[:-1]:

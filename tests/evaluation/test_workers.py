@@ -143,7 +143,7 @@ def test_what_is_done_when_the_last_process_dies_is_kept_and_the_same_call_goes_
     blocks = tmp_path / "blocks"
     first = run(WORLD, dying(tmp_path, 0), 2 * BLOCK, folder=blocks)["nearest"]
     message = (
-        rf"died {ATTEMPTS} times in a row \(.*terminated.*\); 2 of 4 blocks .* kept in {blocks}: .* goes on"
+        rf"died {ATTEMPTS} times in a row \(.*terminated.*\); 2 of 4 blocks .* kept in {blocks}: .* there"
     )
     with pytest.raises(WorkersLost, match=message):
         run(WORLD, dying(tmp_path, 1000), 4 * BLOCK, jobs=2, folder=blocks)
