@@ -42,13 +42,13 @@ class Claim(NamedTuple):
     against: str = ""
     widened: bool = True
 
-    def evidence(self, tables: Sequence[ByTracker]) -> Sequence[Any] | None:
-        """What the number is taken of; None where a tracker is not in its table."""
-        if not self.of:
-            return tables
-        if self.of not in tables[0] or self.against not in tables[-1]:
-            return None
-        return tables[0][self.of], tables[-1][self.against]
+    def answerable(self, tables: Sequence[ByTracker]) -> bool:
+        """Whether its trackers are in the tables."""
+        return not self.of or (self.of in tables[0] and self.against in tables[-1])
+
+    def evidence(self, tables: Sequence[ByTracker]) -> Sequence[Any]:
+        """What the number is taken of."""
+        return (tables[0][self.of], tables[-1][self.against]) if self.of else tables
 
 
 class Asked(NamedTuple):
@@ -87,7 +87,7 @@ def claim_records(asked: Iterable[Asked], evidence: Mapping[str, ByTracker]) -> 
         if not set(each.tables) <= set(evidence):
             continue
         tables = [evidence[name] for name in each.tables]
-        claims = [claim for claim in each.claims if claim.evidence(tables) is not None]
+        claims = [claim for claim in each.claims if claim.answerable(tables)]
         estimates = _run_by_run(claims, tables) if each.run_by_run else _resampled(each, claims, tables)
         name = each.table or " against ".join(each.tables)
         for claim, (figure, count) in zip(claims, estimates, strict=True):

@@ -81,7 +81,8 @@ def mapped(paper: Paper, entry: SettingsGrid, sweep: Sweep, out: Path) -> dict[s
         name: entry.summarise(scenario, found)
         for name, (scenario, _), found in zip(entry.cells(), work, results, strict=True)
     }
-    paper.map_figures(entry, rows, out)
+    if paper.map_figures:
+        paper.map_figures(entry, rows, out)
     said = {"env": entry.env_id, "trackers": entry.trackers, "notes": notes({}, sweep.runs)}
     return table_record(entry.name, entry.settings | {"runs": sweep.runs}, rows) | said
 

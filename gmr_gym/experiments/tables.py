@@ -78,7 +78,8 @@ class Paper:
 
     def entries(self) -> dict[str, Table | SettingsGrid]:
         """Tables and grids by name."""
-        return {entry.name: entry for entry in (*self.tables, *self.maps)}
+        every: tuple[Table | SettingsGrid, ...] = (*self.tables, *self.maps)
+        return {entry.name: entry for entry in every}
 
     def evidence(self, table: Table, scenario: Any, results: Mapping[str, Any]) -> dict[str, Evidence] | None:
         """What the claims need of a table's results; None where none is about the table."""

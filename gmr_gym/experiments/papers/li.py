@@ -68,7 +68,7 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
 def _cell(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Estimate]:
     """Of one cell of the map: the position's error by each update, as so many times the least of them; and
     how much less the debiased conversion's is than the linearised update's, %."""
-    settled = QUANTITIES | {"squared": partial(squared_by_axis, SETTLED)}
+    settled = {**QUANTITIES, "squared": partial(squared_by_axis, SETTLED)}
     updates = [name.partition("=")[2] for name in results]
     every = all_measured(settled, scenario, results, updates)
     whole = np.ones(len(next(iter(every.values())).kept), bool)

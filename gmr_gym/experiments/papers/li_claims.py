@@ -1,5 +1,6 @@
 """What Li, Wu and Zhang say of their IMM-DCM-PDA against IMM-EKF-PDA: of error, loss and time."""
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from gmr_gym.evaluation.montecarlo import Runs
 from gmr_gym.evaluation.summary import not_lost
 from gmr_gym.experiments.claims import Claim
-from gmr_gym.experiments.evidence import Evidence, error
+from gmr_gym.experiments.evidence import Evidence, Quantities, error
 from gmr_gym.simulation.single_target import Scenario
 
 EKF, DCM = "imm-ekf-pda", "imm-dcm-pda"
@@ -20,7 +21,7 @@ def squared_by_axis(first: int, scenario: Scenario, runs: Runs) -> np.ndarray:
     return (error(scenario, runs)[:, first:, list(scenario.position)] ** 2).mean(axis=1)
 
 
-QUANTITIES = {
+QUANTITIES: Quantities = {
     "squared": partial(squared_by_axis, 0),
     "kept": not_lost,
     "seconds": lambda scenario, runs: np.median(runs.seconds, axis=1),  # of a scan
@@ -53,15 +54,13 @@ def _time_saved(weight: np.ndarray, dcm: Evidence, ekf: Evidence) -> float:
 
 
 BETTER = "better tracking performance than IMM-EKF-PDA"
-CLAIMS = tuple(
-    Claim(sentence, measure, threshold, value, DCM, EKF, widened=value is _lost_less)
-    for sentence, measure, threshold, value in (
-        (BETTER, "position error saved, %", 0.0, partial(_error_saved, 0)),
-        *(
-            (f"smaller {axis} error (Fig. {i + 1})", f"{axis} error saved, %", 0.0, partial(_error_saved, i))
-            for i, axis in enumerate(AXES, 1)
-        ),
-        (BETTER, "share of runs lost less", 0.0, _lost_less),
-        ("no more computation than IMM-EKF-PDA", "time of a scan saved, %", -NO_SLOWER, _time_saved),
-    )
+_SAID: tuple[tuple[str, str, float, Callable], ...] = (
+    (BETTER, "position error saved, %", 0.0, partial(_error_saved, 0)),
+    *(
+        (f"smaller {axis} error (Fig. {i + 1})", f"{axis} error saved, %", 0.0, partial(_error_saved, i))
+        for i, axis in enumerate(AXES, 1)
+    ),
+    (BETTER, "share of runs lost less", 0.0, _lost_less),
+    ("no more computation than IMM-EKF-PDA", "time of a scan saved, %", -NO_SLOWER, _time_saved),
 )
+CLAIMS = tuple(Claim(*said, DCM, EKF, widened=said[-1] is _lost_less) for said in _SAID)

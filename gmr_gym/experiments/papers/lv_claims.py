@@ -10,6 +10,7 @@ from gmr_gym.evaluation.metrics import cardinality_error
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.evaluation.multi_target_summary import compared, defined, mean_where
 from gmr_gym.experiments.claims import Asked, Claim
+from gmr_gym.experiments.evidence import Quantities
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 UNIFORM, LEARNED = "gm-phd", "learning-phd"
@@ -37,7 +38,7 @@ def _newly_missed(sign: int, scenario: MultiTargetScenario, runs: MultiTargetRun
 
 
 # of one tracker, run by run (runs,)
-QUANTITIES = {
+QUANTITIES: Quantities = {
     "ospa": lambda scenario, runs: runs.ospa.mean(axis=1),  # m
     # m, Wasserstein as eq. 41 has it, 0 where either set is empty
     "printed": lambda scenario, runs: np.nan_to_num(runs.wasserstein).mean(axis=1),

@@ -6,7 +6,7 @@ import numpy as np
 
 from gmr_gym.evaluation.metrics import lost_at
 from gmr_gym.evaluation.summary import not_lost
-from gmr_gym.experiments.evidence import Evidence, error, squared_position, squared_velocity
+from gmr_gym.experiments.evidence import Evidence, Quantities, error, squared_position, squared_velocity
 from gmr_gym.simulation.single_target import Scenario
 
 WHOLE = slice(None)
@@ -33,7 +33,7 @@ def _states(scenario: Scenario) -> list[int]:
     return [*scenario.position, *scenario.velocity]
 
 
-QUANTITIES = {
+QUANTITIES: Quantities = {
     "position": squared_position,
     "velocity": squared_velocity,
     # (runs, T, 4), of position and velocity, and the variances claimed for them

@@ -14,7 +14,7 @@ from gmr_gym.evaluation.montecarlo import Runs
 from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, errors, not_lost, summary
 from gmr_gym.experiments.claims import Asked, Claim
 from gmr_gym.experiments.drawings import error_against_time, save
-from gmr_gym.experiments.evidence import Evidence, Rows, all_measured, differences
+from gmr_gym.experiments.evidence import Evidence, Quantities, Rows, all_measured, differences
 from gmr_gym.experiments.papers.maybeck import MOST, STICKIER
 from gmr_gym.experiments.papers.zhang import QUIET
 from gmr_gym.experiments.tables import Paper, Table
@@ -32,7 +32,7 @@ def _capped(scenario: Scenario, runs: Runs) -> np.ndarray:
     return np.minimum(errors(scenario, runs)[0], scenario.cutoff).mean(axis=1)
 
 
-QUANTITIES = {"error": _capped, "kept": not_lost}
+QUANTITIES: Quantities = {"error": _capped, "kept": not_lost}
 
 
 def _rivals(reduction: str, one: int, *mmgs: str) -> dict[str, dict[str, Any]]:

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.evaluation.curves import Curves, curves
+from gmr_gym.evaluation.curves import Curves, Errors, curves
 from gmr_gym.evaluation.metrics import nees
 from gmr_gym.evaluation.summary import not_lost
 from gmr_gym.experiments.claims import Asked, Claim
-from gmr_gym.experiments.evidence import Evidence, error, squared_position, squared_velocity
+from gmr_gym.experiments.evidence import Evidence, Quantities, error, squared_position, squared_velocity
 from gmr_gym.scenarios.zhang import SWITCHES
 
 BEFORE, AFTER = 5, 5  # scans before a switch, and from it on, that a peak is looked for in
@@ -20,7 +20,7 @@ MUCH = 1.0  # dB
 
 
 ROLES = ("mmg", "imm_mht", "imm_pda")  # the first trackers of a table
-QUANTITIES = {  # what curves are made of, and the runs that were not lost
+QUANTITIES: Quantities = {  # what curves are made of, and the runs that were not lost
     "error": error,
     "claimed": lambda scenario, runs: nees(error(scenario, runs), runs.P),
     "position": squared_position,
@@ -41,9 +41,13 @@ class Trio(NamedTuple):
         return self.imm_mht, self.imm_pda
 
 
+def _errors(one: Evidence) -> Errors:
+    return Errors(one.error, one.claimed, one.position, one.velocity)
+
+
 def trios(weight: np.ndarray, *tables: Mapping[str, Evidence]) -> tuple[Trio, ...]:
     """The curves of each table's trackers over the runs as they are drawn."""
-    return tuple(Trio(*(curves(table[role], weight) for role in ROLES)) for table in tables)
+    return tuple(Trio(*(curves(_errors(table[role]), weight) for role in ROLES)) for table in tables)
 
 
 def _lead(field: str, trio: Trio) -> float:
