@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from gmr_gym.checks import check_limits
+from gmr_gym.checks import UNLIMITED, check_limits
 from gmr_gym.filters.filter_bank import (
     FilterBank,
     as_bank,
@@ -23,7 +23,7 @@ from gmr_gym.filters.filter_bank import (
 )
 from gmr_gym.filters.joint_gating import expand_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrowed_states
-from gmr_gym.filters.tracker import UNLIMITED, Report, check_scan
+from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, match_all, mean_and_covariance, normalised
 from gmr_gym.models.model import Model
 from gmr_gym.reduction.protocol import Reduced, check_reduced

@@ -9,11 +9,11 @@ from functools import partial
 
 import numpy as np
 
-from gmr_gym.checks import check_limits
+from gmr_gym.checks import UNLIMITED, check_limits
 from gmr_gym.filters import mode_mixture
 from gmr_gym.filters.joint_gating import expand_jointly, give_up_limit
 from gmr_gym.filters.mode_mixture import MixtureWithModes, merge_mode_probabilities, predict_every_mode
-from gmr_gym.filters.tracker import UNLIMITED, Report, check_scan
+from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, mean_and_covariance, normalised
 from gmr_gym.models.model import Model
 from gmr_gym.reduction.protocol import Reduced, check_reduced

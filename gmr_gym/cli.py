@@ -14,7 +14,6 @@ from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, REDUCTIONS, described
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.registry import ABOUT
 from gmr_gym.experiments.options import (
-    PAPERS,
     Backend,
     EnvId,
     Jobs,
@@ -31,6 +30,7 @@ from gmr_gym.experiments.options import (
     TrackerNames,
     tracker_option,
 )
+from gmr_gym.experiments.papers.registry import PAPERS
 from gmr_gym.experiments.screen import console, progress, spell_out
 from gmr_gym.version import __version__
 

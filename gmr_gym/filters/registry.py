@@ -95,7 +95,7 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
     accepted = list(inspect.signature(factory).parameters)[1:]
     update = parameters.pop("update", None)
     if update is not None:
-        if multi_target:
+        if isinstance(model, MultiTargetModel):
             raise ValueError(f"multi-target tracker {name!r} takes no 'update'")
         model = with_radar_update(model, update)
     for former, candidates in FORMER_PARAMETERS.items():

@@ -11,7 +11,6 @@ from gmr_gym.models.model import Model
 from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.points import check_points
 
-UNLIMITED = 10**9  # no limit: the reduction is linear in the number of hypotheses
 ONE_MODE = np.ones(1)  # mode probabilities where the model has one motion
 ONE_MODE.setflags(write=False)
 

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from baselines.imm_pda import ImmPda
 from baselines.mht_of_banks import MhtOfBanks
+from gmr_gym.checks import UNLIMITED
 from gmr_gym.evaluation.loop import play
 from gmr_gym.filters.filter_bank import imm_mix, no_interaction
 from gmr_gym.filters.registry import make_tracker, trackers
-from gmr_gym.filters.tracker import UNLIMITED
 from gmr_gym.mixture import collapsed, gaussian
 from gmr_gym.models.kalman import Motion
 from gmr_gym.models.model import with_radar_update
