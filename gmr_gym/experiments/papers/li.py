@@ -14,7 +14,15 @@ from gmr_gym.evaluation.montecarlo import Runs
 from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, not_lost
 from gmr_gym.experiments.claims import Asked
 from gmr_gym.experiments.drawings import save
-from gmr_gym.experiments.evidence import Evidence, Rows, all_measured, error, error_differences, error_rows
+from gmr_gym.experiments.evidence import (
+    Evidence,
+    Quantities,
+    Rows,
+    all_measured,
+    error,
+    error_differences,
+    error_rows,
+)
 from gmr_gym.experiments.papers.li_claims import (
     AXES,
     CLAIMS,
@@ -68,7 +76,7 @@ def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
 def _cell(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, Estimate]:
     """Of one cell of the map: the position's error by each update, as so many times the least of them; and
     how much less the debiased conversion's is than the linearised update's, %."""
-    settled = {**QUANTITIES, "squared": partial(squared_by_axis, SETTLED)}
+    settled: Quantities = {**QUANTITIES, "squared": partial(squared_by_axis, SETTLED)}
     updates = [name.partition("=")[2] for name in results]
     every = all_measured(settled, scenario, results, updates)
     whole = np.ones(len(next(iter(every.values())).kept), bool)
