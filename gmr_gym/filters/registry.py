@@ -101,6 +101,8 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
     for former, candidates in FORMER_PARAMETERS.items():
         new = next((candidate for candidate in candidates if candidate in accepted), None)
         if former in parameters and former not in accepted and new is not None:
+            if new in parameters:
+                raise ValueError(f"{new} is given twice, once by its former name {former!r}")
             warn_renamed(f"parameter {former!r}", repr(new))
             parameters[new] = parameters.pop(former)
     for parameter in parameters:

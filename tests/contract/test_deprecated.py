@@ -66,3 +66,8 @@ def test_trackers_of_the_former_group_are_found_and_hide_none_of_the_new():
         assert trackers(MULTI_TARGET_GROUP)["former-phd"] == trackers(MULTI_TARGET_GROUP)["gm-phd"]
     with pytest.warns(DeprecationWarning, match=says):
         assert type(make_tracker("former-phd", MANY)) is type(make_tracker("gm-phd", MANY))
+
+
+def test_a_parameter_under_both_names_is_refused():
+    with pytest.raises(ValueError, match="max_hypotheses is given twice, once by its former name 'most'"):
+        make_tracker("mmg-5", MODES, most=5, max_hypotheses=6)
