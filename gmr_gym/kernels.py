@@ -79,7 +79,7 @@ leaf_kernel = kernel(nogil=True, _nrt=False)
 
 
 def together(call: Callable[..., object], shares: Sequence[tuple]) -> None:
-    """Runs call(*share) for every share on threads, the first on the caller's own. An exception of any of
+    """Runs `call(*share)` for every share on threads, the first on the caller's own. An exception of any of
     them is raised."""
     helpers = len(shares) - 1
     pool = _pool(os.getpid(), helpers) if helpers else None

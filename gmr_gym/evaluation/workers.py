@@ -68,7 +68,7 @@ def results(
 
     Parameters
     ----------
-    calls : mapping of task to (function, *arguments)
+    calls : mapping of task to `(function, *arguments)`
     jobs : int
         Number of processes of this machine; negative numbers are counted from -1 for one per core. A cluster
         uses all its workers.
