@@ -92,7 +92,7 @@ def _spoil(rng: Rng, arguments: tuple, budget: bool) -> Spoilt:
     _p, plain, components = arguments
     if budget and rng.random() < 0.1:
         count = COUNTS[rng.integers(len(COUNTS))]
-        return Spoilt((plain, plain, count), ("components", "most"), f"components {count!r}")
+        return Spoilt((plain, plain, count), ("components", "max_components"), f"components {count!r}")
     spoilt, names, what = spoilt_mixture(rng, plain)
     return Spoilt((spoilt, plain, components), names, what)
 

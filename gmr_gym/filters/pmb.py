@@ -169,6 +169,8 @@ def update(
     absent = missed * tracks.w * (1.0 - detection_probability) / miss
     C = sensor.predict_detections(tracks, z_hat, S, z).C
     old = Mixture(*moment_matched(absent, found, tracks.m, tracks.P, z_hat, S, C, *sensor, z))
+    # what rounding puts above 1 would grow with every scan that misses
+    old = old._replace(w=np.minimum(old.w, 1.0))
 
     exists = unassigned * -np.expm1(-log_new_ratio)
     new = np.flatnonzero((exists >= least) & (exists > 0))
@@ -280,20 +282,19 @@ def moment_matched(absent, found, m, P, z_hat, S, C, H, R, z):
             hit += found[i, j]
             for r in range(p):
                 nu[r] += found[i, j] * (z[j, r] - z_hat[i, r])
-        whole = absent[i] + hit
-        w_out[i] = min(whole, 1.0)  # what rounding puts above 1 would grow with every scan that misses
+        w_out[i] = absent[i] + hit
         if not hit > 0.0:
             continue
-        nu /= whole
+        nu /= w_out[i]
         for j in range(k):
             if found[i, j] > 0.0:
                 for r in range(p):
                     for s in range(r + 1):
                         off = (z[j, r] - z_hat[i, r] - nu[r]) * (z[j, s] - z_hat[i, s] - nu[s])
-                        spread[r, s] += found[i, j] / whole * off
+                        spread[r, s] += found[i, j] / w_out[i] * off
         cholesky_into(L, S[i])
         posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H, R)
-        missed = absent[i] / whole
+        missed = absent[i] / w_out[i]
         for r in range(p):
             for s in range(r + 1):
                 # a miss keeps the mean: an innovation of 0
