@@ -134,8 +134,8 @@ def wasserstein(m1, P1, m2, P2) -> float:
 
     Notes
     -----
-    The covariance part is `|L1 - L2 U|` minimised over rotations U, attained at the polar factor of L2' L1. It
-    equals the usual trace formula without its cancellation when P1 is close to P2.
+    The covariance part is `|L1 - L2 U|` minimised over rotations U, attained at the polar factor of L2' L1.
+    It equals the usual trace formula without its cancellation when P1 is close to P2.
 
     References
     ----------
