@@ -115,4 +115,5 @@ MotionModel = Annotated[
 
 def tracker_option(help: str) -> Any:
     """The option --tracker of a command that takes one."""
-    return typer.Option("--tracker", help=help, autocompletion=complete_tracker)
+    imports = "reduction=MODULE:FUNCTION imports MODULE"
+    return typer.Option("--tracker", help=f"{help}; {imports}", autocompletion=complete_tracker)

@@ -7,7 +7,7 @@ from gmr_gym.mixture import Mixture, gaussian, mixture
 from gmr_gym.models.kalman import position_sensor
 from gmr_gym.models.model import Model, model
 from gmr_gym.models.motions import constant_velocity
-from gmr_gym.points import check_unmasked, present
+from gmr_gym.points import check_points, check_unmasked, present
 
 MOST_STARTS = 500  # detections; each is paired with each of the next scan, at 200 bytes a pair
 
@@ -102,6 +102,7 @@ def prior_from_first_scan(z, sensor_deviation: float, speed_deviation: float) ->
     z = np.asarray(present(z), float)
     if z.ndim != 2 or z.size == 0 or len(z) > MOST_STARTS or not np.isfinite(z).all():
         raise ValueError(f"z must be 1 to {MOST_STARTS} finite detections (k, p), got shape {z.shape}")
+    z = check_points(z, z.shape[1])
     _check_positive(sensor_deviation=sensor_deviation, speed_deviation=speed_deviation)
     k, p = z.shape
     variances = np.repeat([sensor_deviation**2, speed_deviation**2], p)

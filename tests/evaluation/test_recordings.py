@@ -520,3 +520,8 @@ def test_a_model_that_cannot_be_is_refused(wrong, message):
     constant_velocity_model(**right)
     with pytest.raises(ValueError, match=message):
         constant_velocity_model(**right | wrong)
+
+
+def test_no_track_starts_beyond_all_measure():
+    with pytest.raises(ValueError, match=r"z must lie within \+-1e\+10; row 1 is"):
+        prior_from_first_scan([[0.0, 0.0], [2e10, 0.0]], 10.0, 30.0)
