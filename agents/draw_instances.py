@@ -1,4 +1,4 @@
-"""Draws the tables in `instances/`; `python -m agents.draw_instances` writes them again.
+"""Draws the tables in `gmr_gym/data/instances/`; `python -m agents.draw_instances` writes them again.
 
 An instance that nobody can follow teaches nothing: one is kept if a tracker that prunes little loses no more
 than seven runs of ten on it.
@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from gmr_gym import data
 from gmr_gym.envs.tuning import ReductionTuningEnv
 from gmr_gym.tuning.instances import SCANS, TABLES, Instance, trajectory
 from gmr_gym.tuning.thresholds import Thresholds, to_action
@@ -95,4 +96,4 @@ def write(file: Path, rows: list[Instance]) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "instances")
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(data.__file__).parent / "instances")

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 import gmr_gym
 from gmr_gym.evaluation import archive
-from gmr_gym.evaluation.source import NOT_HASHED
+from gmr_gym.evaluation.source import is_hashed
 from gmr_gym.tuning.instances import Instance, instances, world
 
 ENV_ID = "gmr_gym/ReductionTuning-v0"
@@ -94,7 +94,7 @@ def played(
 def code() -> str:
     """Digest of the source that an episode depends on, so that nothing is found that other code left."""
     package, here = Path(gmr_gym.__file__).parent, Path(__file__)
-    files = [file for file in package.rglob("*.py") if file.relative_to(package).parts[0] not in NOT_HASHED]
+    files = [file for file in package.rglob("*.py") if is_hashed(file.relative_to(package))]
     files += [
         package / "envs" / "tracking.py",
         package / "envs" / "tuning.py",

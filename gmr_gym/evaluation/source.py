@@ -39,12 +39,13 @@ def digest(module: str) -> str:
     if module != PACKAGE:
         return joblib.hash(Path(_file(module) or "").read_bytes())
     root = Path(__file__).parents[1]
-    own = [file for file in root.glob("**/*.py") if not _is_not_hashed(file.relative_to(root))]
+    own = [file for file in root.glob("**/*.py") if is_hashed(file.relative_to(root))]
     return joblib.hash([file.read_bytes() for file in sorted(own)])
 
 
-def _is_not_hashed(file: Path) -> bool:
-    return any(entry in (file.as_posix(), *map(Path.as_posix, file.parents)) for entry in NOT_HASHED)
+def is_hashed(file: Path) -> bool:
+    """Whether runs depend on a file of the package, given relative to it."""
+    return not any(entry in (file.as_posix(), *map(Path.as_posix, file.parents)) for entry in NOT_HASHED)
 
 
 def check_sources(expected: Mapping[str, str]) -> None:
