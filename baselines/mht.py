@@ -10,8 +10,9 @@ from functools import partial
 import numpy as np
 
 from gmr_gym.checks import UNLIMITED, check_count, check_limits
-from gmr_gym.filters.mht import MAX_HYPOTHESES, predict_and_update, prune_and_reduce
+from gmr_gym.filters.mht import MAX_HYPOTHESES, REDUCE_SCAN, predict_and_update, prune_and_reduce, reduce_scan
 from gmr_gym.filters.tracker import Report, check_scan
+from gmr_gym.kernels import compile_ahead
 from gmr_gym.mixture import Mixture, collapsed, mean_and_covariance
 from gmr_gym.models.model import Model, check_one_motion
 from gmr_gym.reduction import ise as williams
@@ -56,7 +57,9 @@ class Mht:
         check_limits(self.prune_weight, self.max_hypotheses)
         if not 0 <= self.prune_density < np.inf:
             raise ValueError(f"prune_density must be non-negative and finite, got {self.prune_density}")
-        if not isinstance(self.reduce, Greedy):
+        if isinstance(self.reduce, Greedy):
+            compile_ahead(reduce_scan, REDUCE_SCAN)
+        else:
             # wrong parameters fail here rather than at a scan
             check_reduced(self.reduce(collapsed(self.model.prior)), 1)
 

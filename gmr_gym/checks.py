@@ -134,11 +134,15 @@ def _definite(A, P, n, d):
 @kernel
 def _nearly_symmetric(P):
     """Whether every matrix (d, d) of P is symmetric to rounding."""
-    for A in P:
-        largest = np.abs(A).max()
-        if not largest < np.inf:  # any difference would be within rounding
-            return False
-        for r in range(len(A)):
+    d = P.shape[1]
+    for i in range(len(P)):
+        A, largest = P[i], 0.0
+        for r in range(d):
+            for c in range(d):
+                if not abs(A[r, c]) < np.inf:  # any difference would be within rounding
+                    return False
+                largest = max(largest, abs(A[r, c]))
+        for r in range(d):
             for c in range(r):
                 if not abs(A[r, c] - A[c, r]) <= 1e-9 * min(abs(A[r, c]), abs(A[c, r])) + 1e-12 * largest:
                     return False

@@ -1,7 +1,11 @@
-"""How kernels are compiled: numba with a cache on disk."""
+"""How kernels are compiled: numba with a cache on disk, which processes fill together."""
 
+import atexit
+import gc
 import multiprocessing
 import os
+import subprocess
+import sys
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -9,26 +13,52 @@ from functools import cache, lru_cache, partial
 from typing import Any
 
 import numpy as np
+from filelock import BaseFileLock, FileLock
 from numba import config, njit
 from numba.core.caching import FunctionCache
+from numba.core.sigutils import normalize_signature
 
 # Arguments for kernels: numba compiles a kernel once more for an integer literal. A kernel goes through LLVM
 # again, with all that it calls, in every kernel that calls it; so intermediate kernels are inlined where that
 # was measured to save time.
 ZERO, ONE = np.int64(0), np.int64(1)
+PATIENCE = 120.0  # s, for another process that compiles the same kernel
 
 
 class KernelCache(FunctionCache):
     """numba's cache on disk, without errors in the middle of a call. A damaged file is compiled again;
-    where the disk is full nothing is kept."""
+    where the disk is full nothing is kept. While one process compiles a kernel, others wait for its code."""
+
+    _lock: BaseFileLock | None = None
 
     def load_overload(self, sig, target_context):
-        """The compiled code for the signature; None if there is none."""
+        """The compiled code for the signature; None if there is none, and then this process compiles it."""
+        found = self._read(sig, target_context)
+        if found is None and self._claim():
+            found = self._read(sig, target_context)  # another process may have saved it meanwhile
+        return found
+
+    def _read(self, sig, target_context):
         try:
             return super().load_overload(sig, target_context)
         except Exception:  # unpickling may raise anything
             self.flush()  # otherwise the new code could not be saved either
             return None
+
+    def _claim(self) -> bool:
+        """Whether this process alone may compile the kernel now; False where no files can be locked."""
+        try:
+            if self._lock is None:
+                self._lock = FileLock(f"{self._cache_file._index_path}.lock", PATIENCE, is_singleton=True)
+            self._lock.acquire()
+        except Exception:  # the other process hangs, or the file system knows no locks
+            return False
+        return True
+
+    def release(self):
+        """Lets other processes read or compile the kernel."""
+        if self._lock is not None:
+            self._lock.release()
 
     def save_overload(self, sig, data):
         """Saves the compiled code for the signature, if possible."""
@@ -52,13 +82,30 @@ def kernel(function: Callable | None = None, **options) -> Any:
     """
     if function is None:
         return partial(kernel, **options)
-    compiled = njit(error_model="numpy", **options)(function)
+    compiled = njit(error_model="numpy", no_cfunc_wrapper=True, **options)(function)
     if not config.DISABLE_JIT:  # type: ignore[attr-defined]
         try:
             compiled._cache = KernelCache(function)
+            compiled.compile = partial(_compile, compiled.compile, compiled._cache)
         except (RuntimeError, OSError):  # no writable folder
             warn_uncached()
     return compiled
+
+
+def _compile(compile: Callable, cache: KernelCache, signature: Any) -> Any:
+    """Compiles, or loads, the kernel of the cache for the signature.
+
+    Python's garbage collector is off meanwhile: it would look through the compiler's many objects again and
+    again.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        return compile(normalize_signature(signature)[0])
+    finally:
+        cache.release()
+        if collects:
+            gc.enable()
 
 
 @cache  # once, and not in every worker
@@ -76,6 +123,35 @@ def warn_uncached() -> None:
 # For kernels that neither allocate nor return arrays: compiled without reference counting, whose atomic
 # operations took half of the time of a scan. Such a kernel may call only other leaf kernels.
 leaf_kernel = kernel(nogil=True, _nrt=False)
+
+
+def compile_ahead(compiled: Any, signature: str) -> None:
+    """Starts to compile the kernel for the signature in a process of its own, if its code is not on disk.
+
+    The caller goes on meanwhile and finds the code when it calls the kernel. Nothing is started in a worker,
+    on a single core, or where kernels cannot be kept.
+    """
+    cache = compiled._cache
+    if not isinstance(cache, KernelCache) or os.path.exists(cache._cache_file._index_path):
+        return
+    if multiprocessing.parent_process() is not None or (os.cpu_count() or 1) < 2 or not sys.executable:
+        return
+    function = compiled.py_func
+    code = f"from {function.__module__} import {function.__name__} as k; k.compile({signature!r})"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    quiet = subprocess.DEVNULL
+    try:
+        child = subprocess.Popen(
+            [sys.executable, "-c", code], env=environment, stdin=quiet, stdout=quiet, stderr=quiet
+        )
+    except OSError:  # no more processes: the kernel is compiled when it is called
+        return
+    atexit.register(_stop, child)
+
+
+def _stop(child: subprocess.Popen) -> None:
+    child.kill()
+    child.wait()
 
 
 def together(call: Callable[..., object], shares: Sequence[tuple]) -> None:

@@ -1,6 +1,8 @@
 """Compiled kernels are kept where that can be, and work where it cannot."""
 
 import errno
+import gc
+import multiprocessing
 import os
 import pickle
 import subprocess
@@ -12,6 +14,7 @@ from pathlib import Path
 import pytest
 from numba import config
 from numba.core.caching import IndexDataCacheFile
+from numba.core.errors import TypingError
 
 from gmr_gym import kernels
 
@@ -71,7 +74,8 @@ def test_a_second_start_finds_what_the_first_one_compiled(folder):
         assert again.twice(2) == 6
     assert sum(again.twice.stats.cache_hits.values()) == 1 and not again.twice.stats.cache_misses
     flags = {name: value for name, value in again.twice.targetoptions.items() if value is not None}
-    assert flags == {"nopython": True, "error_model": "numpy", "nogil": True}
+    ours = {"error_model": "numpy", "no_cfunc_wrapper": True}
+    assert flags == {"nopython": True, "nogil": True, **ours}
 
 
 def test_without_a_folder_to_write_to_kernels_work_and_one_line_says_what_to_set(folder):
@@ -114,3 +118,66 @@ def test_a_full_disk_costs_the_cache_and_not_the_result(folder, monkeypatch, met
         assert imported(folder).twice(2) == 6
     assert len(said) == 1 and kept(folder, "nbc") == []
     assert imported(folder).twice(2) == 6 and len(kept(folder, "nbc")) == 2  # with room again
+
+
+WITH_ANOTHER = """
+import sys
+from some_kernels import twice
+print("ready", flush=True)
+sys.stdin.readline()
+print(twice(2), *twice._cache_misses.values())
+"""
+
+
+def test_of_two_processes_that_start_at_once_one_compiles_and_the_other_waits(folder):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(folder)))}
+    environment.pop("NUMBA_CACHE_DIR", None)
+    command, pipe = [sys.executable, "-c", WITH_ANOTHER], subprocess.PIPE
+    both = [subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, text=True) for _ in range(2)]
+    assert [process.stdout.readline() for process in both] == ["ready\n"] * 2
+    for process in both:
+        process.stdin.write("go\n")
+        process.stdin.flush()
+    said = sorted(process.communicate(timeout=120)[0].split() for process in both)
+    assert said == [["6"], ["6", "1"]]
+
+
+def test_code_that_another_process_saves_meanwhile_is_taken(folder, monkeypatch):
+    waiting, other = imported(folder), imported(folder)
+    claim, claimed = kernels.KernelCache._claim, []
+
+    def late(cache):  # the other has saved its code when this one holds the lock
+        if cache is waiting.plus._cache:
+            claimed.append(other.plus(1))
+        return claim(cache)
+
+    monkeypatch.setattr(kernels.KernelCache, "_claim", late)
+    assert waiting.plus(1) == 2 and claimed == [2]
+    assert sum(waiting.plus.stats.cache_hits.values()) == 1 and not waiting.plus.stats.cache_misses
+
+
+def test_a_kernel_that_cannot_be_compiled_is_not_waited_for(folder):
+    plus = imported(folder).plus
+    with pytest.raises(TypingError):
+        plus("text")
+    assert not plus._cache._lock.is_locked and gc.isenabled()
+
+
+def test_without_locks_every_process_compiles(folder, monkeypatch):
+    monkeypatch.setattr(kernels, "FileLock", lambda *_, **__: (_ for _ in ()).throw(NotImplementedError))
+    assert imported(folder).twice(2) == 6
+    assert sum(imported(folder).twice.stats.cache_hits.values()) == 0
+
+
+def test_a_kernel_is_compiled_ahead_in_another_process(folder, monkeypatch):
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setattr(multiprocessing, "parent_process", lambda: None)
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    started, popen = [], subprocess.Popen
+    monkeypatch.setattr(subprocess, "Popen", lambda *a, **k: started.append(popen(*a, **k)) or started[-1])
+    plus = imported(folder).plus
+    kernels.compile_ahead(plus, "(i8,)")
+    assert started[0].wait(timeout=120) == 0 and len(kept(folder, "nbc")) == 1
+    assert plus(1) == 2 and sum(plus.stats.cache_hits.values()) == 1
+    kernels.compile_ahead(plus, "(i8,)")  # nothing is left to do
+    assert len(started) == 1

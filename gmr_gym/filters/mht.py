@@ -20,6 +20,7 @@ from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
 from gmr_gym.reduction.runnalls import Greedy, merge_by_cost
 
+REDUCE_SCAN = "(f8[::1], f8[:, ::1], f8[:, :, ::1], f8, i8, i8, f8, f8)"  # signature of `reduce_scan`
 MAX_HYPOTHESES = 2000  # that enter a reduction; bounds the memory of a huge scan
 
 
