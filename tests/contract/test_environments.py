@@ -20,13 +20,14 @@ from gmr_gym.envs.episodic import EXTENT
 from gmr_gym.envs.policy import MultiTargetPolicy, Policy
 from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
 from gmr_gym.envs.render import Canvas
-from gmr_gym.envs.tracking import SCANS_OFF, TrackingEnv
+from gmr_gym.envs.tracking import TrackingEnv
 from gmr_gym.evaluation.loop import play as play_scans
 from gmr_gym.evaluation.montecarlo import run_once
 from gmr_gym.evaluation.multi_target_runs import run_multi_target_once
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.mixture import mixture, moments
 from gmr_gym.scenarios.dortenzio import turning_target
+from gmr_gym.simulation.reward import SCANS_OFF
 from gmr_gym.simulation.single_target import Truth, draw
 
 EVERY = sorted(env_id for env_id in gym.registry if env_id.startswith("gmr_gym/"))
