@@ -378,9 +378,7 @@ def _updated(p: Mixture, z: np.ndarray, sensor) -> tuple[Mixture, np.ndarray]:
 
     Departs: R is added to H P H', which is missing in print, and the target's mean is updated, not a
     clutter's."""
-    z_hat, S = sensor.gates(p)
-    C = sensor.predict_detections(p, z_hat, S, z).C
-    n, off = len(p.w), z - z_hat
-    d2 = np.einsum("ni,ni->n", off, np.linalg.solve(S, off[:, :, None])[:, :, 0])
-    found = posteriors(np.zeros(n), np.eye(n), p.m, p.P, z_hat, S, C, *sensor, z, 0.0)
-    return Mixture(*found[:3]), d2
+    predicted_z = sensor.predict_detections(p, *sensor.gates(p), z)
+    n, off = len(p.w), z - predicted_z.z_hat
+    d2 = np.einsum("ni,ni->n", off, np.linalg.solve(predicted_z.S, off[:, :, None])[:, :, 0])
+    return posteriors(np.zeros(n), np.eye(n), p, predicted_z, 0.0)[0], d2

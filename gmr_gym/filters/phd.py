@@ -129,12 +129,11 @@ def update(
     Vo and Ma 2006, eqs. 30-35.
     """
     p = predicted.intensity
-    z_hat, S = sensor.gates(p)
-    C = sensor.predict_detections(p, z_hat, S, z).C
-    w, m, P, parent, p_clutter = _updated(
-        *p, z_hat, S, C, *sensor, z, np.log(kappa), detection_probability, prune_weight
+    predicted_z = sensor.predict_detections(p, *sensor.gates(p), z)
+    posterior, parent, p_clutter = _updated(
+        p, predicted_z, np.log(kappa), detection_probability, prune_weight
     )
-    return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent]), p_clutter
+    return predicted._replace(intensity=posterior, label=predicted.label[parent]), p_clutter
 
 
 def reduce_intensity(
@@ -237,8 +236,8 @@ def check_filter(
 
 
 @kernel
-def _updated(w, m, P, z_hat, S, C, H, R, z, log_kappa, detection_probability, least):
-    table = log_ratios(w, z_hat, S, z, log_kappa, detection_probability)
+def _updated(predicted, predicted_z, log_kappa, detection_probability, least):
+    table = log_ratios(predicted.w, predicted_z, log_kappa, detection_probability)
     n, k = table.shape
     top = np.zeros(k)  # log ratio of the clutter to itself
     for i in range(n):
@@ -256,5 +255,5 @@ def _updated(w, m, P, z_hat, S, C, H, R, z, log_kappa, detection_probability, le
     for i in range(n):
         for j in range(k):
             table[i, j] /= total[j]
-    found = posteriors((1.0 - detection_probability) * w, table, m, P, z_hat, S, C, H, R, z, least)
-    return *found, p_clutter / total
+    missed = (1.0 - detection_probability) * predicted.w
+    return *posteriors(missed, table, predicted, predicted_z, least), p_clutter / total
