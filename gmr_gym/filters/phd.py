@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.checks import check_limits
 from gmr_gym.filters.intensity_update import log_ratios, posteriors
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.kernels import kernel
@@ -18,7 +17,7 @@ from gmr_gym.models.clutter import Clutter, no_components
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.kalman import predict as predict_components
 from gmr_gym.models.multi_target import MultiTargetModel
-from gmr_gym.reduction.protocol import Reduced, check_reduced
+from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.pruning import capping
 
 
@@ -211,28 +210,6 @@ def report(
         p.m[at], existence, np.where(copy == 0, label[at], -1), float(p.w.sum()), p, clutter
     )
     return LabelledIntensity(p, label, next_label + len(others)), out
-
-
-def check_filter(
-    model: MultiTargetModel, reduce: Callable[[Mixture], Reduced], prune_weight: float, max_components: int
-) -> None:
-    """Check the parameters of a PHD filter when it is made rather than at a scan.
-
-    Parameters
-    ----------
-    model : MultiTargetModel
-    reduce : callable
-    prune_weight : float
-    max_components : int
-
-    Raises
-    ------
-    ValueError
-        Naming the parameter that is out of range.
-    """
-    check_limits(prune_weight, max_components)
-    d = len(model.motion.F)
-    check_reduced(reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
 
 
 @kernel
