@@ -429,7 +429,7 @@ def test_evidence_is_of_the_first_three_trackers_and_the_runs_all_of_them_kept()
     assert list(told) == ["mmg", "imm_mht", "imm_pda"]
     assert np.logical_and.reduce([one.kept for one in told.values()]).tolist() == [False] * 3 + [True] * 3
     for one, runs in zip(told.values(), results.values(), strict=False):
-        np.testing.assert_array_equal(one.error, runs.x - runs.truth)
+        np.testing.assert_array_equal(one.errors.error, runs.x - runs.truth)
 
 
 # tables

@@ -11,7 +11,7 @@ from gmr_gym.envs.render import ellipses
 from gmr_gym.evaluation.metrics import wasserstein
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns, density_error, places, play
 from gmr_gym.evaluation.multi_target_summary import mean_where
-from gmr_gym.experiments.drawings import save
+from gmr_gym.experiments.drawings import canvas, save
 from gmr_gym.experiments.papers.lv_claims import LEARNED, UNIFORM
 from gmr_gym.experiments.specs import tracker_of
 from gmr_gym.filters.tracker import MultiTargetReport
@@ -51,8 +51,7 @@ def episode_figures(scenario: MultiTargetScenario, results: Mapping[str, MultiTa
 
 def _tracks(scenario: MultiTargetScenario, episode: MultiTargetEpisode) -> Drawing:
     """Fig. 1: a circle where a target begins, a square where it ends; the groups of clutter behind."""
-    drawing = Drawing(figsize=(6, 6), layout="constrained")
-    axes = drawing.subplots()
+    drawing, axes = canvas(6, 6)
     _groups(axes, scenario.clutter(0))
     for i, (path, line) in enumerate(zip(_paths(scenario, episode), ("-", ":", "--"), strict=False)):
         there = path[np.isfinite(path[:, 0])]
@@ -67,8 +66,7 @@ def _fitted(
     scenario: MultiTargetScenario, episode: MultiTargetEpisode, account: MultiTargetReport, t: int
 ) -> Drawing:
     """Figs. 2-3: 95 % ellipses of the real clutter and of the Gaussians fitted to one scan."""
-    drawing = Drawing(figsize=(6, 6), layout="constrained")
-    axes = drawing.subplots()
+    drawing, axes = canvas(6, 6)
     true = scenario.clutter(t)
     _groups(axes, true)
     axes.plot(*scan(episode, t).z.T, ".", color="0.6", ms=4)
@@ -104,8 +102,7 @@ def _episode(
 ) -> Drawing:
     """Figs. 4, 6 and 8 in one, or 5, 7 and 9: number, positions and Wasserstein distance by time of an
     episode; of the last also its mean over runs."""
-    drawing = Drawing(figsize=(9, 10), layout="constrained")
-    number, *along, distance = drawing.subplots(4, 1, sharex=True)
+    drawing, (number, *along, distance) = canvas(9, 10, 4, 1, sharex=True)
     time = scenario.period * np.arange(1, scenario.horizon + 1)
     paths = _paths(scenario, episode)
     there = np.isfinite(paths[:, :, 0]).sum(axis=0)
@@ -142,8 +139,7 @@ def _density_errors(scenario: MultiTargetScenario, said: list[MultiTargetReport]
 
 def _intensities(scenario: MultiTargetScenario, said: Mapping[str, list[MultiTargetReport]]) -> Drawing:
     """kappa after the last scan, on one scale of colours."""
-    drawing = Drawing(figsize=(12, 3.6), layout="constrained")
-    panels = drawing.subplots(1, 4, sharey=True)
+    drawing, panels = canvas(12, 3.6, 1, 4, sharey=True)
     last = scenario.horizon - 1
     true = scenario.clutter(last)
     shown = {"true": true, "fitted to one scan (fmm-em)": said["fmm-em"][last].clutter}
