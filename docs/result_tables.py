@@ -41,18 +41,17 @@ def figure(metric: str, cell: Mapping[str, Any]) -> str:
     return f"{as_shown(metric, value)}; {printed} {cell.get('verdict', '')}".rstrip()
 
 
-def claims_table(claims: Sequence[Mapping[str, Any]], across: str) -> str:
+def claims_table(claims: Sequence[Mapping[str, Any]], across: Sequence[str]) -> str:
     """A row for each claim, a column for each of what it is judged on, without what all have in common."""
     varying = [key for key in CLAIM if len({claim[key] for claim in claims}) > 1 or key == "claim"]
-    kept = [key for key in varying if key != across and (key, across) != ("threshold", "measure")]
-    columns = [*dict.fromkeys(claim[across] for claim in claims)]
+    kept = [key for key in varying if key not in across and (key != "threshold" or "measure" not in across)]
+    columns = [", ".join(claim[key] for key in across) for claim in claims]
     rows: dict[tuple[str, ...], dict[str, str]] = {}
-    for claim in claims:
+    for claim, column in zip(claims, columns, strict=True):
         row = rows.setdefault(tuple(str(claim[key]) for key in kept), dict.fromkeys(columns, "-"))
-        row[claim[across]] = f"{claim['verdict']} {figure('', claim)}"
-    return markdown(
-        [*(CLAIM[key] for key in kept), *columns], [[*key, *row.values()] for key, row in rows.items()]
-    )
+        row[column] = f"{claim['verdict']} {figure('', claim)}"
+    header = [*(CLAIM[key] for key in kept), *dict.fromkeys(columns)]
+    return markdown(header, [[*key, *row.values()] for key, row in rows.items()])
 
 
 def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -5,7 +5,8 @@ which version, when and from which code, and pages include it.
 their commands again. A new one begins as a file with `command`, `needs` and what is shown in its head:
 
 - `table`, `columns`: a table of the record that `gmr-gym evaluate` or `reproduce` leaves, and its metrics
-- `across`: the record's claims (of one `table`, where it is named), spread over `runs`, `table` or `measure`
+- `across`: the record's claims, those of a `table` or of runs where one is named; a column for each `table`,
+  each of the `runs`, or each `measure`
 - `left`: a file that the command leaves, with `figure` a drawing, and what it is called in docs/images
 - none of these: what the command prints
 
@@ -150,11 +151,13 @@ def shown(head: Mapping[str, str], printed: str, record: Mapping[str, Any]) -> s
         return (ROOT / head["left"]).read_text(encoding="utf-8")
     names = head["table"].split("; ") if "table" in head else []
     if "across" in head:
-        claims = [claim for claim in record["claims"] if not names or claim["table"] in names]
-        return claims_table(claims, head["across"])
+        claims = [
+            claim for claim in record["claims"] if not names or {claim["table"], claim["runs"]} & {*names}
+        ]
+        return claims_table(claims, head["across"].split())
     if names:
-        tables = [table for table in record["tables"] if table["name"] in names]
-        return figures_table(tables, head.get("columns", "").split())
+        tables = {table["name"]: table for table in record["tables"]}
+        return figures_table([tables[name] for name in names], head.get("columns", "").split())
     return printed
 
 
@@ -199,7 +202,10 @@ def main() -> None:
         check()
         return
     for file in (FOLDER / f"{name}.md" for name in asked.names):
-        file.write_text(written(read(file)[0]), encoding="utf-8")
+        try:
+            file.write_text(written(read(file)[0]), encoding="utf-8")
+        except ValueError as error:
+            parser.error(f"{file.stem}: {error}")
 
 
 if __name__ == "__main__":

@@ -102,7 +102,7 @@ def test_claims_are_spread_over_what_they_are_judged_on():
         {**said, "runs": "all", "verdict": "tie", **cell(1.0, -1.0, 3.0)},
         {**said, "runs": "kept", "verdict": "holds", **cell(2.0, 1.0, 3.0)},
     ]
-    assert results.claims_table(claims, "runs").splitlines() == [
+    assert results.claims_table(claims, ["runs"]).splitlines() == [
         "| the paper says | all | kept |",
         "| --- | --- | --- |",
         "| it is better | tie 1 [-1, 3] | holds 2 [1, 3] |",
