@@ -59,6 +59,25 @@ def test_a_file_is_written_by_its_command_and_says_when_and_from_what(tmp_path, 
     assert body.startswith(f"\n{table}\n\n*gmr_gym {head['version']}, ")
 
 
+def test_a_page_says_below_a_table_that_it_is_older_than_its_code(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "extensions"))
+    import ages
+
+    source = tree(tmp_path, monkeypatch)
+    monkeypatch.setattr(results, "FOLDER", tmp_path / "docs" / "results")
+    head = {"command": "none", "needs": "tracker.py", "version": "1", "date": "2026-11-28"}
+    results.FOLDER.mkdir(parents=True)
+    for name, made_of in (("now", source), ("then", "another")):
+        (results.FOLDER / f"{name}.md").write_text(results.text(head | {"source": made_of}, "| a |"))
+    shown = {}
+    for name in ("now", "then"):
+        content = [(results.FOLDER / f"{name}.md").read_text()]
+        ages.read(None, Path("results", f"{name}.md"), "page", content)
+        shown[name] = content[0].splitlines()[-1]
+    assert shown["now"] == "*gmr_gym 1, 28 November 2026.*"
+    assert shown["then"] == "*gmr_gym 1, 28 November 2026; the code has changed since.*"
+
+
 def test_a_table_without_a_command_is_not_written():
     with pytest.raises(ValueError, match="no command makes it"):
         results.written({"command": "none", "needs": "gmr_gym/mixture.py"})
