@@ -18,7 +18,8 @@ from gmr_gym.filters.tracker import Report
 from gmr_gym.models.multi_target import MultiTargetModel
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+RESULTS = {*(ROOT / "docs" / "results").glob("*.md")}  # which pages include
+PAGES = [ROOT / "README.md", *sorted({*(ROOT / "docs").rglob("*.md")} - RESULTS)]
 EQUATIONS = ROOT / "docs" / "reference" / "equations.md"
 RUN = (
     "evaluate",
