@@ -142,6 +142,7 @@ def reproduce(
         if name not in known:
             raise ValueError(f"{paper} has no table {name!r}; choose from {', '.join(known)}")
     specs.check_once("--table", table)
+    table = [name for name in known if name in table]  # in whatever order they were typed
     part, usual = sweeps.shard_of(shard, out), asked_for.tables[0].runs
     runs, names = runs or usual, table or list(known)
     asked = records.question(paper=paper, asked=names, runs=runs, seed=seed)
