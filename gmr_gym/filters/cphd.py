@@ -163,9 +163,20 @@ def _updated(predicted, log_p, predicted_z, log_kappa, detection_probability, le
 
 @kernel
 def elementary_symmetric(log_l, log_a):
-    """Logarithms of e_j (N + 1,), D, M and the derivatives of D by each l (k,), see `update`.
+    r"""Logarithms of e_j (N + 1,), D, M and the derivatives of D by each l (k,), see `update`.
 
     log_l (k,) are the l, log_a (N + 1,) the a_j.
+
+    Notes
+    -----
+    The elementary symmetric functions of Vo, Vo and Cantoni (2007) and those without one detection
+
+    .. math::
+
+        e_j = \sum_{S,\, |S| = j} \prod_{z \in S} l(z), \qquad
+        \frac{\partial e_j}{\partial l(z)} = e_{j-1}(Z \setminus \{z\})
+
+    one detection more, of ratio l, takes :math:`e_j` to :math:`e_j + l\, e_{j-1}`.
     """
     k, orders = len(log_l), len(log_a)
     # back[t, j]: the factor of e_j of the first t detections in D

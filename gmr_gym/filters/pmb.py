@@ -204,6 +204,10 @@ def prune(belief: MultiBernoulli, existence: float, weight: float, max_component
     Returns
     -------
     MultiBernoulli
+
+    Notes
+    -----
+    Departs: tracks of little existence are dropped; the paper may recycle them into the undetected intensity.
     """
     tracks, label, undetected, next_label = belief
     order = np.argsort(-tracks.w, kind="stable")[:max_components]
@@ -302,7 +306,7 @@ def moment_matched(absent, found, tracks, tracks_z):
 
 @kernel
 def marginals(track, detection, log_psi, n, k):
-    """Marginal association probabilities by loopy belief propagation (Williams and Lau 2014).
+    r"""Marginal association probabilities by loopy belief propagation (Williams and Lau 2014).
 
     Returns those of each pair (e,), of a missed track (n,) and of an unassigned detection (k,), exact where
     the e pairs form no loop.
@@ -310,6 +314,23 @@ def marginals(track, detection, log_psi, n, k):
     log_psi (e,) is the log weight of the pair of track (e,) and detection (e,) relative to a missed track
     and an unassigned detection. Messages are logarithms too, because with little clutter psi overflows. No
     pair may occur twice.
+
+    Notes
+    -----
+    Messages of tracks and of detections, from :math:`\nu_{ji} = 1` until they converge
+
+    .. math::
+
+        \mu_{ij} = \frac{\psi_{ij}}{1 + \sum_{l \ne j} \psi_{il} \nu_{li}}, \qquad
+        \nu_{ji} = \frac{1}{1 + \sum_{l \ne i} \mu_{lj}}
+
+    and the marginals of a pair, of a missed track and of an unassigned detection
+
+    .. math::
+
+        \bar p_{ij} = \frac{\psi_{ij} \nu_{ji}}{1 + \sum_l \psi_{il} \nu_{li}}, \qquad
+        \bar p_{i0} = \frac{1}{1 + \sum_l \psi_{il} \nu_{li}}, \qquad
+        u_j = \frac{1}{1 + \sum_l \mu_{lj}}
     """
     e = len(log_psi)
     by_track, first_track = _grouped(track, n)

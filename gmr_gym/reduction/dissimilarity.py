@@ -41,7 +41,7 @@ def dissimilarity(p: Mixture, measure: str) -> np.ndarray:
     Raises
     ------
     ValueError
-        For an unknown measure, or a mixture that fails `checked`.
+        For an unknown measure, a mixture that fails `checked`, or weights whose squares overflow in "isd".
 
     Notes
     -----
@@ -59,7 +59,14 @@ def dissimilarity(p: Mixture, measure: str) -> np.ndarray:
     [[0.0, 0.6321], [0.6321, 0.0]]
     """
     check_choice("measure", measure, MEASURES)
-    return dissimilarities(checked(p), measure)
+    p = checked(p)
+    table = dissimilarities(p, measure)
+    if measure == "isd" and not np.isfinite(table).all():
+        raise ValueError(
+            f"isd has squares of weights beyond the range of floats, got weights up to {p.w.max():g}; "
+            "pass normalised(p)"
+        )
+    return table
 
 
 def dissimilarities(p: Mixture, measure: str) -> np.ndarray:

@@ -551,7 +551,7 @@ def test_without_clutter_the_scan_is_the_targets_detection_or_nothing():
         (FLIGHT, {"segment": "nowhere"}, ValueError, "nowhere"),
         (JUMP, {"horizon": 5}, ValueError, "unknown argument 'horizon'; .*takes case, .*, render_mode$"),
         (JUMP, {"case": "3"}, ValueError, "case must be one of 1, 2, stress, clear, got '3'"),
-        (JUMP, {"process_variance": "one"}, ValueError, "cannot make a scenario of .*process_variance"),
+        (JUMP, {"process_variance": "one"}, ValueError, "^process_variance must be a number, got 'one'$"),
         (RADAR, {"regime": "close"}, ValueError, "regime must be one of near, far, extreme, got 'close'"),
         (RADAR, {"range_deviation": 0}, ValueError, "range_deviation must be positive and finite, got 0"),
         (RADAR, {"angle_deviation": 0.6}, ValueError, "angle_deviation must be positive and at most 0.5 rad"),
