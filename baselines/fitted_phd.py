@@ -1,16 +1,15 @@
 """A GM-PHD filter with the clutter intensity that Lv's finite mixture fits to each scan."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from gmr_gym.filters import phd
+import numpy as np
+
+from gmr_gym.filters.gm_phd import GmPhd
 from gmr_gym.filters.phd import LabelledIntensity
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.filters.tracker import MultiTargetReport, MultiTargetTracker, check_scan
-from gmr_gym.mixture import Mixture
 from gmr_gym.models.multi_target import MultiTargetModel
-from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reduction_named
 
 
@@ -37,43 +36,29 @@ class FittedPhd:
 
     Parameters
     ----------
-    model : MultiTargetModel
-        The filter model.
-    reduce : callable
-        Reduction of the intensity.
+    phd : GmPhd
     fit : MultiTargetTracker
         Tracker of the finite mixture.
-    prune_weight : float
-        Components of less weight, an expected number of targets, are pruned.
-    max_components : int
-        Most components that enter `reduce`, the heaviest, to bound the memory of a huge scan.
     """
 
-    model: MultiTargetModel
-    reduce: Callable[[Mixture], Reduced]
+    phd: GmPhd
     fit: MultiTargetTracker
-    prune_weight: float = 1e-5
-    max_components: int = 2000
 
-    def __post_init__(self):
-        phd.check_filter(self.model, self.reduce, self.prune_weight, self.max_components)
+    @property
+    def model(self) -> MultiTargetModel:
+        """The filter model."""
+        return self.phd.model
 
     def init(self) -> Fitted:
         """Belief one period before the first scan."""
-        return Fitted(phd.no_targets(self.model), self.fit.init())
+        return Fitted(self.phd.init(), self.fit.init())
 
-    def step(self, belief: Fitted, z) -> tuple[Fitted, MultiTargetReport]:
+    def step(self, belief: Fitted, z: np.ndarray) -> tuple[Fitted, MultiTargetReport]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
-        model = self.model
-        z = check_scan(z, len(model.sensor.H))
+        z = check_scan(z, len(self.model.sensor.H))
         mixture, fitted = self.fit.step(belief.mixture, z)
-        posterior, _ = phd.update(
-            phd.predict(belief.targets, model), model.sensor, z,
-            model.detection_probability, fitted.clutter.density(z), self.prune_weight,
-        )  # fmt: skip
-        targets, report = phd.report(
-            phd.reduce_intensity(posterior, self.reduce, self.max_components), fitted.clutter
-        )
+        posterior, _ = self.phd.update(belief.targets, z, fitted.clutter)
+        targets, report = self.phd.report(posterior, fitted.clutter)
         return Fitted(targets, mixture), report
 
 
@@ -116,5 +101,5 @@ def fitted_phd(
     """
     if by not in ("fmm-em", "fmm-gibbs"):
         raise ValueError(f"by must be fmm-em or fmm-gibbs, got {by!r}")
-    reduce = reduction_named(reduction, components, merging)
-    return FittedPhd(model, reduce, make_tracker(by, model, repaired=repaired), prune_weight)
+    phd = GmPhd(model, reduction_named(reduction, components, merging), prune_weight)
+    return FittedPhd(phd, make_tracker(by, model, repaired=repaired))

@@ -214,6 +214,7 @@ def fmm_em(
     model: MultiTargetModel,
     repaired: bool = False,
     gaussians: int = 8,
+    *,
     merging: float = 4.0,
     clutter_least: float = 3.0,
     target_least: float = 0.5,
@@ -282,14 +283,15 @@ def fmm_em(
     Lv, Algorithm 1.
     """
     options = em_options(merging, clutter_least, target_least, deviation, tolerance, iterations, repaired)
-    life = _life(repaired, patience, establishing, spawn_distance, gate)
-    return Fmm(model, _by_em, options, life, gaussians, seed)
+    life = Lifetime(patience, establishing, spawn_distance, True, gate)
+    return _fmm(model, _by_em, options, life, gaussians, seed)
 
 
 def fmm_gibbs(
     model: MultiTargetModel,
     repaired: bool = False,
     gaussians: int = 8,
+    *,
     merging: float = 4.0,
     clutter_least: float = 3.0,
     target_least: float = 0.5,
@@ -308,30 +310,14 @@ def fmm_gibbs(
     ----------
     model : MultiTargetModel
         The filter model.
-    repaired : bool
-        Whether targets are treated as repaired rather than as printed.
-    gaussians : int
-        g0, new Gaussians of clutter per scan.
-    merging : float
-        U of eq. 23, squared Mahalanobis distance.
-    clutter_least, target_least : float
-        D_c and D_t: parts with fewer detections are pruned.
-    deviation : float
-        Least standard deviation of a Gaussian of clutter, m.
     burn : int
         Sweeps before the average.
     sweeps : int
         Sweeps averaged.
-    patience : int
-        Scans in which an established target may be missed.
-    establishing : int
-        Consecutive scans in which a target must be found before it is declared.
-    spawn_distance : float
-        Distance of spawned targets from their parent in standard deviations, on either side along every axis.
-    gate : float
-        Squared Mahalanobis distance from its prediction beyond which a target counts as missed.
-    seed : int
-        Seed of the random numbers.
+    repaired, gaussians, merging, clutter_least, target_least, deviation
+        As of `fmm_em`.
+    patience, establishing, spawn_distance, gate, seed
+        As of `fmm_em`.
 
     Returns
     -------
@@ -346,23 +332,26 @@ def fmm_gibbs(
     ----------
     Lv, section 5.
     """
-    options = em_options(merging, clutter_least, target_least, deviation, repaired=repaired)
     check_whole("burn", burn, 0)
     check_whole("sweeps", sweeps, 1)
-    life = _life(repaired, patience, establishing, spawn_distance, gate)
     fit = partial(fit_gibbs, burn=burn, sweeps=sweeps)
-    return Fmm(model, fit, options, life, gaussians, seed)
+    options = em_options(merging, clutter_least, target_least, deviation, repaired=repaired)
+    life = Lifetime(patience, establishing, spawn_distance, True, gate)
+    return _fmm(model, fit, options, life, gaussians, seed)
 
 
-def _life(repaired: bool, patience: int, establishing: int, spawn_distance: float, gate: float) -> Lifetime:
+def _fmm(
+    model: MultiTargetModel, fit: Callable, options: EmOptions, repaired: Lifetime, gaussians: int, seed: int
+) -> Fmm:
+    """The tracker with the lifetime `repaired` if the options say so."""
     # checked even where they are not used
-    check_whole("patience", patience, 0)
-    check_whole("establishing", establishing, 1)
-    if not 0 <= spawn_distance < np.inf:
-        raise ValueError(f"spawn_distance must be non-negative, got {spawn_distance}")
-    if not gate > 0:
-        raise ValueError(f"gate must be positive, got {gate}")
-    return Lifetime(patience, establishing, spawn_distance, True, gate) if repaired else PRINTED
+    check_whole("patience", repaired.patience, 0)
+    check_whole("establishing", repaired.establishing, 1)
+    if not 0 <= repaired.spawn_distance < np.inf:
+        raise ValueError(f"spawn_distance must be non-negative, got {repaired.spawn_distance}")
+    if not repaired.gate > 0:
+        raise ValueError(f"gate must be positive, got {repaired.gate}")
+    return Fmm(model, fit, options, repaired if options.repaired else PRINTED, gaussians, seed)
 
 
 def _by_em(
@@ -378,9 +367,7 @@ def _updated(p: Mixture, z: np.ndarray, sensor) -> tuple[Mixture, np.ndarray]:
 
     Departs: R is added to H P H', which is missing in print, and the target's mean is updated, not a
     clutter's."""
-    z_hat, S = sensor.gates(p)
-    C = sensor.predict_detections(p, z_hat, S, z).C
-    n, off = len(p.w), z - z_hat
-    d2 = np.einsum("ni,ni->n", off, np.linalg.solve(S, off[:, :, None])[:, :, 0])
-    found = posteriors(np.zeros(n), np.eye(n), p.m, p.P, z_hat, S, C, *sensor, z, 0.0)
-    return Mixture(*found[:3]), d2
+    predicted_z = sensor.predict_detections(p, *sensor.gates(p), z)
+    n, off = len(p.w), z - predicted_z.z_hat
+    d2 = np.einsum("ni,ni->n", off, np.linalg.solve(predicted_z.S, off[:, :, None])[:, :, 0])
+    return posteriors(np.zeros(n), np.eye(n), p, predicted_z, 0.0)[0], d2

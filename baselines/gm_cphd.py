@@ -1,18 +1,15 @@
 """The Gaussian-mixture cardinalised PHD filter, with any reduction (Vo, Vo and Cantoni 2007)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.filters import cphd as cardinality
-from gmr_gym.filters import phd
-from gmr_gym.filters.phd import LabelledIntensity
+from gmr_gym.filters import cphd
+from gmr_gym.filters.gm_phd import GmPhd
+from gmr_gym.filters.phd import LabelledIntensity, predict
 from gmr_gym.filters.tracker import MultiTargetReport, check_scan
-from gmr_gym.mixture import Mixture
 from gmr_gym.models.multi_target import MultiTargetModel
-from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reduction_named
 
 
@@ -39,54 +36,48 @@ class GmCphd:
 
     Parameters
     ----------
-    model : MultiTargetModel
-        The filter model.
-    reduce : callable
-        Reduction of the intensity.
-    prune_weight : float
-        Components of less weight, an expected number of targets, are pruned.
+    phd : GmPhd
+        Filter whose model, pruning and reduction are used.
     targets : int
         N, most targets; the cardinality distribution is truncated there and normalised.
-    max_components : int
-        Most components that enter `reduce`, the heaviest, to bound the memory of a huge scan.
 
     References
     ----------
     Vo, Vo and Cantoni 2007.
     """
 
-    model: MultiTargetModel
-    reduce: Callable[[Mixture], Reduced]
-    prune_weight: float = 1e-5
+    phd: GmPhd
     targets: int = 50
-    max_components: int = 2000
 
     def __post_init__(self):
-        phd.check_filter(self.model, self.reduce, self.prune_weight, self.max_components)
         if not self.targets >= 1 or self.targets != int(self.targets):
             raise ValueError(f"targets must be a whole number, at least 1, got {self.targets}")
 
+    @property
+    def model(self) -> MultiTargetModel:
+        """The filter model."""
+        return self.phd.model
+
     def init(self) -> CphdBelief:
         """Belief one period before the first scan."""
-        return CphdBelief(phd.no_targets(self.model), np.eye(1, self.targets + 1)[0])
+        return CphdBelief(self.phd.init(), np.eye(1, self.targets + 1)[0])
 
     def step(self, belief: CphdBelief, z: np.ndarray) -> tuple[CphdBelief, MultiTargetReport]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
-        transition = cardinality.cardinality_transition(
+        transition = cphd.cardinality_transition(
             model.survival_probability,
             model.spawn_weight,
             float(model.births.w.sum()),
             len(belief.cardinality) - 1,
         )
         predicted = transition @ belief.cardinality
-        posterior, number = cardinality.update(
-            phd.predict(belief.targets, model), predicted / predicted.sum(), model.sensor, z,
-            model.detection_probability, model.clutter.density(z), self.prune_weight,
+        posterior, number = cphd.update(
+            predict(belief.targets, model), predicted / predicted.sum(), model.sensor, z,
+            model.detection_probability, model.clutter.density(z), self.phd.prune_weight,
         )  # fmt: skip
-        kept = phd.reduce_intensity(posterior, self.reduce, self.max_components)
-        labelled, report = phd.report(kept, model.clutter, int(number.argmax()))
+        labelled, report = self.phd.report(posterior, model.clutter, int(number.argmax()))
         return CphdBelief(labelled, number), report
 
 
@@ -123,5 +114,4 @@ def gm_cphd(
     ----------
     Vo, Vo and Cantoni 2007.
     """
-    reduce = reduction_named(reduction, components, merging)
-    return GmCphd(model, reduce, prune_weight, targets)
+    return GmCphd(GmPhd(model, reduction_named(reduction, components, merging), prune_weight), targets)

@@ -1,62 +1,8 @@
 """The Gaussian-mixture PHD filter (Vo and Ma 2006), with any reduction of its mixture."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
-import numpy as np
-
-from gmr_gym.filters import phd
-from gmr_gym.filters.phd import LabelledIntensity
-from gmr_gym.filters.tracker import MultiTargetReport, check_scan
-from gmr_gym.mixture import Mixture
+from gmr_gym.filters.gm_phd import GmPhd
 from gmr_gym.models.multi_target import MultiTargetModel
-from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reduction_named
-
-
-@dataclass(frozen=True)
-class GmPhd:
-    """GM-PHD filter: predict with births and spawning, update, prune, reduce.
-
-    Components of weight above 1/2 are declared targets.
-
-    Parameters
-    ----------
-    model : MultiTargetModel
-        The filter model.
-    reduce : callable
-        Reduction of the intensity.
-    prune_weight : float
-        T: components of less weight, an expected number of targets, are pruned.
-    max_components : int
-        Most components that enter `reduce`, the heaviest, to bound the memory of a huge scan.
-
-    References
-    ----------
-    Vo and Ma 2006, Tables I-III.
-    """
-
-    model: MultiTargetModel
-    reduce: Callable[[Mixture], Reduced]
-    prune_weight: float = 1e-5
-    max_components: int = 2000
-
-    def __post_init__(self):
-        phd.check_filter(self.model, self.reduce, self.prune_weight, self.max_components)
-
-    def init(self) -> LabelledIntensity:
-        """Belief one period before the first scan."""
-        return phd.no_targets(self.model)
-
-    def step(self, belief: LabelledIntensity, z: np.ndarray) -> tuple[LabelledIntensity, MultiTargetReport]:
-        """Belief after the scan `z` (k, p) one period later, and its report."""
-        model = self.model
-        z = check_scan(z, len(model.sensor.H))
-        posterior, _ = phd.update(
-            phd.predict(belief, model), model.sensor, z,
-            model.detection_probability, model.clutter.density(z), self.prune_weight,
-        )  # fmt: skip
-        return phd.report(phd.reduce_intensity(posterior, self.reduce, self.max_components), model.clutter)
 
 
 def gm_phd(

@@ -8,6 +8,7 @@ import numpy as np
 
 import gmr_gym
 from gmr_gym.checks import check_count
+from gmr_gym.filters.association import Expansion
 from gmr_gym.filters.mht import expand_scan, gate_and_log_weights
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.kernels import kernel
@@ -92,12 +93,11 @@ def _scan(
     F, Q, offset, H, R, threshold, log_miss, log_detect, known, layout, numbers, set_by, rest,
 ):  # fmt: skip
     """A scan in one call: the fields of the gates, and what `adapt` returns for the network's thresholds."""
-    z_hat, S, w, m, P, _, detection, log_density = expand_scan(
+    z_hat, S, w, m, P, parent, detection, log_density = expand_scan(
         w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z
     )
-    features, cost, gated = observe(
-        w, m, P, detection, log_density, S, H, R, log_detect, known, kept, given_up, work
-    )
+    full = Expansion(Mixture(w, m, P), parent, detection, log_density)
+    features, cost, gated = observe(full, S, Sensor(H, R), log_detect, known, Memory(kept, given_up, work))
     single = features.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
     thresholds = from_actions(forward(single, layout, numbers), set_by, rest)[0]
     w, m, P, mean, covariance, given_up, work = adapt(w, m, P, thresholds, cost, gated)

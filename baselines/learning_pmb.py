@@ -7,29 +7,12 @@ import numpy as np
 
 from gmr_gym.checks import check_limits, check_probability
 from gmr_gym.filters import pmb as multi_bernoulli
-from gmr_gym.filters.clutter_estimation import (
-    ClutterEstimate,
-    EstimatorOptions,
-    initial_estimate,
-    options,
-    update_estimate,
-)
+from gmr_gym.filters.clutter_estimation import options
+from gmr_gym.filters.learning_tracker import LearningTracker
 from gmr_gym.filters.pmb import MultiBernoulli
-from gmr_gym.filters.tracker import MultiTargetReport, check_scan
+from gmr_gym.filters.tracker import KnownClutterTracker, MultiTargetReport
+from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.multi_target import MultiTargetModel
-
-
-class LearningPmbBelief(NamedTuple):
-    """Belief of targets and state of the clutter estimator.
-
-    Attributes
-    ----------
-    targets : MultiBernoulli
-    estimate : ClutterEstimate
-    """
-
-    targets: MultiBernoulli
-    estimate: ClutterEstimate
 
 
 class PmbLimits(NamedTuple):
@@ -91,7 +74,7 @@ def pmb_limits(
 
 
 @dataclass(frozen=True)
-class Pmb:
+class Pmb(KnownClutterTracker):
     """Poisson multi-Bernoulli tracker in known clutter.
 
     Parameters
@@ -108,46 +91,21 @@ class Pmb:
         """Belief one period before the first scan."""
         return multi_bernoulli.no_targets(self.model)
 
-    def step(self, belief: MultiBernoulli, z: np.ndarray) -> tuple[MultiBernoulli, MultiTargetReport]:
-        """Belief after the scan `z` (k, p) one period later, and its report."""
-        model = self.model
-        z = check_scan(z, len(model.sensor.H))
-        targets, _ = _scanned(belief, model, z, model.clutter.density(z), self.limits)
-        return targets, multi_bernoulli.report(targets, model.clutter, self.limits.report_threshold)
+    def update(
+        self, belief: MultiBernoulli, z: np.ndarray, clutter: Clutter
+    ) -> tuple[MultiBernoulli, np.ndarray]:
+        """Pruned belief after the scan `z` (k, p), and the probability (k,) that each is a false alarm."""
+        model, limits = self.model, self.limits
+        targets, p_clutter = multi_bernoulli.update(
+            multi_bernoulli.predict(belief, model), model.sensor, z,
+            model.detection_probability, clutter.density(z), limits.prune_existence,
+        )  # fmt: skip
+        kept = multi_bernoulli.prune(targets, limits.prune_existence, limits.prune_weight, limits.tracks)
+        return kept, p_clutter
 
-
-@dataclass(frozen=True)
-class LearningPmb:
-    """Poisson multi-Bernoulli tracker whose clutter intensity is estimated from past scans.
-
-    Every detection is weighted by the probability that it belongs to no track, old or new. A scan is
-    processed with the clutter estimated before it.
-
-    Parameters
-    ----------
-    model : MultiTargetModel
-        The filter model.
-    options : EstimatorOptions
-        Options of the clutter estimator.
-    limits : PmbLimits
-    """
-
-    model: MultiTargetModel
-    options: EstimatorOptions
-    limits: PmbLimits
-
-    def init(self) -> LearningPmbBelief:
-        """Belief one period before the first scan."""
-        return LearningPmbBelief(multi_bernoulli.no_targets(self.model), initial_estimate(self.model.clutter))
-
-    def step(self, belief: LearningPmbBelief, z: np.ndarray) -> tuple[LearningPmbBelief, MultiTargetReport]:
-        """Belief after the scan `z` (k, p) one period later, and its report."""
-        model, estimate = self.model, belief.estimate
-        z = check_scan(z, len(model.sensor.H))
-        targets, p_clutter = _scanned(belief.targets, model, z, estimate.clutter.density(z), self.limits)
-        estimate = update_estimate(model.clutter, estimate, z, p_clutter, self.options)
-        report = multi_bernoulli.report(targets, estimate.clutter, self.limits.report_threshold)
-        return LearningPmbBelief(targets, estimate), report
+    def report(self, posterior: MultiBernoulli, clutter: Clutter) -> tuple[MultiBernoulli, MultiTargetReport]:
+        """The belief, unchanged, and its report."""
+        return posterior, multi_bernoulli.report(posterior, clutter, self.limits.report_threshold)
 
 
 def pmb(
@@ -194,11 +152,12 @@ def learning_pmb(
     prune_weight: float = 1e-5,
     tracks: int = 200,
     report_threshold: float = 0.5,
+    *,
     memory: int = 20,
     deviation: float = 15.0,
     max_gaussians: int = 12,
     iterations: int = 2,
-) -> LearningPmb:
+) -> LearningTracker:
     """Poisson multi-Bernoulli tracker with estimated clutter: uniform and up to `max_gaussians` Gaussians.
 
     Parameters
@@ -224,26 +183,12 @@ def learning_pmb(
 
     Returns
     -------
-    LearningPmb
+    LearningTracker
 
     Raises
     ------
     ValueError
         Naming the parameter that is out of range.
     """
-    return LearningPmb(
-        model,
-        options(memory, deviation, max_gaussians, iterations),
-        pmb_limits(prune_existence, prune_weight, tracks, report_threshold),
-    )
-
-
-def _scanned(belief, model, z, kappa, limits):
-    """Targets after a scan, and the probability (k,) that each detection is a false alarm."""
-    targets, p_clutter = multi_bernoulli.update(
-        multi_bernoulli.predict(belief, model), model.sensor, z,
-        model.detection_probability, kappa, limits.prune_existence,
-    )  # fmt: skip
-    return multi_bernoulli.prune(
-        targets, limits.prune_existence, limits.prune_weight, limits.tracks
-    ), p_clutter
+    known = pmb(model, prune_existence, prune_weight, tracks, report_threshold)
+    return LearningTracker(known, options(memory, deviation, max_gaussians, iterations))

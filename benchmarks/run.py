@@ -40,20 +40,22 @@ def main() -> None:
     )
     options = parser.parse_args()
     plan = Plan(options.quick, process_time if options.cpu else perf_counter)
+    before = _load()
     rows: list[Row] = []
     with threadpool_limits(1):
         for section in SECTIONS:
             print(section.__name__.removesuffix("_rows"), "...", file=sys.stderr)
             rows += section(plan)
     clock = "processor time of this process, wall where there are others" if options.cpu else "wall"
+    measured_on = machine(clock, before)
     if options.json:
         record = {
-            "machine": machine(clock),
+            "machine": measured_on,
             "quick": options.quick,
             "rows": [_record(row) for row in rows],
         }
         write_json(options.json, record)
-    print("\n".join(f"- {name}: {value}" for name, value in machine(clock).items()), "", sep="\n")
+    print("\n".join(f"- {name}: {value}" for name, value in measured_on.items()), "", sep="\n")
     print(table(rows))
 
 
@@ -72,14 +74,20 @@ def table(rows: list[Row]) -> str:
     return "\n".join(lines)
 
 
-def machine(clock: str) -> dict[str, str]:
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
+def machine(clock: str, before: float) -> dict[str, str]:
+    """What the times were taken on, and its load `before` and after, ours included."""
     return {
-        "processor": f"{_processor()}, {os.cpu_count()} cores, load {load:.1f}",
+        "processor": f"{_processor()}, {os.cpu_count()} cores",
+        "load": f"{before:.1f} before, {_load():.1f} after",
         "clock": clock,
         "Python": platform.python_version(),
         **{name: _version(name) for name in PACKAGES},
     }
+
+
+def _load() -> float:
+    """Processes that run or wait for a processor, the mean of a minute."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
 
 
 def _processor() -> str:

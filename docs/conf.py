@@ -5,7 +5,11 @@ import sys
 from pathlib import Path
 
 os.environ["NUMBA_DISABLE_JIT"] = "1"  # kernels are then functions, with signatures and docstrings
-sys.path[:0] = [str(Path(__file__).parent / "extensions"), str(Path(__file__).parents[1])]
+sys.path[:0] = [
+    str(Path(__file__).parent / "extensions"),
+    str(Path(__file__).parent),
+    str(Path(__file__).parents[1]),
+]
 
 from gmr_gym.version import __version__ as release  # noqa: E402
 
@@ -15,9 +19,9 @@ copyright = author
 version = release
 extensions = [
     "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "numpydoc", "sphinx_design",
-    "sphinx_copybutton", "datasheets", "mathml", "pages", "rooms",
+    "sphinx_copybutton", "ages", "datasheets", "mathml", "pages", "rooms",
 ]  # fmt: skip
-exclude_patterns = ["static", "extensions"]
+exclude_patterns = ["static", "extensions", "results"]
 
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 4

@@ -10,6 +10,7 @@ from gmr_gym.deprecated import warn_renamed
 
 GROUP, MULTI_TARGET_GROUP = "gmr_gym.trackers", "gmr_gym.multi_target_trackers"
 FORMER_GROUP = "gmr_gym.crowd_trackers"  # of MULTI_TARGET_GROUP
+REDUCTION_GROUP = "gmr_gym.reductions"
 REDUCTIONS = (
     "runnalls", "greedy-isd", "adaptive", "ise", "ise-unscaled", "salmond", "west", "capping", "k-means",
     "k-medoids-isd", "k-medoids-correlation", "k-medoids-runnalls",
@@ -18,6 +19,16 @@ REDUCTIONS = (
     "single-isd", "single-correlation", "single-runnalls",
 )  # fmt: skip
 BACKENDS = ("loky", "dask", "ray")  # what shares runs among processes
+
+
+def reduction_entry_points() -> dict[str, EntryPoint]:
+    """Entry points by name of the reductions that installed packages add to `REDUCTIONS`."""
+    return {point.name: point for point in entry_points(group=REDUCTION_GROUP)}
+
+
+def reductions() -> tuple[str, ...]:
+    """Names of all reductions: `REDUCTIONS`, then what installed packages add, sorted."""
+    return (*REDUCTIONS, *sorted(reduction_entry_points().keys() - {*REDUCTIONS}))
 
 
 def tracker_entry_points(group: str) -> dict[str, EntryPoint]:

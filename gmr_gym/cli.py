@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, REDUCTIONS, described
+from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described, reductions
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.registry import ABOUT
 from gmr_gym.experiments.options import (
@@ -66,7 +66,7 @@ def list_() -> None:
         ("segments of gmr_gym/RecordedFlight-v0", dict.fromkeys(flight_names(), "")),
         ("trackers", described(GROUP)),
         ("trackers of many targets", described(MULTI_TARGET_GROUP)),
-        ("reductions, as in mmg-15:reduction=runnalls", dict.fromkeys(REDUCTIONS, "")),
+        ("reductions, as in mmg-15:reduction=runnalls", dict.fromkeys(reductions(), "")),
         ("papers", PAPERS),
     ):
         screen.print(f"[bold]{title}[/bold]")
@@ -142,6 +142,7 @@ def reproduce(
         if name not in known:
             raise ValueError(f"{paper} has no table {name!r}; choose from {', '.join(known)}")
     specs.check_once("--table", table)
+    table = [name for name in known if name in table]  # in whatever order they were typed
     part, usual = sweeps.shard_of(shard, out), asked_for.tables[0].runs
     runs, names = runs or usual, table or list(known)
     asked = records.question(paper=paper, asked=names, runs=runs, seed=seed)

@@ -273,11 +273,12 @@ def log_density(p: Mixture, x: np.ndarray) -> np.ndarray:
     Returns
     -------
     ndarray (k,)
+        Minus infinity at infinity.
 
     Raises
     ------
     ValueError
-        As `checked`, and for points of another dimension.
+        As `checked`, and for points of another dimension or with a nan.
 
     Examples
     --------
@@ -287,6 +288,8 @@ def log_density(p: Mixture, x: np.ndarray) -> np.ndarray:
     p, x = checked(p), doubles("x", x)
     if x.ndim != 2 or x.shape[1] != p.m.shape[1]:
         raise ValueError(f"x must have shape (k, {p.m.shape[1]}), got {x.shape}")
+    for row in np.flatnonzero(np.isnan(x).any(axis=1))[:1]:
+        raise ValueError(f"x must have no nan; row {row} is {x[row].tolist()}")
     return _log_density(p.w, p.m, p.P, x)
 
 
@@ -339,7 +342,9 @@ def _log_density(w, m, P, x):
             raise ValueError("a covariance of the mixture is not positive definite")
         log_scale = np.log(w[i]) + log_gaussian_scale(L)
         for j in range(len(x)):
-            terms[j, i] = log_scale - 0.5 * mahalanobis_squared(L, x[j], m[i], y)
+            d2 = mahalanobis_squared(L, x[j], m[i], y)
+            # nan where infinities cancel: as far away as any
+            terms[j, i] = log_scale - 0.5 * d2 if d2 < np.inf else -np.inf
     out = np.empty(len(x))
     for j in range(len(x)):
         top = terms[j].max()

@@ -605,6 +605,38 @@ def test_one_scan_alone_is_refused_by_what_can_be_typed(call, options):
     assert call(*TRACK, *complete)[0] == 0
 
 
+@pytest.mark.parametrize("rows", ["1,1e11,0\n2,1,1\n3,2,2", "1,0,0\n2,1,1\n3,1e11,2"])
+def test_a_detection_too_far_to_be_tracked_is_named_by_its_line(call, rows):
+    Path("z.csv").write_text(f"time,x,y\n{rows}\n")
+    line = 2 if rows.startswith("1,1e11") else 4
+    code, _, errors = call(*TRACK)
+    assert code == 2 and errors.startswith(f"error: z.csv, line {line}, column x: 1e11 lies beyond +-1e+10")
+    assert not Path("track.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("clutter_rate=text", "clutter_rate must be a number, got 'text'"),
+        ("clutter_rate=[1]", "clutter_rate must be a number, got [1]"),
+        ("detection_probability=None", "detection_probability must be a number, got None"),
+        ("horizon=text", "horizon must be a whole number, got 'text'"),
+    ],
+)
+def test_a_setting_that_is_no_number_is_refused_in_plain_words(call, setting, message):
+    assert call("evaluate", TURNING, "--tracker", "pda", "--set", setting) == (2, "", f"error: {message}\n")
+
+
+def test_tables_in_any_order_are_one_folder_and_one_question(call, monkeypatch):
+    asked = []
+    monkeypatch.setattr("gmr_gym.experiments.running.rerun", lambda *call: asked.append(call[3:]) or [])
+    for tables in ((1, 2), (2, 1)):
+        words = (word for table in tables for word in ("--table", table))
+        assert call("reproduce", "dortenzio", *words, "--jobs", 1)[0] == 0
+    (first, *one), (second, *other) = asked
+    assert first == second and one == other and one[1].name == "table-1-table-2"
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_command_says_where_it_goes_on(call, monkeypatch, number):
     def interrupted(*_, **__):
@@ -612,6 +644,11 @@ def test_an_interrupted_command_says_where_it_goes_on(call, monkeypatch, number)
 
     monkeypatch.setattr("gmr_gym.experiments.sweeps.run", interrupted)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job has it ignored
+    code, printed, errors = call(*EVALUATE, "mmg-5", "--out", "e")
+    assert code == 130 and printed == ""
+    assert errors == "stopped: no block of runs was finished\n"
+    Path("e/blocks").mkdir(parents=True)
+    Path(f"e/blocks/{'0' * 32}-0-1.npz").touch()
     code, printed, errors = call(*EVALUATE, "mmg-5", "--out", "e")
     assert code == 130 and printed == ""
     assert errors.startswith("stopped: finished blocks of runs are kept in e/blocks;")
@@ -628,7 +665,7 @@ def test_a_kernel_that_is_interrupted_while_it_is_called_stops_the_command_as_ct
 
     monkeypatch.setattr("gmr_gym.experiments.sweeps.run", stopped)
     code, _, errors = call(*EVALUATE, "mmg-5", "--out", "e")
-    assert code == 130 and errors.startswith("stopped: finished blocks of runs are kept in e/blocks;")
+    assert code == 130 and errors == "stopped: no block of runs was finished\n"
     monkeypatch.setattr("gmr_gym.experiments.sweeps.run", broken)
     monkeypatch.setattr(sys, "argv", [str(word) for word in ("gmr-gym", *EVALUATE, "mmg-5", "--out", "e")])
     with pytest.raises(SystemError, match="of another cause"):
@@ -729,6 +766,8 @@ def test_one_record_holds_all_that_the_screen_and_the_folder_have(call):
     assert set(record["units"]) == metrics
     assert record["units"]["rmse_own"] == "m" and record["units"]["time_per_scan"] == "s"
     assert all(note in printed for note in record["notes"]) and len(record["notes"]) == 1
+    own, common = "own: over the runs that a tracker kept", "common: over those that every tracker kept"
+    assert f"RMSE: root mean square error; error: mean distance from the truth; {own}; {common}\n" in printed
 
 
 def test_few_runs_are_said_to_be_too_few(call):

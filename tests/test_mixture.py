@@ -99,6 +99,14 @@ def test_log_density_does_not_underflow_far_away_nor_count_weight_zero():
     assert got[0] == pytest.approx(-0.5e12 - 0.5 * np.log(2 * np.pi), rel=1e-14)
 
 
+def test_log_density_at_infinity_is_minus_infinity_and_a_nan_is_refused():
+    p = mixture([0.5, 0.5], np.zeros((2, 2)), [[[1.0, 0.5], [0.5, 1.0]], [[1e-8, 0.0], [0.0, 1.0]]])
+    far = [[np.inf, 0.0], [np.inf, np.inf], [-np.inf, np.inf], [1e308, -1e308], [0.0, 1e200]]
+    assert (log_density(p, np.array(far)) == -np.inf).all()
+    with pytest.raises(ValueError, match=r"x must have no nan; row 1 is \[0.0, nan\]"):
+        log_density(p, np.array([[0.0, 0.0], [0.0, np.nan]]))
+
+
 def test_normalised_rescales_weights_alone_and_take_selects():
     p = mixture([1, 3], [[0.0], [1.0]], [[[1.0]], [[2.0]]])
     assert normalised(p).w.tolist() == [0.25, 0.75]

@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from importlib import import_module
 from inspect import signature
+from numbers import Real
+from types import NoneType, UnionType
 from typing import Any
 
 import gymnasium as gym
@@ -182,10 +184,23 @@ def make_scenario(scenario: str, arguments: Mapping[str, Any]) -> Any:
         For an unknown keyword, or one of the wrong type.
     """
     check_keywords(arguments, settings(scenario))
+    takes = signature(_factory(scenario)).parameters
+    for name, value in arguments.items():
+        _check_number(name, value, takes[name].annotation)
     try:
         return _factory(scenario)(**arguments)
     except TypeError as error:  # such as text in place of a number, or a fraction in place of a whole number
         raise ValueError(f"cannot make a scenario of {arguments}: {error}") from None
+
+
+def _check_number(name: str, value: Any, annotation: Any) -> None:
+    """ValueError naming the setting where its annotation takes numbers alone, or None, and the value is
+    neither."""
+    kinds = {*annotation.__args__} if isinstance(annotation, UnionType) else {annotation}
+    numeric = kinds - {NoneType} and not kinds - {float, int, NoneType}
+    array = isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "biuf"
+    if numeric and not (array or isinstance(value, Real) or (value is None and NoneType in kinds)):
+        raise ValueError(f"{name} must be {'a' if float in kinds else 'a whole'} number, got {value!r}")
 
 
 def settings(scenario: str) -> list[str]:

@@ -1,17 +1,16 @@
 """One environment for every single-target scenario."""
 
-from collections.abc import Sequence
+from typing import NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from numba.extending import register_jitable
 
 from gmr_gym.envs.episodic import EXTENT, ORIGIN, EpisodicEnv
+from gmr_gym.kernels import leaf_kernel
 from gmr_gym.mixture import moments
+from gmr_gym.simulation.reward import distance, score
 from gmr_gym.simulation.scans import label_into
 from gmr_gym.simulation.single_target import Episode, Scan, Scenario, capacity, draw, make_scan, scan, view_of
-
-SCANS_OFF = 10  # scans in a row beyond the cutoff that end an episode
 
 
 class TrackingEnv(EpisodicEnv):
@@ -104,18 +103,16 @@ class TrackingEnv(EpisodicEnv):
         """
         estimate = self._checked(action)
         error = float(distance(estimate.tolist(), self._episode.x[self._t].tolist(), self._position))
-        self._scans_off = self._scans_off + 1 if error > self.scenario.cutoff else 0
         self._estimates.append(estimate)
         self._t += 1
-        left = self.scenario.horizon - self._t
-        terminated = self._scans_off >= SCANS_OFF
-        reward = -min(error, self.scenario.cutoff)
+        reward, self._scans_off, terminated, truncated = score(
+            error, self.scenario.cutoff, 0.0, self._scans_off, self.scenario.horizon - self._t
+        )
         if terminated:
-            reward -= self.scenario.cutoff * left
             self._t = self.scenario.horizon
         observation, info = self._emit()
         info["error"] = error
-        return observation, reward, terminated, not terminated and left == 0, info
+        return observation, reward, terminated, truncated, info
 
     def _drawn(self, seed: int) -> Episode:
         self._scans_off = 0
@@ -175,11 +172,43 @@ def blank(shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, n
     return np.zeros(shape), np.zeros(shape[:-1], np.int8), np.full(shape[:-1], -2, ORIGIN), was
 
 
-@register_jitable
-def distance(estimate, truth, position: Sequence[int]):
-    """Distance of two states (d,) in the given coordinates, summed in order."""
-    total = 0.0
-    for i in position:
-        off = estimate[i] - truth[i]
-        total = total + off * off
-    return np.sqrt(total)
+class Scored(NamedTuple):
+    """The scores of n episodes."""
+
+    error: np.ndarray  # (n,), m
+    reward: np.ndarray  # (n,)
+    terminated: np.ndarray  # (n,)
+    truncated: np.ndarray  # (n,)
+
+
+@leaf_kernel
+def score_into(scored, running, passed, position, cutoff):
+    """Scores the estimates of the scans shown, as `TrackingEnv.step` does, and moves on to the next.
+
+    What is `passed` (n,) gets zeros.
+    """
+    t, scans_off, horizon = running.t, running.scans_off, running.x.shape[1]
+    for i in range(len(t)):
+        error, reward, terminated, truncated = 0.0, 0.0, False, False
+        if not passed[i]:
+            error = distance(running.estimates[i], running.x[running.of[i], t[i]], position)
+            t[i] += 1
+            reward, scans_off[i], terminated, truncated = score(
+                error, cutoff, 0.0, scans_off[i], horizon - t[i]
+            )
+            if terminated:
+                t[i] = horizon
+        scored.error[i], scored.reward[i] = error, reward
+        scored.terminated[i], scored.truncated[i] = terminated, truncated
+
+
+@leaf_kernel
+def first_beyond(extent, passed, estimates):
+    """The first of the estimates (n, d) with a number that is not within +-extent, -1 for none; `passed` ones
+    apart.
+    """
+    for i in range(len(estimates)):
+        for c in range(estimates.shape[1]):
+            if not (passed[i] or abs(estimates[i, c]) <= extent):
+                return i
+    return -1

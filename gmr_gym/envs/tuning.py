@@ -13,7 +13,6 @@ import numpy as np
 from gmr_gym.checks import check_count
 from gmr_gym.deprecated import warn_renamed
 from gmr_gym.envs.episodic import DrawnEnv, check_keywords, keywords
-from gmr_gym.envs.tracking import SCANS_OFF
 from gmr_gym.simulation.single_target import Episode, Scenario, draw
 from gmr_gym.tuning.features import BOUND, FEATURES
 from gmr_gym.tuning.hindsight import HINDSIGHT
@@ -120,7 +119,7 @@ class ReductionTuningEnv(DrawnEnv):
         """
         super().reset(seed=seed)
         self.instance_id, self._scenario, self._episode = self._draws.next(seed, self, options or {})
-        begin(self._state[0], self._scenario, self._episode, SCANS_OFF)
+        begin(self._state[0], self._scenario, self._episode)
         observation, _ = self._stepped(DORTENZIO)
         self._reduced = []
         if self.render_mode == "human":

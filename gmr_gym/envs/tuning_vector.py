@@ -10,7 +10,6 @@ from gymnasium.vector.utils import batch_space
 
 from gmr_gym.checks import check_count
 from gmr_gym.envs.episodic import check_keywords, keywords
-from gmr_gym.envs.tracking import SCANS_OFF
 from gmr_gym.envs.tuning import PRICE, Draws, checked_price, rest_of, spaces_of
 from gmr_gym.envs.vector import UNDRAWN, autoreset_of, check_not_drawn, seeds_of
 from gmr_gym.tuning.instances import instances as table_of
@@ -47,6 +46,7 @@ class ReductionTuningVectorEnv(VectorEnv):
         price: float = PRICE,
         components: int = DORTENZIO.components,
         hindsight: bool = False,
+        *,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         copy: bool = True,
         render_mode: None = None,
@@ -139,7 +139,7 @@ class ReductionTuningVectorEnv(VectorEnv):
         drawn = [self._members[i].next(seeds[i], options) for i in rows.tolist()]
         for i, (name, scenario, episode) in zip(rows, drawn, strict=True):
             self._names[i] = name
-            begin(self._state[i], scenario, episode, SCANS_OFF)
+            begin(self._state[i], scenario, episode)
         self._stepped(rows, np.tile(self._rest, (self.num_envs, 1)))
 
     def render(self):

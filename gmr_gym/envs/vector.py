@@ -13,11 +13,10 @@ from numba import config
 
 from gmr_gym.checks import check_count
 from gmr_gym.envs.episodic import EXTENT, check_keywords, keywords, settings
-from gmr_gym.envs.scores import first_beyond, score_into
-from gmr_gym.envs.tracking import TrackingEnv, blank
+from gmr_gym.envs.tracking import Scored, TrackingEnv, blank, first_beyond, score_into
 from gmr_gym.kernels import together
 from gmr_gym.points import check_unmasked
-from gmr_gym.simulation.scans import label_into, scans_into
+from gmr_gym.simulation.scans import Emitted, Running, label_into, scans_into
 from gmr_gym.simulation.seeds import keys_of
 from gmr_gym.simulation.single_target import (
     draw,
@@ -25,8 +24,7 @@ from gmr_gym.simulation.single_target import (
     is_scripted,
     key_of,
     make_scan,
-    view_of,
-    window_motion,
+    scene_of,
 )
 
 SHARE = 32  # environments from which another thread pays off
@@ -81,22 +79,26 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         bounds = np.linspace(0, num_envs, min(-(-num_envs // SHARE), limit) + 1).astype(int)
         self._shares = list(pairwise(bounds.tolist()))  # of the threads, the caller's own first
-        self._view, self._window_motion = view_of(self.scenario), window_motion(self.scenario)
+        self._scene = scene_of(self.scenario)
+        self._linear = self._scene.window_motion is not None
         self._position = np.array(self.scenario.position)
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
         self._seeds: list[list[int]] = [[] for _ in range(num_envs)]  # of the streams, the next one last
         x, mode = draw_truth(self.scenario, 0)
-        # row of the truth of each environment: a scripted truth is one for all
-        self._of = np.zeros(num_envs, int) if is_scripted(self.scenario) else np.arange(num_envs)
-        truths = self._of[-1] + 1
-        self._x, self._mode = (np.tile(part, (truths, *[1] * part.ndim)) for part in (x, mode))
-        z_hat = self.scenario.sensor.measure(x)
-        self._z_hat = np.tile(z_hat, (truths, 1, 1))  # noise-free measurements
-        self._keys = np.zeros((num_envs, 2), np.uint32)
+        # a scripted truth is one for all
+        of = np.zeros(num_envs, int) if is_scripted(self.scenario) else np.arange(num_envs)
+        truths = of[-1] + 1
+        self._mode = np.tile(mode, (truths, 1))
+        self._running = Running(
+            key=np.zeros((num_envs, 2), np.uint32),
+            x=np.tile(x, (truths, 1, 1)),
+            z_hat=np.tile(self.scenario.sensor.measure(x), (truths, 1, 1)),
+            of=of,
+            t=np.full(num_envs, self.scenario.horizon),
+            estimates=np.tile(self._single.prior[0], (num_envs, 1)),
+            scans_off=np.zeros(num_envs, int),
+        )
         self._drawn: list[Any] = [None] * num_envs  # whole episodes, where the sensor is not linear
-        self._t = np.full(num_envs, self.scenario.horizon)  # the scan shown; the horizon for none
-        self._estimates = np.tile(self._single.prior[0], (num_envs, 1))  # of the scan before
-        self._scans_off = np.zeros(num_envs, int)
         self._ended = np.zeros(num_envs, bool)  # and not reset yet
         self._emitted: Any = None  # arrays that the next step may overwrite
 
@@ -153,14 +155,12 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         """
         n, horizon = self.num_envs, self.scenario.horizon
         anew = self._ended if self.autoreset_mode == AutoresetMode.NEXT_STEP else np.zeros(n, bool)
-        if ((self._t >= horizon) > anew).any():
+        if ((self._running.t >= horizon) > anew).any():
             raise RuntimeError("call reset() before step(): no episode is running")
-        self._estimates = self._checked(actions, anew)
-        error, rewards, terminated, truncated = np.empty(n), np.empty(n), np.empty(n, bool), np.empty(n, bool)
-        score_into(
-            error, rewards, terminated, truncated, self._scans_off, self._t, anew, self._estimates,
-            self._x, self._of, self._position, float(self.scenario.cutoff),
-        )  # fmt: skip
+        self._running = self._running._replace(estimates=self._checked(actions, anew))
+        scores = Scored(np.empty(n), np.empty(n), np.empty(n, bool), np.empty(n, bool))
+        score_into(scores, self._running, anew, self._position, float(self.scenario.cutoff))
+        error, rewards, terminated, truncated = scores
         scored = ~anew
         self._begin(np.flatnonzero(anew), [None] * n)
         self._ended = terminated | truncated
@@ -203,21 +203,22 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         """
         if not len(rows):
             return
-        self._t[rows], self._scans_off[rows], self._ended[rows] = 0, 0, False
-        self._estimates[rows] = self._single.prior[0]
+        now = self._running
+        now.t[rows], now.scans_off[rows], self._ended[rows] = 0, 0, False
+        now.estimates[rows] = self._single.prior[0]
         seeds = [self._next_seed(i) if given[i] is None else given[i] for i in rows.tolist()]
-        if self._window_motion is not None:
+        if self._linear:
             small = max(seeds) < 2**63
-            self._keys[rows] = keys_of(np.array(seeds)) if small else [key_of(seed) for seed in seeds]
+            now.key[rows] = keys_of(np.array(seeds)) if small else [key_of(seed) for seed in seeds]
             if is_scripted(self.scenario):
                 return
         for i, seed in zip(rows.tolist(), seeds, strict=True):
-            if self._window_motion is None:
+            if not self._linear:
                 self._drawn[i] = draw(self.scenario, seed)
-                self._x[i], self._mode[i] = self._drawn[i].x, self._drawn[i].mode
+                now.x[i], self._mode[i] = self._drawn[i].x, self._drawn[i].mode
             else:
-                self._x[i], self._mode[i] = draw_truth(self.scenario, seed)
-                self._z_hat[i] = self.scenario.sensor.measure(self._x[i])
+                now.x[i], self._mode[i] = draw_truth(self.scenario, seed)
+                now.z_hat[i] = self.scenario.sensor.measure(now.x[i])
 
     def _next_seed(self, i: int) -> int:
         seeds = self._seeds[i]
@@ -231,21 +232,21 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
 
     def _emit(self, wanted: np.ndarray):
         """Observations of all environments, and infos of those in the mask `wanted`."""
-        n, shape = self.num_envs, self._single.shape
+        n, shape, now = self.num_envs, self._single.shape, self._running
         if self.copy or self._emitted is None:
-            self._emitted = blank((n, *shape))
+            self._emitted = Emitted(*blank((n, *shape)))
             self._priors = [np.tile(part, (n, 1)) for part in self._single.prior]
         z, mask, origin, _ = self._emitted
-        shown = self._t < self.scenario.horizon
-        if self._window_motion is None:
-            self._scans_in_turn(shown)
+        shown = now.t < self.scenario.horizon
+        if self._linear:  # each thread makes the scans of its share of the environments
+            together(scans_into, [(*share, self._emitted, self._scene, now) for share in self._shares])
         else:
-            self._scans_at_once()
+            self._scans_in_turn(shown)
         mean, covariance = self._priors
         observation = {
             "scan": z,
             "mask": mask,
-            "time": (self._t[:, None] + 1) * self.scenario.period,
+            "time": (now.t[:, None] + 1) * self.scenario.period,
             "prior_mean": mean,
             "prior_covariance": covariance,
         }
@@ -253,8 +254,8 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         if not wanted.any():
             return observation, {}
         # rows taken by one index: two indices are slower than many scans
-        at = self._of * self.scenario.horizon + np.where(wanted, self._t, 0)
-        truth, mode = self._x.reshape(-1, self._x.shape[2]).take(at, axis=0), self._mode.take(at)
+        at = now.of * self.scenario.horizon + np.where(wanted, now.t, 0)
+        truth, mode = now.x.reshape(-1, now.x.shape[2]).take(at, axis=0), self._mode.take(at)
         if not wanted.all():
             origin = origin.copy()
             truth[~wanted], mode[~wanted], origin[~wanted] = 0, 0, 0
@@ -265,26 +266,17 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
 
     def _scans_in_turn(self, shown: np.ndarray) -> None:
         """The scans of a sensor that is not linear."""
-        z, mask, origin, was = self._emitted
+        (z, mask, origin, was), now, view = self._emitted, self._running, self._scene.field_of_view
         for i in range(self.num_envs):
             k, place = 0, -1
             if shown[i]:
-                centre = self.scenario.centre(self._estimates[i])
-                k, place = make_scan(z[i], self.scenario, self._view, self._drawn[i], int(self._t[i]), centre)
+                centre = self.scenario.centre(now.estimates[i])
+                k, place = make_scan(z[i], self.scenario, view, self._drawn[i], int(now.t[i]), centre)
             label_into(z[i], mask[i], origin[i], was[i], k, place)
 
     def render(self):
         """Raises NotImplementedError."""
         raise NotImplementedError(UNDRAWN)
-
-    def _scans_at_once(self) -> None:
-        """The scans of a linear sensor; each thread makes those of its share of the environments."""
-        sensor, detection_probability = self.scenario.sensor, float(self.scenario.detection_probability)
-        everything = (
-            sensor.R, *self._emitted, self._view, self._window_motion, detection_probability, self._keys,
-            self._z_hat, self._of, self._t, self._estimates,
-        )  # fmt: skip
-        together(scans_into, [(*share, *everything) for share in self._shares])
 
     def _final(self, error: np.ndarray) -> dict[str, Any]:
         """The infos of the episodes that have just ended."""

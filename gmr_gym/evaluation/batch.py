@@ -12,8 +12,8 @@ from gmr_gym.models.gating import mean_volume, outside_all_gates_kernel, unit_ba
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.simulation.loss import detection_outside_gates, truth_outside_gates
 from gmr_gym.simulation.philox import buffer_for
-from gmr_gym.simulation.scans import centre_into, scan_by
-from gmr_gym.simulation.single_target import Episode, Scenario, capacity, view_of, window_motion
+from gmr_gym.simulation.scans import TargetDetection, centre_into, scan_by
+from gmr_gym.simulation.single_target import Episode, Scenario, scene_of
 
 
 def can_batch(scenario: Scenario, tracker: Any) -> bool:
@@ -58,19 +58,18 @@ def run_batch(
         truth, x, P, components, gate_volume, gated and off_target, as in `Runs`.
     """
     model, prior = tracker.model, scenario.model.prior
-    x, _, z, detected, slot, key = map(np.array, zip(*episodes, strict=True))
-    x, own = x[:, :scans], _rule(scenario) is detection_outside_gates
-    watched = z if own else _z_hat(scenario, x)
+    drawn = Episode(*map(np.array, zip(*episodes, strict=True)))
+    x, own = drawn.x[:, :scans], _rule(scenario) is detection_outside_gates
+    watched = drawn.z if own else _z_hat(scenario, x)
     runs, T, d = x.shape
     out = (
         np.empty((runs, T, d)), np.empty((runs, T, d, d)), np.empty((runs, T), int),
         np.empty((runs, T)), np.empty((runs, T)), np.empty((runs, T), bool),
     )  # fmt: skip
+    told = (*model.motion, *model.sensor, *gate_and_log_weights(model))
     _play(
-        view_of(scenario), window_motion(scenario), scenario.centre(prior.w @ prior.m), key, z, detected,
-        slot, capacity(scenario.clutter_rate), tracker.init(),
-        (*model.motion, *model.sensor, *gate_and_log_weights(model)),
-        tracker.limits, unit_ball(z.shape[2]), watched, own, out,
+        scene_of(scenario), scenario.centre(prior.w @ prior.m), drawn,
+        (tracker.init(), told, tracker.limits), watched, own, unit_ball(drawn.z.shape[2]), out,
     )  # fmt: skip
     return x, *out
 
@@ -86,27 +85,27 @@ def _z_hat(scenario: Scenario, x: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _play(
-    view, window_motion, start, key, target, detected, slot, capacity, belief, model, limits, ball,
-    watched, own, out,
-):  # fmt: skip
+def _play(scene, start, episodes, tracker, watched, own, ball, out):
     """The loop of `gmr_gym.evaluation.loop` and the scoring of `montecarlo.run_once`, over the scans of all
     runs.
 
-    `watched` (runs, T, p) is the point the loss rule looks for; where it is the target's own detection
-    (`own`), a scan without one counts as off target.
+    `episodes` is an Episode of arrays over runs, and the first window of each is centred at `start` (p,).
+    `tracker` holds the first belief, the model and the limits. `watched` (runs, T, p) is the point the loss
+    rule looks for; where it is the target's own detection (`own`), a scan without one counts as off target.
     """
     # element by element: slices take long to compile
     x, P_out, components, volume, gated, off_target = out
     runs, T, d = x.shape
+    belief, model, limits = tracker
     F, Q, offset, H, R, threshold, log_miss, log_detect = model
-    z, centre, buffer = np.empty((capacity, len(R))), np.empty(len(R)), buffer_for(capacity)
+    z, centre, buffer = np.empty((scene.capacity, len(R))), np.empty(len(R)), buffer_for(scene.capacity)
     for i in range(runs):
         w, m, P = belief
         for c in range(len(R)):
             centre[c] = start[c]
         for t in range(T):
-            k, place = scan_by(z, view, key[i], t, centre, target[i, t], detected[i, t], slot[i, t], buffer)
+            target = TargetDetection(episodes.z[i, t], episodes.detected[i, t], episodes.slot[i, t])
+            k, place = scan_by(z, scene.field_of_view, episodes.key[i], t, centre, target, buffer)
             centres, S, w, m, P, _, detection, _ = expand_scan(
                 w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z[:k]
             )
@@ -124,4 +123,4 @@ def _play(
                 x[i, t, r] = mean[0, r]
                 for c in range(d):
                     P_out[i, t, r, c] = covariance[0, r, c]
-            centre_into(centre, window_motion, x[i, t])
+            centre_into(centre, scene.window_motion, x[i, t])

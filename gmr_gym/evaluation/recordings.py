@@ -7,6 +7,7 @@ detections. A radar's columns are `time,range_m,azimuth_rad,elevation_rad`.
 
 import csv
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from decimal import Decimal
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ RESOLUTION = 9  # decimals of a second to which intervals are resolved, at most
 ANY = float(np.finfo(float).max)  # no limit on the coordinates of a file: the tracker has one
 OFF_GRID = 0.1  # of a period, how far from its multiples a scan may lie
 MOST_FILLED = 1_000_000  # scans; only a period far too short makes more
+LATEST = 2.0**53  # s; floats beyond it do not tell seconds apart
 
 
 class Scans(NamedTuple):
@@ -43,7 +45,7 @@ class Track(NamedTuple):
     alive: np.ndarray  # (T,), False once the tracker has given the track up and only predicts
 
 
-def read_scans(path: Path | str) -> Scans:
+def read_scans(path: Path | str, *, farthest: float = ANY) -> Scans:
     """Read scans from a CSV file in UTF-8, whose rows are in order of time.
 
     Blank lines and lines that start with # are ignored.
@@ -51,6 +53,8 @@ def read_scans(path: Path | str) -> Scans:
     Parameters
     ----------
     path : Path or str
+    farthest : float
+        Limit of the absolute value of a coordinate, m or rad.
 
     Returns
     -------
@@ -59,20 +63,26 @@ def read_scans(path: Path | str) -> Scans:
     Raises
     ------
     ValueError
-        Naming file, line and column of an invalid cell.
+        Naming file, line and column of an invalid cell, of a coordinate beyond +-`farthest`, and of a time
+        with more digits than a float has, such as nanoseconds since 1970.
     """
     lines = _lines(path)
     line, header = next(lines, (1, [""]))
     names = _checked_header(f"{path}, line {line}", header)
     scans: dict[float, list[list[float]]] = {}
+    last, written = -np.inf, ""
     for line, cells in lines:
         where = f"{path}, line {line}, column"
-        time, point = _row(where, names, cells)
-        last = next(reversed(scans), -np.inf)
+        time, point = _row(where, names, cells, farthest)
         if time < last:
             raise ValueError(f"{where} {names[0]}: {time} comes after {last}; sort the rows by time")
         if time == last and not (point and scans[time]):
             raise ValueError(f"{where} {names[1]}: an empty scan must be the only row of its time")
+        collapsed = time == last and cells[0] != written and Decimal(cells[0]) != Decimal(written)
+        if collapsed or abs(time) >= LATEST:
+            more = f"{cells[0]} has more digits than a float holds"
+            raise ValueError(f"{where} {names[0]}: {more}; give seconds, counted from the first row")
+        last, written = time, cells[0]
         scans.setdefault(time, []).extend([point] if point else [])
     if not scans:
         raise ValueError(f"{path}, line {line}, column {names[0]}: no rows follow the header")
@@ -282,12 +292,12 @@ def _checked_header(where: str, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _row(where: str, names: tuple[str, ...], cells: list[str]) -> tuple[float, list[float]]:
+def _row(where: str, names: tuple[str, ...], cells: list[str], farthest: float) -> tuple[float, list[float]]:
     """Time and coordinates of a row, no coordinates for an empty scan."""
     if len(cells) != len(names):
         name = names[min(len(cells), len(names) - 1)]
         raise ValueError(f"{where} {name}: {len(cells)} cells under {len(names)} columns")
-    numbers = []
+    numbers: list[float] = []
     for name, cell in zip(names, cells if any(cells[1:]) else cells[:1], strict=False):
         try:
             number = float(cell.replace("_", "?"))  # float() would take 1_0 for ten
@@ -295,6 +305,8 @@ def _row(where: str, names: tuple[str, ...], cells: list[str]) -> tuple[float, l
             number = np.nan
         if not -np.inf < number < np.inf:
             raise ValueError(f"{where} {name}: {cell!r} is not a finite number")
+        if numbers and abs(number) > farthest:  # the first is a time
+            raise ValueError(f"{where} {name}: {cell} lies beyond +-{farthest:g}, farther than tracked")
         numbers.append(number)
     return numbers[0], numbers[1:]
 
@@ -309,6 +321,8 @@ def _checked(scans: Scans) -> Scans:
     times, T = seconds(scans.times), len(scans.z)
     if times.shape != (T,) or T == 0 or not np.isfinite(times).all():
         raise ValueError(f"times must be finite, one for each of the {T} scans in z")
+    if (latest := np.abs(times).max()) >= LATEST:
+        raise ValueError(f"times must lie within +-{LATEST:.3g} s, got {latest:g}; count them from the first")
     for i in np.flatnonzero(_resolved(np.diff(times), times) <= 0)[:1]:
         before, after = np.asarray(scans.times)[i : i + 2]
         raise ValueError(f"times must increase, but {after} follows {before}")

@@ -1,6 +1,9 @@
 """What papers say of their trackers, as numbers: each is resampled over the runs and judged, in one loop."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import wraps
+from operator import add, mul, sub
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +15,66 @@ from gmr_gym.experiments.evidence import Evidence
 
 TOO_FEW = "too few runs"
 ByTracker = Mapping[str, Evidence]  # of one table
+
+
+@dataclass(frozen=True, eq=False)
+class Number:
+    """A number that evidence has, `function(*args, *evidence)`; of the same evidence numbers are added,
+    subtracted and multiplied, with one another and with constants, and are numbers again."""
+
+    function: Callable[..., Any]
+    args: tuple[Any, ...] = ()
+
+    def __call__(self, *evidence: Any) -> Any:
+        return self.function(*self.args, *evidence)
+
+    def __add__(self, other: Any) -> "Number":
+        return Number(_both, (add, self, other))
+
+    def __sub__(self, other: Any) -> "Number":
+        return Number(_both, (sub, self, other))
+
+    def __radd__(self, other: Any) -> "Number":
+        return Number(_both, (add, other, self))
+
+    def __rsub__(self, other: Any) -> "Number":
+        return Number(_both, (sub, other, self))
+
+    def __rmul__(self, other: Any) -> "Number":
+        return Number(_both, (mul, other, self))
+
+    def __neg__(self) -> "Number":
+        return -1 * self
+
+    def __abs__(self) -> "Number":
+        return Number(lambda *evidence: abs(self(*evidence)))
+
+
+def _both(operation: Callable[[Any, Any], Any], one: Any, other: Any, *evidence: Any) -> Any:
+    return operation(*(each(*evidence) if callable(each) else each for each in (one, other)))
+
+
+def number(function: Callable[..., Any]) -> Callable[..., Number]:
+    """Of `function(*args, *evidence)` what makes the number of it by its args."""
+    return wraps(function)(lambda *args: Number(function, args))
+
+
+def least(*numbers: Number) -> Number:
+    return Number(lambda *evidence: min(one(*evidence) for one in numbers))
+
+
+def greatest(*numbers: Number) -> Number:
+    return Number(lambda *evidence: max(one(*evidence) for one in numbers))
+
+
+def in_first(one: Number) -> Number:
+    """Of two tables the number in the first, whatever evidence stands before them."""
+    return Number(lambda *evidence: one(*evidence[:-1]))
+
+
+def in_last(one: Number) -> Number:
+    """Of two tables the number in the second."""
+    return Number(lambda *evidence: one(*evidence[:-2], evidence[-1]))
 
 
 class Claim(NamedTuple):

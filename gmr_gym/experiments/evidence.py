@@ -13,8 +13,9 @@ from gmr_gym.evaluation.montecarlo import Runs
 from gmr_gym.evaluation.summary import Estimate, in_common, paired_share, wilson
 from gmr_gym.simulation.single_target import Scenario
 
-Quantities = Mapping[str, Callable[[Any, Any], np.ndarray]]  # name -> (scenario, runs) -> (runs, ...)
-Rows = dict[str, dict[str, Estimate]]
+Quantities = Mapping[str, Callable[[Any, Any], Any]]  # name -> (scenario, runs) -> arrays (runs, ...)
+Results = Mapping[str, Runs]  # by tracker
+Rows = dict[str, dict[str, Estimate]]  # by tracker and metric
 
 
 class Evidence(SimpleNamespace):
@@ -48,6 +49,11 @@ def squared_position(scenario: Scenario, runs: Runs) -> np.ndarray:
 def squared_velocity(scenario: Scenario, runs: Runs) -> np.ndarray:
     """Squared error of the velocity (runs, T), (m/s)^2."""
     return (error(scenario, runs)[..., list(scenario.velocity)] ** 2).sum(axis=-1)
+
+
+def mean(weight: np.ndarray, values: np.ndarray) -> float:
+    """Over the runs as often as they are drawn; nan where none is."""
+    return float(weight @ values / weight.sum()) if weight.any() else np.nan
 
 
 def error_rows(every: Mapping[str, Evidence], names: Sequence[str], errors: Callable) -> Rows:

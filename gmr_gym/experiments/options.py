@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from gmr_gym.catalogue import BACKENDS, GROUP, MULTI_TARGET_GROUP, REDUCTIONS, described
+from gmr_gym.catalogue import BACKENDS, GROUP, MULTI_TARGET_GROUP, described, reductions
 from gmr_gym.envs.registry import ABOUT, MULTI_TARGET, TUNING
 from gmr_gym.experiments.papers.registry import PAPERS, paper_named
 
@@ -41,7 +41,7 @@ def complete_tracker(ctx: typer.Context, incomplete: str) -> list[tuple[str, str
     """Trackers for the environment that was typed before; reductions after NAME:reduction=."""
     before, parameter, _ = incomplete.rpartition("reduction=")
     if parameter:
-        return [(f"{before}{parameter}{name}", "") for name in REDUCTIONS]
+        return [(f"{before}{parameter}{name}", "") for name in reductions()]
     return [*described(MULTI_TARGET_GROUP if _typed(ctx, MULTI_TARGET) else GROUP).items()]
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from gmr_gym.experiments.output import write_csv, write_json, write_runs
 from gmr_gym.experiments.records import answered
-from gmr_gym.experiments.sheets import claims_table, comparison, notes
+from gmr_gym.experiments.sheets import claims_table, comparison, legend, notes
 from gmr_gym.experiments.specs import scenario_of, tracker_of
 from gmr_gym.experiments.sweeps import Sweep, Work, runs_shown
 from gmr_gym.experiments.tables import Paper, SettingsGrid, Table, table_record
@@ -25,6 +25,7 @@ def rerun(
     in `out`; at the end what the paper says. The record, and its copy, hold what there is so far."""
     tables: list[dict[str, Any]] = []
     evidence, further = {}, {}
+    entries = list(entries)
     for entry in entries:
         title = f"{name}, {_label(entry)}: {entry.title}"
         if isinstance(entry, SettingsGrid):
@@ -46,6 +47,7 @@ def rerun(
         _keep(out / name, copy, answered(asked, tables, **further))
     if further.get("claims"):
         yield claims_table(further["claims"])
+    yield from legend(metric for entry in entries for metric in entry.columns)
     yield f"tables, figures and runs are in {out}"
 
 

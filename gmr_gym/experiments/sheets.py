@@ -1,7 +1,7 @@
 """Figures as tables on a screen of any width, and what is to be said of them."""
 
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,6 +51,11 @@ HEADINGS = {
         one.heading, one.shown or one.unit.replace("^2", "²").replace("^3", "³").removeprefix("1"),
     )))
     for name, one in METRICS.items()
+}  # fmt: skip
+LEGEND = {
+    "RMSE": "root mean square error", "error": "mean distance from the truth",
+    "own": "over the runs that a tracker kept", "common": "over those that every tracker kept",
+    "all": "over all runs",
 }  # fmt: skip
 LEFT_TO_FILES = {"rmse_common", "error_own", "inclination_own"}  # of many figures a reader sees none
 PADDING = 3  # characters of a column beside its cells
@@ -128,9 +133,14 @@ class Sayings(NamedTuple):
 
 def figures_table(title: str, rows: dict[str, dict[str, Estimate]]) -> Sheet:
     """A table of the main figures with their intervals, one row per tracker."""
-    metrics = [metric for metric in next(iter(rows.values())) if metric not in LEFT_TO_FILES]
+    metrics = on_screen(rows)
     cells = [[name, *(shown(metric, row[metric]) for metric in metrics)] for name, row in rows.items()]
     return Sheet(title, _headings(metrics), cells)
+
+
+def on_screen(rows: dict[str, dict[str, Estimate]]) -> list[str]:
+    """The metrics that `figures_table` shows."""
+    return [metric for metric in next(iter(rows.values())) if metric not in LEFT_TO_FILES]
 
 
 def comparison(title: str, record: dict[str, Any], metrics: Sequence[str]) -> Sheet:
@@ -159,6 +169,13 @@ def claims_table(records: list[dict[str, Any]]) -> Sayings:
         for record in records
     ]  # fmt: skip
     return Sayings(Sheet("what the paper says", headings, rows))
+
+
+def legend(metrics: Iterable[str]) -> list[str]:
+    """A line on the words in the headings of these metrics; none where no word needs one."""
+    words = {word for metric in metrics for word in HEADINGS.get(metric, metric).replace(",", "").split()}
+    said = [f"{word}: {meaning}" for word, meaning in LEGEND.items() if word in words]
+    return ["; ".join(said)] if said else []
 
 
 def notes(rows: dict[str, dict[str, Estimate]], runs: int) -> list[str]:

@@ -18,7 +18,7 @@ from gmr_gym.evaluation.multi_target_summary import multi_target_differences, mu
 from gmr_gym.evaluation.summary import differences, summary
 from gmr_gym.experiments.output import write_json, write_runs
 from gmr_gym.experiments.records import answered
-from gmr_gym.experiments.sheets import figures_table, notes
+from gmr_gym.experiments.sheets import figures_table, legend, notes, on_screen
 from gmr_gym.experiments.sweeps import Sweep, runs_shown
 from gmr_gym.experiments.tables import table_record
 from gmr_gym.filters.registry import make_tracker
@@ -138,6 +138,7 @@ def evaluated(
     yield figures_table(f"{asked['env']}: {sweep.runs} runs, seed {sweep.seed}", rows)
     if paired:
         yield figures_table("paired differences", paired)
+    yield from legend(on_screen(rows))
     yield from remarks
     yield f"written to {out}"
 

@@ -76,7 +76,7 @@ Work = tuple[Scenario | MultiTargetScenario, Mapping[str, Any]]  # a scenario an
 
 def runs_shown(label: str, work: Iterable[Work], sweep: Sweep) -> Iterator[Any]:
     """What each scenario's trackers did, one scenario after the other under one bar; of a shard, how many
-    blocks there are and of how many. On Ctrl-C it says where finished ones are kept, and exits."""
+    blocks there are and of how many. On Ctrl-C it says where finished ones are kept, if any is, and exits."""
     work = list(work)
     call = partial(run_shard, shard=sweep.shard) if sweep.shard else run
     try:
@@ -90,10 +90,10 @@ def runs_shown(label: str, work: Iterable[Work], sweep: Sweep) -> Iterator[Any]:
     except (KeyboardInterrupt, SystemError) as error:
         if not interrupted(error):
             raise
-        Console(stderr=True, soft_wrap=True).print(
-            f"stopped: finished blocks of runs are kept in {sweep.blocks}; the same command goes on there",
-            highlight=False,
-        )
+        left = "no block of runs was finished"
+        if any(sweep.blocks.glob("*.npz")):
+            left = f"finished blocks of runs are kept in {sweep.blocks}; the same command goes on there"
+        Console(stderr=True, soft_wrap=True).print(f"stopped: {left}", highlight=False)
         sys.exit(130)
 
 

@@ -1,8 +1,10 @@
 """Papers as data, and published tables run again: the paper's figures beside ours, with a verdict on each."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from csv import DictReader
 from dataclasses import dataclass, field
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,14 +24,30 @@ class Table:
     name: str
     title: str
     env_id: str
-    settings: dict[str, Any]  # of the environment
-    trackers: dict[str, dict[str, Any]]  # name -> parameters
+    settings: dict[str, Any] = field(default_factory=dict)  # of the environment
+    trackers: dict[str, dict[str, Any]] = field(default_factory=dict)  # name -> parameters
     published: dict[str, dict[str, float]] = field(default_factory=dict)  # tracker -> metric -> figure
     runs: int = 1000  # behind the published figures
     summarise: Callable = summary  # (scenario, results) -> rows of figures
     columns: tuple[str, ...] = COLUMNS  # the metrics shown on a screen
     roles: tuple[str, ...] | None = None  # what claims call the first trackers, unless by their names
     paired: Callable | None = None  # (scenario, results) -> rows of differences from the first tracker
+
+
+def plainly(trackers: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Trackers of a table that are what their names say, without further parameters."""
+    return {name: {} for name in trackers}
+
+
+def printed(paper: str) -> dict[str, dict[str, dict[str, float]]]:
+    """The figures a paper prints, by table, row and metric: `papers/PAPER.csv`, a line for each row; an empty
+    field is a figure that it does not print."""
+    tables: dict[str, dict[str, dict[str, float]]] = {}
+    with (Path(__file__).parent / "papers" / f"{paper}.csv").open(newline="", encoding="utf-8") as stream:
+        for line in DictReader(stream):
+            row = tables.setdefault(line.pop("table"), {}).setdefault(line.pop("row"), {})
+            row.update((metric, float(figure)) for metric, figure in line.items() if figure)
+    return tables
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from gmr_gym.filters.registry import make_tracker
 from gmr_gym.filters.tracker import Tracker
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.priors import constant_velocity_model, prior_from_first_scan, prior_given
+from gmr_gym.points import FARTHEST
 from gmr_gym.simulation.single_target import Scenario, draw
 
 
@@ -34,7 +35,7 @@ def track_file(
 ) -> tuple[recordings.Track, list[str]]:
     """The track through a file of detections and the names of its state, from the prior that was typed, its
     mean and standard deviations, or from the first scan; `assumed` is the rest of the filter model."""
-    scans = recordings.read_scans(file)
+    scans = recordings.read_scans(file, farthest=FARTHEST)
     recordings.check_positions(file, scans)
     axes = len(scans.coordinates)
     if prior[0]:

@@ -1,6 +1,7 @@
 """Filters: from belief and scan to posterior, the recursions of the trackers.
 
-Stands on `reduction` and `models`, and knows no simulation. Open `tracker.py` first, then `association.py`.
+Stands on `reduction` and `models`, and knows no simulation. Open `tracker.py` first, then `association.py`
+(`joint_gating.py` where motion models share a gate); for many targets `phd.py`, `cphd.py` and `pmb.py`.
 """
 
 from gmr_gym.filters.association import Expansion, expand

@@ -12,7 +12,6 @@ import numpy as np
 from gmr_gym.filters.intensity_update import log_ratios, posteriors
 from gmr_gym.filters.phd import LabelledIntensity
 from gmr_gym.kernels import kernel
-from gmr_gym.mixture import Mixture
 from gmr_gym.models.kalman import Sensor
 
 
@@ -126,21 +125,20 @@ def update(
     p = predicted.intensity
     if len(p.w) == 0 or not p.w.sum() > 0:
         return predicted, cardinality
-    z_hat, S = sensor.gates(p)
-    C = sensor.predict_detections(p, z_hat, S, z).C
+    predicted_z = sensor.predict_detections(p, *sensor.gates(p), z)
     with np.errstate(divide="ignore"):
         log_p = np.log(cardinality)
-    w, m, P, parent, after = _updated(
-        *p, log_p, z_hat, S, C, *sensor, z, np.log(kappa), detection_probability, prune_weight
+    posterior, parent, after = _updated(
+        p, log_p, predicted_z, np.log(kappa), detection_probability, prune_weight
     )
-    return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent]), after
+    return predicted._replace(intensity=posterior, label=predicted.label[parent]), after
 
 
 @kernel
-def _updated(w, m, P, log_p, z_hat, S, C, H, R, z, log_kappa, detection_probability, least):
-    table = log_ratios(w, z_hat, S, z, log_kappa, detection_probability)
+def _updated(predicted, log_p, predicted_z, log_kappa, detection_probability, least):
+    table = log_ratios(predicted.w, predicted_z, log_kappa, detection_probability)
     n, k = table.shape
-    log_V = np.log(w.sum())
+    log_V = np.log(predicted.w.sum())
     log_q = np.log(1.0 - detection_probability) if detection_probability < 1.0 else -np.inf
     log_l = np.full(k, -np.inf)
     for i in range(n):
@@ -150,24 +148,35 @@ def _updated(w, m, P, log_p, z_hat, S, C, H, R, z, log_kappa, detection_probabil
     near, log_slope = log_l > -np.inf, np.full(k, -np.inf)  # the others leave every e_j unchanged
     log_e, log_D, log_M, log_slope[near] = elementary_symmetric(log_l[near], log_tails(log_p, log_q))
     if log_D == -np.inf:
-        return *posteriors(w, np.zeros((n, k)), m, P, z_hat, S, C, H, R, z, least), np.exp(log_p)
+        return *posteriors(predicted.w, np.zeros((n, k)), predicted, predicted_z, least), np.exp(log_p)
     for i in range(n):
         for j in range(k):
             table[i, j] = np.exp(table[i, j] - log_V + log_slope[j] - log_D)
-    missed = w * np.exp(log_q - log_V + log_M - log_D)
+    missed = predicted.w * np.exp(log_q - log_V + log_M - log_D)
     after = log_p.copy()
     for count in range(len(log_p)):
         after[count] += _log_scan_likelihood(count, log_e, log_q)
-    found = posteriors(missed, table, m, P, z_hat, S, C, H, R, z, least)
+    found = posteriors(missed, table, predicted, predicted_z, least)
     after = np.exp(after - after.max())
     return *found, after / after.sum()
 
 
 @kernel
 def elementary_symmetric(log_l, log_a):
-    """Logarithms of e_j (N + 1,), D, M and the derivatives of D by each l (k,), see `update`.
+    r"""Logarithms of e_j (N + 1,), D, M and the derivatives of D by each l (k,), see `update`.
 
     log_l (k,) are the l, log_a (N + 1,) the a_j.
+
+    Notes
+    -----
+    The elementary symmetric functions of Vo, Vo and Cantoni (2007) and those without one detection
+
+    .. math::
+
+        e_j = \sum_{S,\, |S| = j} \prod_{z \in S} l(z), \qquad
+        \frac{\partial e_j}{\partial l(z)} = e_{j-1}(Z \setminus \{z\})
+
+    one detection more, of ratio l, takes :math:`e_j` to :math:`e_j + l\, e_{j-1}`.
     """
     k, orders = len(log_l), len(log_a)
     # back[t, j]: the factor of e_j of the first t detections in D

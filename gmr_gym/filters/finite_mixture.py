@@ -237,40 +237,29 @@ def fit_em(
     if len(z) == 0:
         return parts, 0.0
     floored = floor_eigenvalues(parts.P, parts.gaussians, options.deviation)
-    w, m, P, origin, value = _em(z, parts.w, parts.m, floored, parts.origin, uniform_density, *options)
-    return ScanMixture(w, m, P, origin), value
+    return _em(z, parts._replace(P=floored), uniform_density, options)
 
 
 @kernel
-def _em(
-    z,
-    w,
-    m,
-    P,
-    origin,
-    uniform_density,
-    merging,
-    clutter_least,
-    target_least,
-    deviation,
-    tolerance,
-    iterations,
-    repaired,
-):
+def _em(z, parts, uniform_density, options):
+    merging, clutter_least, target_least = options.merging, options.clutter_least, options.target_least
+    w, m, P, origin = parts
     share = responsibilities(z, w, m, P, uniform_density)
     value = log_likelihood(share, w[0] * uniform_density)
-    for _ in range(iterations):
-        before, parts, c = value, len(m), len(m) - len(origin)
-        w, m, P = maximised(z, share, m, P, c, deviation)
-        least = 0.0 if repaired else target_least
-        w, m, P, origin = merge_and_prune(w, m, P, origin, len(z), merging, merging, clutter_least, least)
-        if repaired and len(m) - len(origin) == c:
-            w, m, P, origin = merge_and_prune(w, m, P, origin, len(z), 0.0, 0.0, 0.0, target_least)
+    for _ in range(options.iterations):
+        before, g, c = value, len(m), len(m) - len(origin)
+        w, m, P = maximised(z, share, m, P, c, options.deviation)
+        least = 0.0 if options.repaired else target_least
+        fitted = ScanMixture(w, m, P, origin)
+        w, m, P, origin = merge_and_prune(fitted, len(z), merging, merging, clutter_least, least)
+        if options.repaired and len(m) - len(origin) == c:
+            fitted = ScanMixture(w, m, P, origin)
+            w, m, P, origin = merge_and_prune(fitted, len(z), 0.0, 0.0, 0.0, target_least)
         share = responsibilities(z, w, m, P, uniform_density)
         value = log_likelihood(share, w[0] * uniform_density)
-        if len(m) == parts and abs(value - before) <= tolerance * abs(before):
+        if len(m) == g and abs(value - before) <= options.tolerance * abs(before):
             break
-    return w, m, P, origin, value
+    return ScanMixture(w, m, P, origin), value
 
 
 @kernel
@@ -341,12 +330,14 @@ def floor_eigenvalues(P, c, deviation):
 
 
 @kernel
-def merge_and_prune(w, m, P, origin, n, clutter_merging, target_merging, clutter_least, target_least):
-    """Merge and prune the parts, clutter and targets apart; the uniform part is never pruned (section 4.3).
+def merge_and_prune(parts, n, clutter_merging, target_merging, clutter_least, target_least):
+    """Merge and prune the parts of a ScanMixture of n detections, clutter and targets apart; the uniform part
+    is never pruned (section 4.3).
 
     Departs: eq. 24 has brackets around the deviation. Targets that merge keep the number and known
     covariance of the first, since survivors are listed before births and births before spawned targets.
     """
+    w, m, P, origin = parts
     t = len(origin)
     c = len(m) - t
     groups, count = _groups(w[1 : c + 1], m[:c], P[:c], clutter_merging)
@@ -363,7 +354,7 @@ def merge_and_prune(w, m, P, origin, n, clutter_merging, target_merging, clutter
     w_out = np.concatenate((w[:1], w_c[keep_c], w_t[keep_t]))
     m_out = np.concatenate((m_c[keep_c], m_t[keep_t]))
     P_out = np.concatenate((P_c[keep_c], P_t[keep_t]))
-    return w_out / w_out.sum(), m_out, P_out, number[keep_t]
+    return ScanMixture(w_out / w_out.sum(), m_out, P_out, number[keep_t])
 
 
 @kernel

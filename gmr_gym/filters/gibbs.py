@@ -94,31 +94,13 @@ def fit_gibbs(
         return parts
     floored = floor_eigenvalues(parts.P, parts.gaussians, options.deviation)
     spread = variance(z, options.deviation)
-    w, m, P, origin = _gibbs(
-        z, parts.w, parts.m, floored, parts.origin, uniform_density, options.merging, options.clutter_least,
-        options.target_least, options.deviation, options.repaired, spread, burn, sweeps, rng,
-    )  # fmt: skip
-    return ScanMixture(w, m, P, origin)
+    return _gibbs(z, parts._replace(P=floored), uniform_density, options, spread, burn, sweeps, rng)
 
 
 @kernel
-def _gibbs(
-    z,
-    w,
-    m,
-    P,
-    origin,
-    uniform_density,
-    merging,
-    clutter_least,
-    target_least,
-    deviation,
-    repaired,
-    spread,
-    burn,
-    sweeps,
-    rng,
-):
+def _gibbs(z, parts, uniform_density, options, spread, burn, sweeps, rng):
+    merging, clutter_least, repaired = options.merging, options.clutter_least, options.repaired
+    w, m, P, origin = parts
     n, p = z.shape
     centre = np.zeros(p)
     for j in range(n):
@@ -153,20 +135,12 @@ def _gibbs(
                 m[i] = _drawn_mean(mean, P[i] / number[i + 1], rng)
             else:
                 m[i] = began[origin[i - c]]
-        P = floor_eigenvalues(P, c, deviation)
+        P = floor_eigenvalues(P, c, options.deviation)
         if sweep < burn:
             number[0] = max(number[0], n * LEAST_UNIFORM)
-            shares, m, P, origin = merge_and_prune(
-                number / number.sum(),
-                m,
-                P,
-                origin,
-                n,
-                merging,
-                0.0 if repaired else merging,
-                clutter_least,
-                0.0,
-            )
+            drawn = ScanMixture(number / number.sum(), m, P, origin)
+            target_merging = 0.0 if repaired else merging
+            shares, m, P, origin = merge_and_prune(drawn, n, merging, target_merging, clutter_least, 0.0)
             number = n * shares
         else:
             m_sum += m
@@ -182,9 +156,8 @@ def _gibbs(
             m[i], P[i] = m_sum[i] / sweeps, P_sum[i] / sweeps
         elif w_sum[i + 1] > 0.0:
             m[i] = z_sum[i] / w_sum[i + 1]
-    return merge_and_prune(
-        w_sum / w_sum.sum(), m, P, origin, n, merging, merging, clutter_least, target_least
-    )
+    average = ScanMixture(w_sum / w_sum.sum(), m, P, origin)
+    return merge_and_prune(average, n, merging, merging, clutter_least, options.target_least)
 
 
 @kernel

@@ -4,6 +4,7 @@ import numpy as np
 
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, log_gaussian_scale, mahalanobis_squared
+from gmr_gym.mixture import Mixture
 from gmr_gym.models.update import posterior_into
 
 # pairs of component and detection with a smaller ratio to the clutter lie beyond the gate: their sum is of
@@ -12,12 +13,13 @@ LOG_NEGLIGIBLE = float(np.log(1e-18))
 
 
 @kernel
-def log_ratios(w, z_hat, S, z, log_kappa, detection_probability):
+def log_ratios(w, predicted_z, log_kappa, detection_probability):
     """log of w P_D N(z; H m, S) / kappa(z) (n, k), minus infinity where it is negligible.
 
-    w (n,), z_hat (n, p) and S (n, p, p) are of the components, z (k, p) are detections, log_kappa (k,) is
-    the log clutter intensity there.
+    w (n,) are the weights of the components, predicted_z their PredictedDetections by a Sensor, log_kappa
+    (k,) is the log clutter intensity at the detections.
     """
+    z_hat, S, z = predicted_z.z_hat, predicted_z.S, predicted_z.z[0]
     n, (k, p) = len(w), z.shape
     out = np.full((n, k), -np.inf)
     L, y = np.zeros((p, p)), np.empty(p)
@@ -40,14 +42,16 @@ def log_ratios(w, z_hat, S, z, log_kappa, detection_probability):
 
 
 @kernel
-def posteriors(missed, found, m, P, z_hat, S, C, H, R, z, least):
-    """Posterior components of weight at least `least`, and the parent of each.
+def posteriors(missed, found, predicted, predicted_z, least):
+    """Mixture of the posterior components of weight at least `least`, and the parent of each.
 
     missed (n,) are the weights of components with a missed detection, unchanged otherwise; found (n, k)
-    those of components conditioned on each detection.
+    those of components conditioned on each detection; predicted is their Mixture, predicted_z their
+    PredictedDetections by a Sensor.
     """
-    n, d = m.shape
-    k, p = z.shape
+    m, P, z_hat, S, C = predicted.m, predicted.P, predicted_z.z_hat, predicted_z.S, predicted_z.C
+    z, H, R = predicted_z.z[0], predicted_z.H[0], predicted_z.noise[0]
+    (n, d), (k, p) = m.shape, z.shape
     count = 0
     for i in range(n):
         count += missed[i] >= least and missed[i] > 0.0
@@ -77,4 +81,4 @@ def posteriors(missed, found, m, P, z_hat, S, C, H, R, z, least):
                 for c in range(d):
                     P_out[at, r, c] = P_hit[r, c] if j >= 0 else P[i, r, c]
             at += 1
-    return w_out, m_out, P_out, parent
+    return Mixture(w_out, m_out, P_out), parent

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.checks import check_limits
 from gmr_gym.filters.intensity_update import log_ratios, posteriors
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.kernels import kernel
@@ -18,7 +17,7 @@ from gmr_gym.models.clutter import Clutter, no_components
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.kalman import predict as predict_components
 from gmr_gym.models.multi_target import MultiTargetModel
-from gmr_gym.reduction.protocol import Reduced, check_reduced
+from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.pruning import capping
 
 
@@ -129,12 +128,11 @@ def update(
     Vo and Ma 2006, eqs. 30-35.
     """
     p = predicted.intensity
-    z_hat, S = sensor.gates(p)
-    C = sensor.predict_detections(p, z_hat, S, z).C
-    w, m, P, parent, p_clutter = _updated(
-        *p, z_hat, S, C, *sensor, z, np.log(kappa), detection_probability, prune_weight
+    predicted_z = sensor.predict_detections(p, *sensor.gates(p), z)
+    posterior, parent, p_clutter = _updated(
+        p, predicted_z, np.log(kappa), detection_probability, prune_weight
     )
-    return predicted._replace(intensity=Mixture(w, m, P), label=predicted.label[parent]), p_clutter
+    return predicted._replace(intensity=posterior, label=predicted.label[parent]), p_clutter
 
 
 def reduce_intensity(
@@ -214,31 +212,9 @@ def report(
     return LabelledIntensity(p, label, next_label + len(others)), out
 
 
-def check_filter(
-    model: MultiTargetModel, reduce: Callable[[Mixture], Reduced], prune_weight: float, max_components: int
-) -> None:
-    """Check the parameters of a PHD filter when it is made rather than at a scan.
-
-    Parameters
-    ----------
-    model : MultiTargetModel
-    reduce : callable
-    prune_weight : float
-    max_components : int
-
-    Raises
-    ------
-    ValueError
-        Naming the parameter that is out of range.
-    """
-    check_limits(prune_weight, max_components)
-    d = len(model.motion.F)
-    check_reduced(reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
-
-
 @kernel
-def _updated(w, m, P, z_hat, S, C, H, R, z, log_kappa, detection_probability, least):
-    table = log_ratios(w, z_hat, S, z, log_kappa, detection_probability)
+def _updated(predicted, predicted_z, log_kappa, detection_probability, least):
+    table = log_ratios(predicted.w, predicted_z, log_kappa, detection_probability)
     n, k = table.shape
     top = np.zeros(k)  # log ratio of the clutter to itself
     for i in range(n):
@@ -256,5 +232,5 @@ def _updated(w, m, P, z_hat, S, C, H, R, z, log_kappa, detection_probability, le
     for i in range(n):
         for j in range(k):
             table[i, j] /= total[j]
-    found = posteriors((1.0 - detection_probability) * w, table, m, P, z_hat, S, C, H, R, z, least)
-    return *found, p_clutter / total
+    missed = (1.0 - detection_probability) * predicted.w
+    return *posteriors(missed, table, predicted, predicted_z, least), p_clutter / total

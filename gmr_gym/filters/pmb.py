@@ -155,10 +155,9 @@ def update(
     tracks, undetected = predicted.tracks, predicted.undetected
     d = tracks.m.shape[1]
     log_kappa = np.log(kappa)
-    z_hat, S = sensor.gates(tracks)
-    z_hat_new, S_new = sensor.gates(undetected)
-    seen = log_ratios(tracks.w, z_hat, S, z, log_kappa, detection_probability)
-    appeared = log_ratios(undetected.w, z_hat_new, S_new, z, log_kappa, detection_probability)
+    tracks_z, undetected_z = (sensor.predict_detections(p, *sensor.gates(p), z) for p in (tracks, undetected))
+    seen = log_ratios(tracks.w, tracks_z, log_kappa, detection_probability)
+    appeared = log_ratios(undetected.w, undetected_z, log_kappa, detection_probability)
     log_new_ratio = np.logaddexp.reduce(appeared, axis=0, initial=0.0)  # log((rho + kappa) / kappa)
     miss = np.maximum(1.0 - tracks.w * detection_probability, LEAST_MISS)
     track, detection = np.nonzero(seen > -np.inf)
@@ -167,8 +166,7 @@ def update(
     found = np.zeros(seen.shape)
     found[track, detection] = assigned
     absent = missed * tracks.w * (1.0 - detection_probability) / miss
-    C = sensor.predict_detections(tracks, z_hat, S, z).C
-    old = Mixture(*moment_matched(absent, found, tracks.m, tracks.P, z_hat, S, C, *sensor, z))
+    old = moment_matched(absent, found, tracks, tracks_z)
     # what rounding puts above 1 would grow with every scan that misses
     old = old._replace(w=np.minimum(old.w, 1.0))
 
@@ -176,22 +174,11 @@ def update(
     new = np.flatnonzero((exists >= least) & (exists > 0))
     new = new[np.lexsort((*z[new].T, -exists[new]))]
     born = unassigned[new] * np.exp(appeared[:, new] - log_new_ratio[new])
-    C = sensor.predict_detections(undetected, z_hat_new, S_new, z).C
-    parts = posteriors(
-        np.zeros(len(undetected.w)),
-        born,
-        undetected.m,
-        undetected.P,
-        z_hat_new,
-        S_new,
-        C,
-        *sensor,
-        z[new],
-        0.0,
-    )  # without misses: the positive entries of `born`, row by row
-    started = (
-        match_groups(Mixture(*parts[:3]), np.nonzero(born > 0)[1], len(new)) if len(new) else no_components(d)
+    # without misses: the positive entries of `born`, row by row
+    parts, _ = posteriors(
+        np.zeros(len(undetected.w)), born, undetected, undetected_z._replace(z=z[new][None]), 0.0
     )
+    started = match_groups(parts, np.nonzero(born > 0)[1], len(new)) if len(new) else no_components(d)
     posterior = MultiBernoulli(
         joined([old, started]),
         np.append(predicted.label, predicted.next_label + np.arange(len(new))),
@@ -217,6 +204,10 @@ def prune(belief: MultiBernoulli, existence: float, weight: float, max_component
     Returns
     -------
     MultiBernoulli
+
+    Notes
+    -----
+    Departs: tracks of little existence are dropped; the paper may recycle them into the undetected intensity.
     """
     tracks, label, undetected, next_label = belief
     order = np.argsort(-tracks.w, kind="stable")[:max_components]
@@ -253,10 +244,11 @@ def report(belief: MultiBernoulli, clutter: Clutter, report_threshold: float = 0
 
 
 @kernel
-def moment_matched(absent, found, m, P, z_hat, S, C, H, R, z):
-    r"""Moment match of every track over its association probabilities: existences, means and covariances.
+def moment_matched(absent, found, tracks, tracks_z):
+    r"""Moment match of every track over its association probabilities; weights are existences.
 
-    absent (n,) are the probabilities that a track exists and is missed, found (n, k) those of each detection.
+    absent (n,) are the probabilities that a track exists and is missed, found (n, k) those of each detection;
+    tracks is their Mixture, tracks_z their PredictedDetections by a Sensor.
 
     Notes
     -----
@@ -271,6 +263,8 @@ def moment_matched(absent, found, m, P, z_hat, S, C, H, R, z):
 
     No posterior of a single pair is formed, so memory does not grow with the detections in a gate.
     """
+    m, P, z_hat, S, C = tracks.m, tracks.P, tracks_z.z_hat, tracks_z.S, tracks_z.C
+    z, H, R = tracks_z.z[0], tracks_z.H[0], tracks_z.noise[0]
     (n, d), (k, p) = m.shape, z.shape
     w_out, m_out, P_out = np.empty(n), m.copy(), P.copy()
     L, K, W, P_hit = np.zeros((p, p)), np.empty((d, p)), np.empty((p, d)), np.empty((d, d))
@@ -307,12 +301,12 @@ def moment_matched(absent, found, m, P, z_hat, S, C, H, R, z):
             for c in range(r + 1):
                 P_out[i, r, c] = missed * P[i, r, c] + (1.0 - missed) * P_hit[r, c] + shift[r, c]
                 P_out[i, c, r] = P_out[i, r, c]
-    return w_out, m_out, P_out
+    return Mixture(w_out, m_out, P_out)
 
 
 @kernel
 def marginals(track, detection, log_psi, n, k):
-    """Marginal association probabilities by loopy belief propagation (Williams and Lau 2014).
+    r"""Marginal association probabilities by loopy belief propagation (Williams and Lau 2014).
 
     Returns those of each pair (e,), of a missed track (n,) and of an unassigned detection (k,), exact where
     the e pairs form no loop.
@@ -320,6 +314,23 @@ def marginals(track, detection, log_psi, n, k):
     log_psi (e,) is the log weight of the pair of track (e,) and detection (e,) relative to a missed track
     and an unassigned detection. Messages are logarithms too, because with little clutter psi overflows. No
     pair may occur twice.
+
+    Notes
+    -----
+    Messages of tracks and of detections, from :math:`\nu_{ji} = 1` until they converge
+
+    .. math::
+
+        \mu_{ij} = \frac{\psi_{ij}}{1 + \sum_{l \ne j} \psi_{il} \nu_{li}}, \qquad
+        \nu_{ji} = \frac{1}{1 + \sum_{l \ne i} \mu_{lj}}
+
+    and the marginals of a pair, of a missed track and of an unassigned detection
+
+    .. math::
+
+        \bar p_{ij} = \frac{\psi_{ij} \nu_{ji}}{1 + \sum_l \psi_{il} \nu_{li}}, \qquad
+        \bar p_{i0} = \frac{1}{1 + \sum_l \psi_{il} \nu_{li}}, \qquad
+        u_j = \frac{1}{1 + \sum_l \mu_{lj}}
     """
     e = len(log_psi)
     by_track, first_track = _grouped(track, n)

@@ -1,5 +1,6 @@
 """Protocols of trackers, and what they report of a scan."""
 
+from abc import ABC, abstractmethod
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -151,3 +152,42 @@ class MultiTargetTracker(Protocol):
             Belief after the scan.
         report : MultiTargetReport
         """
+
+
+class KnownClutterTracker(ABC):
+    """A multi-target tracker that knows the clutter of a scan: its filter model's, or one that is passed."""
+
+    model: MultiTargetModel
+
+    @abstractmethod
+    def init(self) -> Any:
+        """Belief one period before the first scan."""
+
+    @abstractmethod
+    def update(self, belief: Any, z: np.ndarray, clutter: Clutter) -> tuple[Any, np.ndarray]:
+        """Predict by one period and update with a scan.
+
+        Parameters
+        ----------
+        belief
+            Belief after the last scan.
+        z : ndarray, shape (k, p)
+            Detections.
+        clutter : Clutter
+
+        Returns
+        -------
+        posterior
+        p_clutter : ndarray, shape (k,)
+            Probability that each detection is a false alarm.
+        """
+
+    @abstractmethod
+    def report(self, posterior: Any, clutter: Clutter) -> tuple[Any, MultiTargetReport]:
+        """Belief and report after an update; `clutter` is to be reported."""
+
+    def step(self, belief: Any, z: np.ndarray) -> tuple[Any, MultiTargetReport]:
+        """Belief after the scan `z` (k, p) one period later, and its report."""
+        z = check_scan(z, len(self.model.sensor.H))
+        posterior, _ = self.update(belief, z, self.model.clutter)
+        return self.report(posterior, self.model.clutter)

@@ -253,6 +253,7 @@ def _cross(P, H):
 
 @kernel(inline="always")
 def innovation(m, P, H, R):
+    """Predicted detections H m (n, p), S = H P H' + R (n, p, p) and H P (n, p, d) of every component."""
     n = len(m)
     p, d = H.shape
     z = np.empty((n, p))

@@ -14,7 +14,7 @@ from gmr_gym.checks import check_choice
 from gmr_gym.kernels import ZERO, kernel
 from gmr_gym.mixture import Mixture, checked
 from gmr_gym.reduction.distances import dimension, known, pack, products_of_columns, products_with
-from gmr_gym.reduction.merge_cost import BLOCK, components_last, cost_row, log_determinants, pair_covariances
+from gmr_gym.reduction.merge_cost import components_last, cost_row, pair_covariances
 
 MEASURES = ("isd", "correlation", "runnalls")
 
@@ -41,7 +41,7 @@ def dissimilarity(p: Mixture, measure: str) -> np.ndarray:
     Raises
     ------
     ValueError
-        For an unknown measure, or a mixture that fails `checked`.
+        For an unknown measure, a mixture that fails `checked`, or weights whose squares overflow in "isd".
 
     Notes
     -----
@@ -59,7 +59,14 @@ def dissimilarity(p: Mixture, measure: str) -> np.ndarray:
     [[0.0, 0.6321], [0.6321, 0.0]]
     """
     check_choice("measure", measure, MEASURES)
-    return dissimilarities(checked(p), measure)
+    p = checked(p)
+    table = dissimilarities(p, measure)
+    if measure == "isd" and not np.isfinite(table).all():
+        raise ValueError(
+            f"isd has squares of weights beyond the range of floats, got weights up to {p.w.max():g}; "
+            "pass normalised(p)"
+        )
+    return table
 
 
 def dissimilarities(p: Mixture, measure: str) -> np.ndarray:
@@ -145,12 +152,10 @@ def _uncorrelatedness(M):
 @kernel
 def _merge_costs(w, m, P):
     n = len(w)
-    w, means, entries = components_last(w, m, P)
-    room = np.empty((len(entries), BLOCK)), np.empty(BLOCK)
-    log_det = log_determinants(entries, room)
+    columns, room = components_last(w, m, P)
     table = np.zeros((n, n))
     for i in range(1, n):
-        cost_row(i, ZERO, i, w, means, entries, log_det, room, table[i])
+        cost_row(i, ZERO, i, columns, room, table[i])
         for j in range(i):
             # two components of weight zero have no moment match and cost nothing
             table[i, j] = table[j, i] = table[i, j] if w[i] + w[j] > 0.0 else 0.0

@@ -18,7 +18,7 @@ the 8 ns of the costs themselves, and many of the costs are needed all the same.
 import numpy as np
 
 from gmr_gym.kernels import ZERO, kernel, leaf_kernel
-from gmr_gym.reduction.merge_cost import BLOCK, components_last, cost_row, log_determinants, merge_pair
+from gmr_gym.reduction.merge_cost import Columns, components_last, cost_row, merge_pair
 
 ROUNDING = 1e-15  # relative to weight times log determinant: margin of the bounds
 SOON = 2.0  # times the cost of the last merge: pairs with a bound below it are computed as a batch
@@ -33,10 +33,9 @@ def merge_greedily(w, m, P, components, budget):
     their first members. At equal cost the pair with the lower later component comes first, then the
     one with the lower earlier component."""
     n, d = m.shape
-    w, means, entries = components_last(w, m, P)
-    room = np.empty((len(entries), BLOCK)), np.empty(BLOCK)
-    near = np.empty(n), np.empty((d, n)), np.empty((len(entries), n)), np.empty(n), np.empty(n)
-    log_det = log_determinants(entries, room)
+    columns, room = components_last(w, m, P)
+    w, means, entries, log_det = columns
+    near, costs = Columns(np.empty(n), np.empty((d, n)), np.empty(entries.shape), np.empty(n)), np.empty(n)
     largest = 0.0
     for i in range(n):
         largest = max(largest, abs(log_det[i]))
@@ -46,7 +45,7 @@ def merge_greedily(w, m, P, components, budget):
     # the least of row i and its column; or a lower bound of it and UNKNOWN; or infinite and GONE
     least, nearest = np.full(n, np.inf), np.full(n, UNKNOWN)
     for i in range(1, n):
-        cost_row(i, ZERO, i, w, means, entries, log_det, room, table[i])
+        cost_row(i, ZERO, i, columns, room, table[i])
         nearest[i] = first_least(table[i], i)
         least[i] = table[i, nearest[i]]
     row, listed = np.empty(n), np.empty(n, np.int64)
@@ -64,7 +63,7 @@ def merge_greedily(w, m, P, components, budget):
             least[i] = table[i, nearest[i]]
             continue
         j = nearest[i]
-        cost_row(i, j, j + 1, w, means, entries, log_det, room, row)
+        cost_row(i, j, j + 1, columns, room, row)
         cost = row[j]
         if cost > least[i]:
             table[i, j], nearest[i] = cost, UNKNOWN
@@ -78,7 +77,7 @@ def merge_greedily(w, m, P, components, budget):
         least[i], nearest[i] = np.inf, GONE
         left -= 1
         k = _below(SOON * cost, row, n, listed)
-        _compute_costs(j, listed, k, w, means, entries, log_det, near, room, row)
+        _compute_costs(j, listed, k, columns, near, costs, room, row)
         for r in range(j):
             table[j, r] = row[r]
         least[j], nearest[j] = 0.0 if j > 0 else np.inf, UNKNOWN
@@ -89,9 +88,9 @@ def merge_greedily(w, m, P, components, budget):
             elif nearest[r] == i or nearest[r] == j:
                 nearest[r] = UNKNOWN
         if left < FULL * n:
-            n = _close_gaps(n, w, means, entries, log_det, table, least, nearest, name)
-    n = _close_gaps(n, w, means, entries, log_det, table, least, nearest, name)
-    return _by_component(n, w, means, entries, name, into)
+            n = _close_gaps(n, columns, table, least, nearest, name)
+    n = _close_gaps(n, columns, table, least, nearest, name)
+    return _by_component(n, columns, name, into)
 
 
 @kernel(inline="always")
@@ -128,9 +127,10 @@ def _below(limit, row, n, listed):
 
 
 @kernel(inline="always")
-def _compute_costs(i, listed, k, w, means, entries, log_det, near, room, row):
+def _compute_costs(i, listed, k, columns, near, costs, room, row):
     """Writes the costs of merging component i with each of the first k listed to their columns of row."""
-    w_near, means_near, entries_near, log_det_near, costs = near
+    w, means, entries, log_det = columns
+    w_near, means_near, entries_near, log_det_near = near
     for r in range(k + 1):
         c = listed[r] if r < k else i
         w_near[r], log_det_near[r] = w[c], log_det[c]
@@ -138,14 +138,15 @@ def _compute_costs(i, listed, k, w, means, entries, log_det, near, room, row):
             means_near[q, r] = means[q, c]
         for q in range(len(entries)):
             entries_near[q, r] = entries[q, c]
-    cost_row(k, ZERO, k, w_near, means_near, entries_near, log_det_near, room, costs)
+    cost_row(k, ZERO, k, near, room, costs)
     for r in range(k):
         row[listed[r]] = costs[r]
 
 
 @kernel
-def _close_gaps(n, w, means, entries, log_det, table, least, nearest, name):
+def _close_gaps(n, columns, table, least, nearest, name):
     """Moves the components that remain to the first slots, in order; returns their number."""
+    w, means, entries, log_det = columns
     place, at, left = np.full(n, -1), np.empty(n, np.int64), 0
     for i in range(n):
         if nearest[i] != GONE:
@@ -190,8 +191,9 @@ def first_least(row, n):
 
 
 @kernel(inline="always")
-def _by_component(n, w, means, entries, name, into):
+def _by_component(n, columns, name, into):
     """Inverse of `components_last` for the first n components; origin from the chain of merges `into`."""
+    w, means, entries, _ = columns
     d = len(means)
     m, P = np.empty((n, d)), np.empty((n, d, d))
     place, origin = np.empty(len(into), np.int64), np.empty(len(into), np.int64)

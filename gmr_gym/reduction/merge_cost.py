@@ -17,6 +17,8 @@ merging i and j costs (D'Ortenzio, eq. 13)
 which is the minimum of wi KL(i || N) + wj KL(j || N) over all Gaussians N.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from gmr_gym.kernels import ONE, kernel, leaf_kernel
@@ -24,9 +26,19 @@ from gmr_gym.kernels import ONE, kernel, leaf_kernel
 BLOCK = 128  # components: a block of covariances fits in the first-level cache
 
 
+class Columns(NamedTuple):
+    """A mixture with the component axis last, so that loops over components are vectorised."""
+
+    w: np.ndarray  # (n,)
+    means: np.ndarray  # (d, n)
+    entries: np.ndarray  # (d (d + 1) / 2, n), lower triangles of the covariances row by row
+    log_det: np.ndarray  # (n,), log determinants of the covariances
+
+
 @leaf_kernel
-def cost_row(i, start, stop, w, means, entries, log_det, room, row):
+def cost_row(i, start, stop, columns, room, row):
     """Costs of merging component i with each of start..stop-1, written to the same columns of row."""
+    w, means, entries, log_det = columns
     if len(means) == 4:
         _planar_determinants(i, start, stop, w, means, entries, row)
     else:
@@ -94,20 +106,6 @@ def total_cost(w, m, P):
 
 
 @kernel
-def log_determinants(entries, room):
-    A, _ = room
-    n = entries.shape[1]
-    out = np.empty(n)
-    for start in range(0, n, BLOCK):
-        stop = min(start + BLOCK, n)
-        for q in range(len(entries)):
-            for j in range(start, stop):
-                A[q, j - start] = entries[q, j]
-        _log_determinants(A, stop - start, out[start:])
-    return out
-
-
-@kernel
 def _log_determinants(A, n, out):
     """Logarithms of `_determinants`; ValueError for a matrix that is not positive definite."""
     _determinants(A, n, out)
@@ -122,10 +120,9 @@ def _log_determinants(A, n, out):
 
 @kernel
 def components_last(w, m, P):
-    """The mixture with the component axis last, so that loops over components are vectorised: w (n,),
-    means (d, n), and the lower triangles of the covariances row by row (d (d + 1) / 2, n)."""
+    """The Columns of a mixture, and workspace for costs."""
     n, d = m.shape
-    means, entries = np.empty((d, n)), np.empty((d * (d + 1) // 2, n))
+    means, entries, log_det = np.empty((d, n)), np.empty((d * (d + 1) // 2, n)), np.empty(n)
     for i in range(n):
         q = 0
         for r in range(d):
@@ -133,7 +130,14 @@ def components_last(w, m, P):
             for c in range(r + 1):
                 entries[q, i] = P[i, r, c]
                 q += 1
-    return w.copy(), means, entries
+    A = np.empty((len(entries), BLOCK))
+    for start in range(0, n, BLOCK):
+        stop = min(start + BLOCK, n)
+        for q in range(len(entries)):
+            for j in range(start, stop):
+                A[q, j - start] = entries[q, j]
+        _log_determinants(A, stop - start, log_det[start:])
+    return Columns(w.copy(), means, entries, log_det), (A, np.empty(BLOCK))
 
 
 @leaf_kernel

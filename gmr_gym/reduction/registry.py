@@ -1,10 +1,15 @@
-"""Reductions by name, as the parameter `reduction` of a tracker takes them."""
+"""Reductions by name, as the parameter `reduction` of a tracker takes them.
+
+An installed package adds one by an entry point in the group `gmr_gym.reductions`: a function of (mixture,
+components).
+"""
 
 from collections.abc import Callable
 from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
 
+from gmr_gym.catalogue import reduction_entry_points, reductions
 from gmr_gym.checks import check_not_negative
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.agglomeration import greedy_isd
@@ -42,7 +47,8 @@ def reducer(name: str, components: int) -> partial:
     Parameters
     ----------
     name : str
-        A key of `REDUCERS`, or "module:function" for a function of (mixture, components) of your own.
+        A key of `REDUCERS`, the name that an installed package gives one, or "module:function". Each of these
+        is a function of (mixture, components).
     components : int
         Upper limit of the number of components that remain.
 
@@ -59,17 +65,19 @@ def reducer(name: str, components: int) -> partial:
     >>> len(q.w)
     2
     """
-    module, colon, function = str(name).partition(":")
-    if colon:
-        try:
-            return partial(getattr(import_module(module), function), components=components)
-        except (ImportError, AttributeError, ValueError, TypeError) as error:
-            raise ValueError(f"reduction {name!r} is no function that can be imported: {error}") from None
-    if name not in REDUCERS:
-        near = get_close_matches(str(name), REDUCERS, n=1)
+    if name in REDUCERS:
+        return partial(REDUCERS[name], components=components)
+    point = reduction_entry_points().get(name)
+    module, colon, function = (point.value if point else str(name)).partition(":")
+    if not colon:
+        known = reductions()
+        near = get_close_matches(module, known, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise ValueError(f"unknown reduction {name!r}{hint} (there are {', '.join(REDUCERS)})")
-    return partial(REDUCERS[name], components=components)
+        raise ValueError(f"unknown reduction {name!r}{hint} (there are {', '.join(known)})")
+    try:
+        return partial(getattr(import_module(module), function), components=components)
+    except (ImportError, AttributeError, ValueError, TypeError) as error:
+        raise ValueError(f"reduction {name!r} is no function that can be imported: {error}") from None
 
 
 def reduction_named(name: str, components: int, merging: float) -> Callable[[Mixture], Reduced]:

@@ -49,13 +49,14 @@ def pair(key, stream, draw, at):
 
 
 @leaf_kernel
-def points_into(z, n, low, high, centre, key, stream, at, buffer):
-    """Writes n points, uniform between low and high (p,) about centre (p,), to the first rows of z.
+def points_into(z, low, high, centre, key, stream, at, buffer):
+    """Fills z (n, p) with points, uniform between low and high (p,) about centre (p,).
 
-    z (capacity, p) is contiguous. Row i takes the i-th pairs of the stream and of those after it, one pair
+    z is contiguous. Row i takes the i-th pairs of the stream and of those after it, one pair
     for two coordinates. `buffer` comes from `buffer_for`.
     """
-    p, flat = z.shape[1], z.reshape(-1)
+    n, p = z.shape
+    flat = z.reshape(-1)
     w0, w1, w2, w3 = buffer[0], buffer[1], buffer[2], buffer[3]
     c1, c2, c3 = np.uint64(at[0]), np.uint64(at[1]), np.uint64(at[2])
     k0, k1 = np.uint64(key[0]), np.uint64(key[1])

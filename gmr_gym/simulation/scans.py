@@ -25,6 +25,56 @@ class View(NamedTuple):
     region_high: np.ndarray  # (2,), m
 
 
+class Scene(NamedTuple):
+    """What `scans_into` needs of a scenario; `single_target.scene_of` makes it."""
+
+    field_of_view: View  # numba has its own `view`
+    capacity: int  # detections that a scan has room for
+    R: np.ndarray  # (p, p), of the true measurement noise
+    detection_probability: float  # of the target
+    # F (d, d), offset (d,) and H (p, d) by which `centre_into` places the window: empty for a fixed one
+    window_motion: tuple[np.ndarray, np.ndarray, np.ndarray] | None  # None where the sensor is not linear
+
+
+class Running(NamedTuple):
+    """n episodes that are played side by side. Episode i follows the truth of[i] of m."""
+
+    key: np.ndarray  # (n, 2)
+    x: np.ndarray  # (m, T, d), true states
+    z_hat: np.ndarray  # (m, T, p), noise-free measurements of them
+    of: np.ndarray  # (n,)
+    t: np.ndarray  # (n,), the scan shown, T for none
+    estimates: np.ndarray  # (n, d), of the scan before
+    scans_off: np.ndarray  # (n,), scans in a row beyond the cutoff
+
+
+class Emitted(NamedTuple):
+    """The arrays that the scans of n episodes are written to; `label_into` says what they hold."""
+
+    z: np.ndarray  # (n, capacity, p)
+    mask: np.ndarray  # (n, capacity)
+    origin: np.ndarray  # (n, capacity)
+    was: np.ndarray  # (n, 2)
+
+
+class TargetDetection(NamedTuple):
+    """The detection of the target that a scan may hold."""
+
+    z: np.ndarray  # (p,)
+    detected: bool
+    slot: float  # in [0, 1): decides its place among the clutter
+
+
+class _Scratch(NamedTuple):
+    """Arrays that are overwritten from scan to scan, and the factor of R."""
+
+    centre: np.ndarray  # (p,)
+    measurement: np.ndarray  # (p,)
+    normal: np.ndarray  # (p,)
+    L: np.ndarray  # (p, p)
+    buffer: np.ndarray  # of `buffer_for`
+
+
 @kernel
 def measure_all(z, key, R):
     """Adds measurement noise of covariance R (p, p), drawn by the key (2,), to the measurements z (T, p).
@@ -67,13 +117,13 @@ def scan_into(z, view, key, t, centre, target, detected, slot):
     where it is `detected` and in view; `slot` in [0, 1) decides its place. Returns k and the target's row, -1
     for none. The rows from k on stay as they are.
     """
-    return scan_by(z, view, key, t, centre, target, detected, slot, buffer_for(len(z)))
+    return scan_by(z, view, key, t, centre, TargetDetection(target, detected, slot), buffer_for(len(z)))
 
 
 @leaf_kernel
-def scan_by(z, view, key, t, centre, target, detected, slot, buffer):
-    """`scan_into` with a buffer from `buffer_for`, of as many points as z has rows."""
-    seen = detected
+def scan_by(z, view, key, t, centre, own, buffer):
+    """`scan_into` of a TargetDetection, with a buffer from `buffer_for` of as many points as z has rows."""
+    target, seen, slot = own
     if view.limits_view:
         for c in range(len(target)):
             away = target[c] - centre[c]
@@ -91,37 +141,27 @@ def scan_by(z, view, key, t, centre, target, detected, slot, buffer):
 
 
 @kernel(nogil=True)
-def scans_into(first, last, R, z, *given):
-    """One scan of each of the episodes first, ..., last - 1 of n, to z (n, capacity, p).
-
-    R (p, p) is the measurement noise; the other arguments are those of `_scans_into`.
-    """
-    p = len(R)
-    _scans_into(
-        first, last, np.zeros(p), np.empty(p), np.empty(p), factor(R), buffer_for(z.shape[1]), z, *given
-    )
+def scans_into(first, last, emitted, scene, running):
+    """One scan of each of the running episodes first, ..., last - 1, empty past the last scan."""
+    p, buffer = len(scene.R), buffer_for(scene.capacity)
+    scratch = _Scratch(np.zeros(p), np.empty(p), np.empty(p), factor(scene.R), buffer)
+    _scans_into(first, last, emitted, scene, running, scratch)
 
 
 @leaf_kernel
-def _scans_into(
-    first, last, centre, measurement, normal, L, buffer,
-    z, mask, origin, was, view, window_motion, detection_probability, key, z_hat, of, t, estimates,
-):  # fmt: skip
-    """Scan t[i] of the episode with key[i] (n, 2), empty past the last scan.
-
-    `z_hat` (m, T, p) holds noise-free measurements of the truth; episode i uses row of[i].
-    `detection_probability` is the target's. The estimate (n, d) of the scan before and `window_motion` place
-    the window. For `mask`, `origin` and `was` (n, 2) see `label_into`.
-    """
+def _scans_into(first, last, emitted, scene, running, scratch):
+    """`scans_into` without reference counting."""
+    centre, measurement, normal, L, buffer = scratch
+    z, mask, origin, was = emitted
     for i in range(first, last):
-        k, place, now = 0, -1, t[i]
-        if now < z_hat.shape[1]:
-            centre_into(centre, window_motion, estimates[i])
+        k, place, t = 0, -1, running.t[i]
+        if t < running.z_hat.shape[1]:
+            centre_into(centre, scene.window_motion, running.estimates[i])
             for c in range(len(measurement)):
-                measurement[c] = z_hat[of[i], now, c]
-            detection_draw, slot = add_noise(measurement, key[i], now, L, normal)
-            detected = detection_draw < detection_probability
-            k, place = scan_by(z[i], view, key[i], now, centre, measurement, detected, slot, buffer)
+                measurement[c] = running.z_hat[running.of[i], t, c]
+            detection_draw, slot = add_noise(measurement, running.key[i], t, L, normal)
+            own = TargetDetection(measurement, detection_draw < scene.detection_probability, slot)
+            k, place = scan_by(z[i], scene.field_of_view, running.key[i], t, centre, own, buffer)
         label_into(z[i], mask[i], origin[i], was[i], k, place)
 
 
@@ -183,7 +223,7 @@ def clutter_into(z, view, key, t, centre, buffer):
     """
     at = (t, ZERO, ZERO)
     k = min(poisson(view.clutter_rate, key, COUNT, at), len(z) - 1)
-    points_into(z, k, view.low, view.high, centre, key, POSITIONS, at, buffer)
+    points_into(z[:k], view.low, view.high, centre, key, POSITIONS, at, buffer)
     return k
 
 
@@ -213,7 +253,7 @@ def ground_into(z, view, key, t, centre, slot):
             at = (t, i + 1, j + 1)
             points = np.empty((poisson(expected, key, GROUND_COUNT, at), 3))
             buffer = buffer_for(len(points))
-            points_into(points, len(points), none, one, none, key, GROUND_POSITIONS, at, buffer)
+            points_into(points, none, one, none, key, GROUND_POSITIONS, at, buffer)
             for n in range(len(points)):
                 x, y = corner[0] + CELL * (i + points[n, 0]), corner[1] + CELL * (j + points[n, 1])
                 if low[0] <= x <= high[0] and low[1] <= y <= high[1] and k < len(z) - 1:

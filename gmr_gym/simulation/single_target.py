@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,16 @@ from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model
 from gmr_gym.models.sensing import MeasurementModel
 from gmr_gym.simulation.philox import buffer_for
-from gmr_gym.simulation.scans import View, centre_into, clutter_into, insert_into, measure_all, scan_into
+from gmr_gym.simulation.scans import (
+    Scene,
+    TargetDetection,
+    View,
+    centre_into,
+    clutter_into,
+    insert_into,
+    measure_all,
+    scan_into,
+)
 
 LossRule = Callable[[Gates, np.ndarray, np.ndarray], bool]
 UNUSED = np.random.default_rng(0)
@@ -211,17 +220,15 @@ def view_of(scenario: Scenario) -> View:
     return View(float(scenario.clutter_rate), low, high, bool(limits_view), *corners)
 
 
-def window_motion(scenario: Scenario) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """F (d, d), offset (d,) and H (p, d) by which `centre_into` places the window.
-
-    Empty arrays for a fixed window; None where the sensor is not linear.
-    """
+def scene_of(scenario: Scenario) -> Scene:
+    """What `scans_into` needs of a scenario."""
     motion, sensor = scenario.model.motions[0], scenario.model.sensor
-    if not isinstance(sensor, Sensor):
-        return None
-    if not scenario.window.follows:
-        return np.empty((0, 0)), np.empty(0), np.empty((0, 0))
-    return motion.F, motion.offset, sensor.H
+    window_motion = None
+    if isinstance(sensor, Sensor):
+        fixed = np.empty((0, 0)), np.empty(0), np.empty((0, 0))
+        window_motion = (motion.F, motion.offset, sensor.H) if scenario.window.follows else fixed
+    rows, P_D = capacity(scenario.clutter_rate), float(scenario.detection_probability)
+    return Scene(view_of(scenario), rows, scenario.sensor.R, P_D, window_motion)
 
 
 def scan(scenario: Scenario, episode: Episode, t: int, centre: np.ndarray) -> Scan:
@@ -285,12 +292,15 @@ def make_scan(
     place : int
         Row of the target's detection, -1 for none.
     """
-    make = scan_into if isinstance(scenario.sensor, Sensor) else partial(_wrapped_into, scenario)
-    return make(z, view, episode.key, t, centre, episode.z[t], episode.detected[t], episode.slot[t])
+    own = episode.z[t], episode.detected[t], episode.slot[t]
+    if isinstance(scenario.sensor, Sensor):
+        return scan_into(z, view, episode.key, t, centre, *own)
+    return _wrapped_into(z, scenario, view, episode.key, t, centre, TargetDetection(*own))
 
 
-def _wrapped_into(scenario, z, view, key, t, centre, target, detected, slot) -> tuple[int, int]:
+def _wrapped_into(z, scenario, view, key, t, centre, own) -> tuple[int, int]:
     """`scan_into` for a sensor that wraps points, and does not report all of them."""
+    target, detected, slot = own
     k = clutter_into(z, view, key, t, centre, buffer_for(len(z)))
     wrapped, possible = scenario.sensor.wrap_and_validate(z[:k])
     wrapped = wrapped[possible]

@@ -90,14 +90,17 @@ def model_features(model: Model) -> np.ndarray:
 
 
 @kernel
-def observe(w, m, P, detection, log_density, S, H, R, log_weights, known, kept, relative_loss, work):
-    """FEATURES (k,) of a scan's full posterior w, m, P, the cost of merging all of it, and its detections.
+def observe(posterior, S, sensor, log_detect, known, memory):
+    """FEATURES (k,) of a scan's full posterior, the cost of merging all of it, and its detections.
 
-    Each feature is clipped to +-BOUND, and none depends on the order of the hypotheses. `detection` is -1 for
-    a hypothesis without one, `log_density` is log N(z; H m, S), S are the covariances of the predicted
-    hypotheses' gates, `log_weights` is log(P_D / lambda), `known` is `model_features`, and the rest is the
-    Memory. The last result is the number of hypotheses with a detection.
+    Each feature is clipped to +-BOUND, and none depends on the order of the hypotheses. The posterior is an
+    Expansion, S are the covariances of the predicted hypotheses' gates, `sensor` is a linear one,
+    `log_detect` is log(P_D / lambda), `known` is `model_features`, and `memory` a Memory. The last result is
+    the number of hypotheses with a detection.
     """
+    (w, m, P), _, detection, log_density = posterior
+    kept, relative_loss, work = memory
+    R = sensor.R
     entropy, square, first, second, hit, evidence = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     pairs, over_2, over_3, over_4, over_5 = 0, 0, 0, 0, 0
     for i in range(len(w)):
@@ -113,11 +116,11 @@ def observe(w, m, P, detection, log_density, S, H, R, log_weights, known, kept, 
         over_5 += v > 1e-5
         if detection[i] >= 0:
             hit += v
-            evidence += v * (log_density[i] + log_weights)
+            evidence += v * (log_density[i] + log_detect)
             pairs += 1
     cost, mean, covariance = total_cost(w, m, P)
     d = len(mean)
-    _, whole, _ = innovation(mean.reshape(1, d), covariance.reshape(1, d, d), H, R)
+    _, whole, _ = innovation(mean.reshape(1, d), covariance.reshape(1, d, d), sensor.H, R)
     alone = np.empty((1, *R.shape))
     alone[0] = R
     smallest = root_determinants(alone)[0]

@@ -53,12 +53,13 @@ def lookahead(scenario: Scenario, episode: Episode) -> np.ndarray:
 
 
 @kernel
-def hindsight(w, m, P, H, threshold, x, left, scans_off, ahead):
-    """HINDSIGHT (9,), each clipped to +-BOUND, of the full posterior w, m, P and the true state x (d,).
+def hindsight(posterior, H, threshold, x, left, scans_off, ahead):
+    """HINDSIGHT (9,), each clipped to +-BOUND, of the full posterior, a Mixture, and the true state x (d,).
 
     `threshold` is that of the gates, `left` the number of scans to come with this one, and `ahead` (3,) the
     scan's row of `lookahead`.
     """
+    w, m, P = posterior
     p, d = H.shape
     target, z_hat, y = np.zeros(p), np.zeros(p), np.empty(p)
     L, S, mean = np.zeros((p, p)), np.empty((p, p)), np.zeros(p)

@@ -7,12 +7,16 @@ the posterior that waits for its thresholds.
 import numba
 import numpy as np
 
+from gmr_gym.filters.association import Expansion
 from gmr_gym.filters.mht import MAX_HYPOTHESES, expand_scan, gate_and_log_weights
 from gmr_gym.kernels import kernel, together
+from gmr_gym.mixture import Mixture
+from gmr_gym.models.kalman import Sensor
 from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
-from gmr_gym.simulation.scans import View, scan_into
+from gmr_gym.simulation.reward import distance, score
+from gmr_gym.simulation.scans import View, centre_into, scan_into
 from gmr_gym.simulation.single_target import Episode, Scenario, capacity, view_of
-from gmr_gym.tuning.features import model_features, observe
+from gmr_gym.tuning.features import Memory, model_features, observe
 from gmr_gym.tuning.hindsight import FORESEEN, hindsight, lookahead
 from gmr_gym.tuning.instances import SCANS
 from gmr_gym.tuning.thresholds import RANGES, adapt
@@ -30,8 +34,8 @@ EPISODE = np.dtype(
         ("low", "f8", (2,)),
         ("high", "f8", (2,)),
         ("capacity", "i8"),  # detections
+        ("position", "i8", (2,)),  # which states are coordinates
         ("cutoff", "f8"),  # m
-        ("patience", "i8"),  # scans in a row beyond the cutoff that make a target lost
         # the filter model
         ("prior", "f8", (1, 4)),
         ("prior_covariance", "f8", (1, 4, 4)),
@@ -74,7 +78,7 @@ STEP = np.dtype(
 )
 
 
-def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode, patience: int) -> None:
+def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode) -> None:
     """Write an episode to its record. Its first scan is not processed yet.
 
     Parameters
@@ -84,8 +88,6 @@ def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode, patience: int
     scenario : Scenario
         Of `instances.world`.
     drawn : Episode
-    patience : int
-        Consecutive scans beyond the cutoff that make a target lost.
     """
     view, model, n = view_of(scenario), scenario.model, scenario.horizon
     episode["x"][:n], episode["z"][:n], episode["slot"][:n] = drawn.x, drawn.z, drawn.slot
@@ -94,7 +96,7 @@ def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode, patience: int
         episode[name] = getattr(view, name)
     episode["lookahead"][:n] = lookahead(scenario, drawn)
     episode["capacity"] = capacity(view.clutter_rate)
-    episode["cutoff"], episode["patience"] = scenario.cutoff, patience
+    episode["position"], episode["cutoff"] = scenario.position, scenario.cutoff
     episode["prior"], episode["prior_covariance"] = model.prior.m, model.prior.P
     episode["F"], episode["Q"], episode["offset"] = model.motion
     episode["H"], episode["R"] = model.sensor.H, model.sensor.R
@@ -149,7 +151,7 @@ def step(episodes, rows, thresholds, price, steps, observations):
                 e.w[:n], e.m[:n], e.P[:n], thresholds[i], e.cost, e.gated
             )
             e.kept = len(w)
-            score(e, estimate, thresholds[i], price, steps[i])
+            pay(e, estimate, thresholds[i], price, steps[i])
         e.t += 1
         observations[i] = 0.0
         if e.t < e.scans:
@@ -157,29 +159,18 @@ def step(episodes, rows, thresholds, price, steps, observations):
 
 
 @kernel
-def score(e, estimate, thresholds, price, out):
-    """Scores the estimate (d,) of the current scan to `out`; a loss moves the episode to its end.
-
-    With error e, cutoff c, work k and price q the reward is -min(e / c, 1) - q k; a loss adds -1 for each
-    scan left.
+def pay(e, estimate, thresholds, price, out):
+    """Scores the estimate (d,) of the current scan to `out`, in units of the cutoff; a loss moves the episode
+    to its end.
     """
-    # the sensor measures positions
-    squared, left = 0.0, e.scans - e.t - 1
-    for r in range(len(e.H)):
-        away = 0.0
-        for c in range(len(estimate)):
-            away += e.H[r, c] * (estimate[c] - e.x[e.t, c])
-        squared += away * away
-    error = np.sqrt(squared)
-    e.scans_off = e.scans_off + 1 if error > e.cutoff else 0
-    out.reward = -min(error / e.cutoff, 1.0) - price * e.work
+    left, error = e.scans - e.t - 1, distance(estimate, e.x[e.t], e.position)
+    out.reward, e.scans_off, out.terminated, out.truncated = score(
+        error / e.cutoff, 1.0, price * e.work, e.scans_off, left
+    )
     out.error, out.work, out.components = error, e.work, e.kept
     for i in range(len(thresholds)):
         out.thresholds[i] = thresholds[i]
-    out.terminated = e.scans_off >= e.patience
-    out.truncated = left == 0 and not out.terminated
     if out.terminated:
-        out.reward -= left
         e.t += left
 
 
@@ -190,31 +181,24 @@ def look(e, w, m, P, estimate, observation):
 
     The window is centred by the estimate (d,).
     """
-    d, p, t = len(estimate), len(e.R), e.t
-    predicted, centre = e.offset.copy(), np.zeros(p)
-    for r in range(d):
-        for c in range(d):
-            predicted[r] += e.F[r, c] * estimate[c]
-    for r in range(p):
-        for c in range(d):
-            centre[r] += e.H[r, c] * predicted[c]
-    nowhere = np.empty(0)
+    p, t = len(e.R), e.t
+    centre, nowhere = np.empty(p), np.empty(0)
+    centre_into(centre, (e.F[:], e.offset[:], e.H[:]), estimate)
     view = View(e.clutter_rate, e.low[:], e.high[:], e.limits_view > 0, nowhere, nowhere)
     z = np.empty((e.capacity, p))
     k, _ = scan_into(z, view, e.key[:], t, centre, e.z[t], e.detected[t] > 0, e.slot[t])
     threshold, log_miss, log_detect = e.log_weights[0], e.log_weights[1], e.log_weights[2]
-    _, S, w, m, P, _, detection, log_density = expand_scan(
+    _, S, w, m, P, parent, detection, log_density = expand_scan(
         w, m, P, e.F[:], e.Q[:], e.offset[:], e.H[:], e.R[:], threshold, log_miss, log_detect, z[:k]
     )
-    features, e.cost, e.gated = observe(
-        w, m, P, detection, log_density, S, e.H[:], e.R[:], log_detect, e.known[:],
-        e.kept, e.relative_loss, e.work,
-    )  # fmt: skip
+    full = Expansion(Mixture(w, m, P), parent, detection, log_density)
+    memory = Memory(e.kept, e.relative_loss, e.work)
+    features, e.cost, e.gated = observe(full, S, Sensor(e.H[:], e.R[:]), log_detect, e.known[:], memory)
     for f in range(len(features)):
         observation[f] = features[f]
     if len(observation) > len(features):
         observation[len(features) :] = hindsight(
-            w, m, P, e.H[:], threshold, e.x[t], e.scans - t, e.scans_off, e.lookahead[t]
+            full.mixture, e.H[:], threshold, e.x[t], e.scans - t, e.scans_off, e.lookahead[t]
         )
     w, m, P, _ = select(w, m, P, heaviest_mask(w, len(e.w)) & above_threshold(w, w, LEAST))
     e.hypotheses = n = len(w)

@@ -18,7 +18,8 @@ from gmr_gym.filters.tracker import Report
 from gmr_gym.models.multi_target import MultiTargetModel
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+RESULTS = {*(ROOT / "docs" / "results").glob("*.md")}  # which pages include
+PAGES = [ROOT / "README.md", *sorted({*(ROOT / "docs").rglob("*.md")} - RESULTS)]
 EQUATIONS = ROOT / "docs" / "reference" / "equations.md"
 RUN = (
     "evaluate",
@@ -30,6 +31,7 @@ RUN = (
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"\n]+)\")?\n(.*?)^```$", re.M | re.S)
 NUMBER = re.compile(r"(?<!\w)-?\d+(?:\.\d+)?(?:e-?\d+)?")
 TOCTREE = re.compile(r"^```{toctree}\n(.*?)^```$", re.M | re.S)
+INCLUDED = re.compile(r"^```{literalinclude} (\S+)\n:language: (\w+)\n:caption: (\S+)\n```$", re.M)
 FENCED = re.compile(r"^```.*?^```$", re.M | re.S)
 
 
@@ -38,8 +40,13 @@ def named(page):
 
 
 def blocks(page):
-    """(language, title, text) of each fenced block."""
-    return BLOCK.findall(page.read_text(encoding="utf-8"))
+    """(language, title, text) of each fenced block, or file that stands there as one."""
+
+    def whole(found):
+        text = (page.parent / found[1]).read_text(encoding="utf-8")
+        return f'```{found[2]} title="{found[3]}"\n{text}```'
+
+    return BLOCK.findall(INCLUDED.sub(whole, page.read_text(encoding="utf-8")))
 
 
 def commands(text):
@@ -61,11 +68,12 @@ def execute(language, title, text, namespace):
         exec(compile(text, "<page>", "exec"), namespace)
     elif language == "toml" and "[project.entry-points" in text:
         installed = Path("page-0.dist-info")  # what pip would leave of such a pyproject.toml
-        installed.mkdir()
+        installed.mkdir(exist_ok=True)
         (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: page\nVersion: 0\n")
         section = text.partition("[project.entry-points.")[2].partition("\n\n")[0]
         lines = section.replace('"', "").replace("]", "", 1).splitlines()
-        (installed / "entry_points.txt").write_text("\n".join([f"[{lines[0]}]", *lines[1:]]))
+        with (installed / "entry_points.txt").open("a") as file:
+            file.write("\n".join([f"[{lines[0]}]", *lines[1:], ""]))
     elif language == "sh":
         for words in commands(text):
             if words[0] == "evaluate":

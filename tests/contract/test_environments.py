@@ -20,13 +20,14 @@ from gmr_gym.envs.episodic import EXTENT
 from gmr_gym.envs.policy import MultiTargetPolicy, Policy
 from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
 from gmr_gym.envs.render import Canvas
-from gmr_gym.envs.tracking import SCANS_OFF, TrackingEnv
+from gmr_gym.envs.tracking import TrackingEnv
 from gmr_gym.evaluation.loop import play as play_scans
 from gmr_gym.evaluation.montecarlo import run_once
 from gmr_gym.evaluation.multi_target_runs import run_multi_target_once
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.mixture import mixture, moments
 from gmr_gym.scenarios.dortenzio import turning_target
+from gmr_gym.simulation.reward import SCANS_OFF
 from gmr_gym.simulation.single_target import Truth, draw
 
 EVERY = sorted(env_id for env_id in gym.registry if env_id.startswith("gmr_gym/"))
@@ -550,7 +551,7 @@ def test_without_clutter_the_scan_is_the_targets_detection_or_nothing():
         (FLIGHT, {"segment": "nowhere"}, ValueError, "nowhere"),
         (JUMP, {"horizon": 5}, ValueError, "unknown argument 'horizon'; .*takes case, .*, render_mode$"),
         (JUMP, {"case": "3"}, ValueError, "case must be one of 1, 2, stress, clear, got '3'"),
-        (JUMP, {"process_variance": "one"}, ValueError, "cannot make a scenario of .*process_variance"),
+        (JUMP, {"process_variance": "one"}, ValueError, "^process_variance must be a number, got 'one'$"),
         (RADAR, {"regime": "close"}, ValueError, "regime must be one of near, far, extreme, got 'close'"),
         (RADAR, {"range_deviation": 0}, ValueError, "range_deviation must be positive and finite, got 0"),
         (RADAR, {"angle_deviation": 0.6}, ValueError, "angle_deviation must be positive and at most 0.5 rad"),

@@ -114,6 +114,8 @@ def test_comments_blank_lines_spaces_and_a_byte_order_mark_are_passed_over(tmp_p
         ("time,x,y\n0,1,2\n0,,\n", "line 3, column x: an empty scan"),
         ("time,x,y\n0,,\n0,1,2\n", "line 3, column x: an empty scan"),
         ('time,x,y\n0,"1,2\n', "line 2: not a row of CSV"),
+        ("time,x,y\n1700000000123456789,1,2\n", "line 2, column time: 1700000000123456789 has more digits"),
+        ("time,x,y\n1e9,1,2\n1000000000.00000001,1,2\n", "line 3, column time: 1000000000.00000001 has more"),
         ("time,x,y\r0,1,2\r", "line 1: not a row of CSV"),
     ],
 )
@@ -123,6 +125,18 @@ def test_a_malformed_file_is_refused_with_file_line_and_column(tmp_path, text, w
     with pytest.raises(ValueError) as error:
         read_scans(file)
     assert str(error.value).startswith(f"{file}, {where}")
+
+
+def test_one_time_in_several_spellings_is_one_scan(tmp_path):
+    (tmp_path / "scans.csv").write_text("time,x\n1,0\n1.0,1\n1e0,2\n")
+    assert [z.tolist() for z in read_scans(tmp_path / "scans.csv").z] == [[[0.0], [1.0], [2.0]]]
+
+
+def test_a_coordinate_is_limited_where_a_limit_is_given_and_a_time_is_not(tmp_path):
+    (tmp_path / "scans.csv").write_text("time,x,y\n200,0,-9\n201,-11,0\n")
+    assert len(read_scans(tmp_path / "scans.csv").z) == len(read_scans(tmp_path / "scans.csv", farthest=11).z)
+    with pytest.raises(ValueError, match=r"line 3, column x: -11 lies beyond \+-10"):
+        read_scans(tmp_path / "scans.csv", farthest=10)
 
 
 @pytest.mark.parametrize(
@@ -151,6 +165,7 @@ def test_a_missing_file_is_named(tmp_path):
     [
         ([0.0], [EMPTY, EMPTY], ("x", "y"), "times must be finite, one for each of the 2 scans"),
         ([], [], ("x", "y"), "times must be finite"),
+        ([0, 1.7e18], [EMPTY, EMPTY], ("x", "y"), r"times must lie within \+-9.01e\+15 s, got 1.7e\+18"),
         ([0.0, np.nan], [EMPTY, EMPTY], ("x", "y"), "times must be finite"),
         ([1.0, 1.0], [EMPTY, EMPTY], ("x", "y"), "times must increase, but 1.0 follows 1.0"),
         ([0.0], [np.zeros((2, 3))], ("x", "y"), r"z must have shape \(k, 2\)"),

@@ -6,7 +6,16 @@ import pytest
 from rich.console import Console
 
 from gmr_gym.evaluation.summary import Estimate
-from gmr_gym.experiments.sheets import METRICS, claims_table, comparison, figures_table, notes, plain, shown
+from gmr_gym.experiments.sheets import (
+    METRICS,
+    claims_table,
+    comparison,
+    figures_table,
+    legend,
+    notes,
+    plain,
+    shown,
+)
 
 NAMES = ["runnalls-30", "mmg-15:reduction=average-isd", "clairvoyant"]
 METRIC_NAMES = ["track_loss", "rmse_own", "velocity_rmse_own", "gate_area", "localisation", "time_per_scan"]
@@ -78,3 +87,11 @@ def test_notes_are_of_lost_runs_and_of_few():
     assert said.startswith("a, c lost every run")
     assert notes({"a": lost}, 100) == ["every run was lost by every tracker: there is no error of a run kept"]
     assert notes({"a": {"ospa": Estimate(1.0)}}, 1)[0].startswith("1 run: too few to judge")
+
+
+def test_a_legend_has_the_words_that_are_in_the_headings_and_no_other():
+    assert legend(["track_loss", "components"]) == []
+    assert legend(["rmse_own", "track_loss"]) == [
+        "RMSE: root mean square error; own: over the runs that a tracker kept"
+    ]
+    assert legend(["error_common"])[0].startswith("error: mean distance from the truth; common: over those")

@@ -107,7 +107,8 @@ def test_parts_merge_among_their_kind_alone_and_the_first_target_keeps_its_numbe
     m = np.array([[0.0, 0], [30, 0], [500, 0], [0, 0], [5, 0], [300, 0]])
     P = np.array([400.0 * np.eye(2)] * 3 + [R, 2 * R, R])
     w = np.array([0.2, 0.2, 0.1, 0.02, 0.1, 0.37, 0.01])
-    w_out, m_out, P_out, origin = merge_and_prune(w, m, P, np.array([0, 1, 2]), 50, 4.0, 4.0, 3.0, 0.6)
+    parts = ScanMixture(w, m, P, np.array([0, 1, 2]))
+    w_out, m_out, P_out, origin = merge_and_prune(parts, 50, 4.0, 4.0, 3.0, 0.6)
     assert origin.tolist() == [0]  # the third, and the clutter about (500, 0), are pruned
     np.testing.assert_allclose(m_out[0], [10, 0])
     np.testing.assert_allclose(P_out[0], [[400 + 200, 0], [0, 400]])  # weights 2 : 1, 30 m apart

@@ -13,8 +13,17 @@ from gmr_gym import cli
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.experiments.evidence import Evidence, measured
 from gmr_gym.experiments.papers import lv, lv_episode
-from gmr_gym.experiments.papers.lv import PAPER, REDUCED, TABLES
-from gmr_gym.experiments.papers.lv_claims import ACROSS, FITTED, PRINTED, QUANTITIES, RIGHT, UNIFORM
+from gmr_gym.experiments.papers.lv import (
+    ACROSS,
+    FITTED,
+    PAPER,
+    PRINTED,
+    QUANTITIES,
+    REDUCED,
+    RIGHT,
+    TABLES,
+    UNIFORM,
+)
 from gmr_gym.experiments.sheets import HEADINGS
 from gmr_gym.experiments.specs import scenario_of, tracker_of
 from gmr_gym.filters.tracker import MultiTargetReport

@@ -154,10 +154,10 @@ def test_the_offset_is_the_mean_less_its_sampling_variance_of_the_runs_as_they_a
             drawn = [error[run, t, state] for run in (1, 3, 3, 4, 4, 4)]
             squares.append(statistics.mean(drawn) ** 2 - statistics.variance(drawn) / 6)
     assert sum(squares) > 0
-    got = offset("imm", slice(44, 100), np.array([4.0, 1, 0, 2, 3]), table)
+    got = offset("imm", slice(44, 100))(np.array([4.0, 1, 0, 2, 3]), table)
     assert got == pytest.approx(np.sqrt(sum(squares) / 56), rel=1e-9)
     # how much a mean scatters, one run cannot tell
-    assert np.isnan(offset("imm", slice(44, 100), np.array([4.0, 1, 0, 0, 0]), table))
+    assert np.isnan(offset("imm", slice(44, 100))(np.array([4.0, 1, 0, 0, 0]), table))
 
 
 @pytest.mark.parametrize("correlated", [True, False])
@@ -172,7 +172,7 @@ def test_errors_without_an_offset_show_none_on_average_however_unlike_they_scatt
             scans = 1 if correlated else part.stop - part.start
             error[:, part, :2] = rng.normal(0.0, deviation, (runs, scans, 2))
         table = {"mmae": changed(one, error=error)}
-        offsets[seed] = [offset("mmae", part, weight, table) for part, _ in parts]
+        offsets[seed] = [offset("mmae", part)(weight, table) for part, _ in parts]
         plain[seed] = [np.sqrt(2 * (error[:, part, :2].mean(axis=0) ** 2).mean()) for part, _ in parts]
         excess[seed] = CLAIMS[text].value(weight, table)
     squares = np.sign(offsets) * offsets**2

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -11,43 +12,17 @@ from gmr_gym.experiments.papers import registry
 from gmr_gym.experiments.papers.registry import PAPERS, paper_named, register_paper
 from gmr_gym.experiments.tables import Paper
 
-TEMPLATE = '''
-"""Whether PDA does better than a hypothesis tracker that keeps a single Gaussian."""
-
-import numpy as np
-
-from gmr_gym.evaluation.summary import not_lost
-from gmr_gym.experiments.claims import Asked, Claim
-from gmr_gym.experiments.evidence import squared_position
-from gmr_gym.experiments.tables import Paper, Table
-
-
-def smaller(weight, pda, other):
-    return float(weight @ (other.square - pda.square).mean(axis=1) / weight.sum())
-
-
-def figures(table, scenario, results, rows, out):
-    (out / f"figure-{table.name}.txt").write_text("drawn")
-
-
-TURN = Table("1", "four scans", "gmr_gym/TurningTarget-v0", {"horizon": 4}, {"pda": {}, "runnalls-1": {}})
-PAPER = Paper(
-    (TURN,),
-    figures,
-    quantities={"square": squared_position, "kept": not_lost},
-    claims=(Asked((Claim("PDA errs less", "m^2", 0.0, smaller, "pda", "runnalls-1"),), ("1",)),),
-)
-'''
+TEMPLATE = Path(__file__).parents[2] / "docs" / "templates" / "paper.py"
 
 
 @pytest.fixture
 def template(tmp_path, monkeypatch):
     """A paper in a file of its own, and known for as long as a test takes."""
-    (tmp_path / "a_template_paper.py").write_text(TEMPLATE)
+    (tmp_path / "a_template_paper.py").write_text(TEMPLATE.read_text(encoding="utf-8"))
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(registry, "_PLACES", dict(registry._PLACES))
     known = dict(PAPERS)
-    register_paper("template", "PDA against a single Gaussian", "a_template_paper:PAPER")
+    register_paper("template", "five hypotheses against one", "a_template_paper:PAPER")
     yield tmp_path
     PAPERS.clear()
     PAPERS.update(known)
@@ -56,16 +31,16 @@ def template(tmp_path, monkeypatch):
 
 def test_a_paper_is_one_file_that_is_listed_run_drawn_and_judged(template, capsys):
     cli.app(["list"], standalone_mode=False)
-    assert "PDA against a single Gaussian" in capsys.readouterr().out
+    assert "five hypotheses against one" in capsys.readouterr().out
     assert "a_template_paper" not in sys.modules  # a list imports no paper
     out = template / "out"
     cli.app(["reproduce", "template", "--runs", "3", "--jobs", "1", "--out", str(out)], standalone_mode=False)
     record = json.loads((out / "template.json").read_text())
     (table,), (claim,) = record["tables"], record["claims"]
-    assert [row["tracker"] for row in table["rows"]] == ["pda", "runnalls-1"]
-    assert (claim["claim"], claim["table"], claim["runs"]) == ("PDA errs less", "1", "all 3")
+    assert [row["tracker"] for row in table["rows"]] == ["runnalls-5", "pda"]
+    assert (claim["claim"], claim["table"], claim["runs"]) == ("five lose less than one", "1", "all 3")
     assert claim["verdict"] == "too few runs"
-    assert (out / "figure-1.txt").read_text() == "drawn"
+    assert (out / "figure-1.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_name_is_given_once_and_a_place_is_a_module_and_a_name():

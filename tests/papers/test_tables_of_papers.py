@@ -411,7 +411,7 @@ def test_claims_are_judged_over_all_runs_and_over_those_that_all_three_kept(few_
     ]  # by all three in either case
     everything, kept = (records["1"][i] for i in (0, len(CASE_1)))
     for entry, mask in ((everything, np.ones(16)), (kept, KEPT)):
-        own, *others = (curves(one, mask).rmse.mean() for one in tables["1"].values())
+        own, *others = (curves(one.errors, mask).rmse.mean() for one in tables["1"].values())
         assert entry["value"] == pytest.approx(min(others) - own, rel=1e-9)
     assert (
         everything["verdict"] != "holds" and kept["verdict"] == "holds"
@@ -429,7 +429,7 @@ def test_evidence_is_of_the_first_three_trackers_and_the_runs_all_of_them_kept()
     assert list(told) == ["mmg", "imm_mht", "imm_pda"]
     assert np.logical_and.reduce([one.kept for one in told.values()]).tolist() == [False] * 3 + [True] * 3
     for one, runs in zip(told.values(), results.values(), strict=False):
-        np.testing.assert_array_equal(one.error, runs.x - runs.truth)
+        np.testing.assert_array_equal(one.errors.error, runs.x - runs.truth)
 
 
 # tables

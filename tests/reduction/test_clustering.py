@@ -434,3 +434,12 @@ def test_a_covariance_that_is_not_definite_is_refused(measure):
     p = random_mixture(0, 3, 2)._replace(P=np.array([np.eye(2), np.diag([1.0, -1.0]), np.eye(2)]))
     with pytest.raises(ValueError, match=r"p.P\[1\] must be positive definite"):
         dissimilarity(p, measure)
+
+
+def test_weights_whose_squares_overflow_are_refused_where_squares_are_asked_for():
+    p = random_mixture(0, 3, 2)
+    heavy = p._replace(w=1e200 * p.w)
+    with pytest.raises(ValueError, match=r"isd has squares of weights beyond.*pass normalised\(p\)"):
+        dissimilarity(heavy, "isd")
+    for measure in ("correlation", "runnalls"):
+        assert np.isfinite(dissimilarity(heavy, measure)).all()

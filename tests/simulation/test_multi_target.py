@@ -318,7 +318,7 @@ def test_a_given_trajectory_is_flown_and_told_of_where_it_starts(columns):
         ({"told": "nothing"}, "told must be uniform or true, got 'nothing'"),
         ({"clutter_rate": -1}, "clutter_rate must lie between 0 and 1e4 per scan, got -1"),
         ({"clutter_rate": np.nan}, "clutter_rate must lie"),
-        ({"clutter_rate": "many"}, "cannot make a scenario of .*clutter_rate"),
+        ({"clutter_rate": "many"}, "^clutter_rate must be a number, got 'many'$"),
         ({"detection_probability": 1.2}, "detection_probability must lie in"),
         ({"group_density": 0}, "group_density must be positive and at most 100, got 0"),
         ({"uniform_share": 0.4}, "uniform_share must be positive and make 1 .* got 0.4 and 1.1 in all"),

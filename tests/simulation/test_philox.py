@@ -24,7 +24,7 @@ def words(counter, key):
 def points(n, p, key=KEY, stream=1, at=(0, 0, 0)):
     out = np.empty((n, p))
     low, words = np.zeros(p), philox.buffer_for(n)
-    philox.points_into(out, n, low, np.ones(p), low, np.array(key, np.uint32), stream, at, words)
+    philox.points_into(out, low, np.ones(p), low, np.array(key, np.uint32), stream, at, words)
     return out
 
 
@@ -73,7 +73,7 @@ def test_points_take_two_coordinates_of_a_pair_and_the_next_of_the_next_stream()
         np.testing.assert_array_equal(points(n, p, KEY, 6, at), np.array(expected).reshape(n, p))
     out, low, high = np.full((9, 3), np.nan), np.array([-5.0, 1.0, 10.0]), np.array([5.0, 2.0, 40.0])
     centre = np.array([100.0, 0.0, -7.0])
-    philox.points_into(out, 8, low, high, centre, KEY, 6, at, philox.buffer_for(8))
+    philox.points_into(out[:8], low, high, centre, KEY, 6, at, philox.buffer_for(8))
     np.testing.assert_allclose(out[:8], centre + low + (high - low) * points(8, 3, KEY, 6, at), rtol=1e-15)
     assert np.isnan(out[8]).all()
 

@@ -62,11 +62,8 @@ def posterior_of(p, detection=None, log_density=-8.0):
 
 def features(full, memory, model=TOLD, known=KNOWN):
     """What is seen of a posterior."""
-    posterior, (H, R) = full.posterior, model.sensor
-    return observe(
-        *posterior.mixture, posterior.detection, posterior.log_density, full.gates.S,
-        H, R, gate_and_log_weights(model)[2], known, *memory,
-    )[0]  # fmt: skip
+    log_detect = gate_and_log_weights(model)[2]
+    return observe(full.posterior, full.gates.S, model.sensor, log_detect, known, memory)[0]
 
 
 def spread_out(n, seed=0, scale=20.0):

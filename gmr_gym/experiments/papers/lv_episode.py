@@ -11,8 +11,7 @@ from gmr_gym.envs.render import ellipses
 from gmr_gym.evaluation.metrics import wasserstein
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns, density_error, places, play
 from gmr_gym.evaluation.multi_target_summary import mean_where
-from gmr_gym.experiments.drawings import save
-from gmr_gym.experiments.papers.lv_claims import LEARNED, UNIFORM
+from gmr_gym.experiments.drawings import canvas, save
 from gmr_gym.experiments.specs import tracker_of
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.mixture import joined
@@ -20,7 +19,7 @@ from gmr_gym.models.clutter import Clutter
 from gmr_gym.scenarios.lv import ELLIPSE_95
 from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario, draw, scan
 
-TRACKS = "learning-pmb"
+UNIFORM, LEARNED, TRACKS = "gm-phd", "learning-phd", "learning-pmb"
 
 
 def mean_by_time(distance: np.ndarray) -> np.ndarray:
@@ -36,23 +35,28 @@ def episode_figures(scenario: MultiTargetScenario, results: Mapping[str, MultiTa
         for name in (UNIFORM, "fmm-em", "fmm-em:repaired=True", LEARNED, TRACKS)
     }
     save(_tracks(scenario, episode), out / "figure-1.png")
-    errors = _density_errors(scenario, said["fmm-em"])
+    fits = said["fmm-em"]
+    errors = [_clutter_wrong(scenario, account, t) for t, account in enumerate(fits)]
     # the scan whose fit is best, and the one whose fit is worst
     for figure, t in (("figure-2", int(np.argmin(errors))), ("figure-3", int(np.argmax(errors)))):
-        save(_fitted(scenario, episode, said["fmm-em"][t], t), out / f"{figure}.png")
+        save(_fitted(scenario, episode, fits[t], t), out / f"{figure}.png")
     for figure, name in (
         ("figures-4-6-8", UNIFORM), ("figures-5-7-9", "fmm-em"),
         ("figures-5-7-9-repaired", "fmm-em:repaired=True"), ("learning-pmb", TRACKS),
     ):  # fmt: skip
-        runs = results[name]
-        save(_episode(name, scenario, episode, said[name], runs), out / f"{figure}.png")
+        save(_episode(name, scenario, episode, said[name], results[name]), out / f"{figure}.png")
     save(_intensities(scenario, said), out / "clutter.png")
+
+
+def _clutter_wrong(scenario: MultiTargetScenario, account: MultiTargetReport, t: int) -> float:
+    """Share of the clutter."""
+    true = scenario.clutter(t)
+    return density_error(account.clutter, true, places(true))
 
 
 def _tracks(scenario: MultiTargetScenario, episode: MultiTargetEpisode) -> Drawing:
     """Fig. 1: a circle where a target begins, a square where it ends; the groups of clutter behind."""
-    drawing = Drawing(figsize=(6, 6), layout="constrained")
-    axes = drawing.subplots()
+    drawing, axes = canvas(6, 6)
     _groups(axes, scenario.clutter(0))
     for i, (path, line) in enumerate(zip(_paths(scenario, episode), ("-", ":", "--"), strict=False)):
         there = path[np.isfinite(path[:, 0])]
@@ -67,17 +71,13 @@ def _fitted(
     scenario: MultiTargetScenario, episode: MultiTargetEpisode, account: MultiTargetReport, t: int
 ) -> Drawing:
     """Figs. 2-3: 95 % ellipses of the real clutter and of the Gaussians fitted to one scan."""
-    drawing = Drawing(figsize=(6, 6), layout="constrained")
-    axes = drawing.subplots()
-    true = scenario.clutter(t)
-    _groups(axes, true)
+    drawing, axes = canvas(6, 6)
+    _groups(axes, scenario.clutter(t))
     axes.plot(*scan(episode, t).z.T, ".", color="0.6", ms=4)
+    style = {"edgecolors": "C1", "linestyles": ":", "linewidths": 1.6}
     parts = account.clutter.gaussians
-    axes.add_collection(
-        ellipses(axes, parts.m, ELLIPSE_95 * parts.P, edgecolors="C1", linestyles=":", linewidths=1.6)
-    )
-    wrong = density_error(account.clutter, true, places(true))
-    axes.set(title=f"scan {t + 1}: {wrong:.0%} of the clutter wrong")
+    axes.add_collection(ellipses(axes, parts.m, ELLIPSE_95 * parts.P, **style))
+    axes.set(title=f"scan {t + 1}: {_clutter_wrong(scenario, account, t):.0%} of the clutter wrong")
     return drawing
 
 
@@ -104,8 +104,7 @@ def _episode(
 ) -> Drawing:
     """Figs. 4, 6 and 8 in one, or 5, 7 and 9: number, positions and Wasserstein distance by time of an
     episode; of the last also its mean over runs."""
-    drawing = Drawing(figsize=(9, 10), layout="constrained")
-    number, *along, distance = drawing.subplots(4, 1, sharex=True)
+    drawing, (number, *along, distance) = canvas(9, 10, 4, 1, sharex=True)
     time = scenario.period * np.arange(1, scenario.horizon + 1)
     paths = _paths(scenario, episode)
     there = np.isfinite(paths[:, :, 0]).sum(axis=0)
@@ -119,7 +118,10 @@ def _episode(
         named = np.concatenate([account.x[:, scenario.position[i]] for account in said])
         axes.plot(at, named, "C1o", mfc="none", ms=3)
         axes.set(ylabel=f"{'xy'[i]}, m")
-    own = [_distance(scenario, account, paths[:, t]) for t, account in enumerate(said)]
+    own = [
+        wasserstein(account.x[:, list(scenario.position)], at[np.isfinite(at[:, 0])])
+        for account, at in zip(said, paths.swapaxes(0, 1), strict=True)
+    ]
     distance.plot(time, own, "C1o-", mfc="none", ms=3, lw=0.7, label="this episode")
     distance.plot(time, mean_by_time(runs.wasserstein), "k", lw=1, label="mean of the runs with one")
     nothing = time[np.isnan(own)]
@@ -129,21 +131,9 @@ def _episode(
     return drawing
 
 
-def _distance(scenario: MultiTargetScenario, account: MultiTargetReport, there: np.ndarray) -> float:
-    truth = there[np.isfinite(there[:, 0])]
-    return wasserstein(account.x[:, list(scenario.position)], truth)
-
-
-def _density_errors(scenario: MultiTargetScenario, said: list[MultiTargetReport]) -> list[float]:
-    every = [scenario.clutter(t) for t in range(len(said))]
-    grid = places(every[0])
-    return [density_error(account.clutter, true, grid) for account, true in zip(said, every, strict=True)]
-
-
 def _intensities(scenario: MultiTargetScenario, said: Mapping[str, list[MultiTargetReport]]) -> Drawing:
     """kappa after the last scan, on one scale of colours."""
-    drawing = Drawing(figsize=(12, 3.6), layout="constrained")
-    panels = drawing.subplots(1, 4, sharey=True)
+    drawing, panels = canvas(12, 3.6, 1, 4, sharey=True)
     last = scenario.horizon - 1
     true = scenario.clutter(last)
     shown = {"true": true, "fitted to one scan (fmm-em)": said["fmm-em"][last].clutter}
@@ -153,14 +143,8 @@ def _intensities(scenario: MultiTargetScenario, said: Mapping[str, list[MultiTar
     box = (true.low[0], true.high[0], true.low[1], true.high[1])
     most = 1.5 * true.density(at).max()
     for axes, (name, clutter) in zip(panels, shown.items(), strict=True):
-        image = axes.imshow(
-            clutter.density(at).reshape(side, side),
-            origin="lower",
-            extent=box,
-            vmin=0,
-            vmax=most,
-            cmap="viridis",
-        )
+        square = clutter.density(at).reshape(side, side)
+        image = axes.imshow(square, "viridis", origin="lower", extent=box, vmin=0, vmax=most)
         axes.set_title(name, size=9)
     drawing.colorbar(image, ax=panels, label="false detections a scan, per m²")
     return drawing

@@ -9,27 +9,14 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from gmr_gym.evaluation.montecarlo import Runs
 from gmr_gym.evaluation.summary import Estimate, bootstrap_mean
-from gmr_gym.experiments.drawings import save
-from gmr_gym.experiments.evidence import Evidence, Rows, all_measured, error_differences, error_rows
-from gmr_gym.experiments.papers.maybeck_claims import ASKED
-from gmr_gym.experiments.papers.maybeck_numbers import (
-    PRINTED,
-    QUANTITIES,
-    SPANS,
-    UNITS,
-    average,
-    rms,
-)
-from gmr_gym.experiments.tables import Paper, Table
+from gmr_gym.experiments.drawings import by_tracker, canvas, legend_above, save
+from gmr_gym.experiments.evidence import Evidence, Results, Rows, all_measured, error_differences, error_rows
+from gmr_gym.experiments.papers.maybeck_claims import ASKED, PRINTED
+from gmr_gym.experiments.papers.maybeck_numbers import ERRORS, QUANTITIES, SPANS, UNITS, average, rms
+from gmr_gym.experiments.tables import Paper, Table, plainly
 from gmr_gym.simulation.single_target import Scenario
 
-# of the errors by quantity and span, in the order of the paper's Table I
-ERRORS = {
-    ("position", "whole"): "rmse", ("velocity", "whole"): "velocity_rmse",
-    ("position", "level"): "level_rmse", ("velocity", "level"): "level_velocity_rmse",
-}  # fmt: skip
 COLUMNS = (
     "track_loss", *(f"{error}_own" for error in ERRORS.values()), "components", "gate_area", "time_per_scan",
 )  # fmt: skip
@@ -53,15 +40,7 @@ def _mhts(reduction: str) -> dict[str, dict[str, Any]]:
     }
 
 
-def _printed(role: str) -> dict[str, float]:
-    """Table I, and "about 10 %" lost of all of them."""
-    return {"track_loss": 0.1} | {
-        f"{error}_own": PRINTED[role][quantity][list(SPANS).index(span)]
-        for (quantity, span), error in ERRORS.items()
-    }
-
-
-def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
+def _rows(scenario: Scenario, results: Results) -> Rows:
     """One row per tracker: share of runs lost; temporally averaged rms errors of position (m) and velocity
     (m/s), of the whole flight and of its level part, `_own` over the runs the tracker kept, as in Table I,
     and `_common` over those that all trackers kept that kept any; components; gate area (m^2) of runs kept;
@@ -85,51 +64,36 @@ def _errors(one: Evidence, weight: np.ndarray) -> np.ndarray:
 
 
 def _table(
-    name: str, title: str, trackers: dict[str, dict[str, Any]], roles: tuple[str, ...],
-    settings: dict[str, Any] | None = None, published: Mapping[str, dict[str, float]] | None = None,
-) -> Table:  # fmt: skip
+    name: str, title: str, trackers: dict[str, dict[str, Any]], roles: tuple[str, ...], **settings: Any
+) -> Table:
+    rows = PRINTED.get(name, {})
     return Table(
-        name=name,
-        title=title,
-        env_id="gmr_gym/AgileFlight-v0",
-        settings=settings or {},
-        trackers=trackers,
-        published=dict(published or {}),
-        runs=50,
-        summarise=_rows,
-        columns=COLUMNS,
-        roles=roles,
+        name, title, "gmr_gym/AgileFlight-v0", settings, trackers,
+        published={spec: rows[role] for spec, role in zip(trackers, roles, strict=True) if role in rows},
+        runs=50, summarise=_rows, columns=COLUMNS, roles=roles,
         paired=partial(error_differences, QUANTITIES, tuple(ERRORS.values()), _errors),
-    )
+    )  # fmt: skip
 
 
 ISE, RUNNALLS = _mhts("ise"), _mhts("runnalls")
-CLEAR: dict[str, dict[str, Any]] = {"one-motion:mode=1": {}, "mmae": {}, "imm": {}}
+CLEAR = plainly(("one-motion:mode=1", "mmae", "imm"))
+BENIGN = {
+    f"one-motion-15:mode=0,reduction={which}": {"max_hypotheses": MOST} for which in ("ise", "runnalls")
+}
 TABLES = (
-    _table("1", "Table I, reduced by ISE", ISE, ROLES,
-           published={name: _printed(role) for name, role in zip(ISE, ROLES, strict=True)}),
-    _table("benign", "MHT of benign filters", {
-        f"one-motion-15:mode=0,reduction={reduction}": {"max_hypotheses": MOST}
-        for reduction in ("ise", "runnalls")
-    }, ("benign", "benign-runnalls")),
-    _table("clear", "no clutter", CLEAR, ROLES[:3], {"clutter_density": 0.0},
-           {"mmae": {"rmse_own": 10.6, "velocity_rmse_own": 10.5}}),
+    _table("1", "Table I, reduced by ISE", ISE, ROLES),
+    _table("benign", "MHT of benign filters", BENIGN, ("benign", "benign-runnalls")),
+    _table("clear", "no clutter", CLEAR, ROLES[:3], clutter_density=0.0),
     _table("1-runnalls", "Table I, reduced by Runnalls", RUNNALLS, ROLES),
     _table("switching", "an IMM that stays with probability 0.98, reduced by ISE",
-           dict(list(ISE.items())[:3]), ROLES[:3], {"switching": STICKIER}),
-    _table("clear-switching", "no clutter, an IMM that stays with probability 0.98", CLEAR, ROLES[:3],
-           {"clutter_density": 0.0, "switching": STICKIER}),
-    _table("missed", "P_D = 0.9, reduced by Runnalls", RUNNALLS, ROLES, {"detection_probability": 0.9}),
+           dict(list(ISE.items())[:3]), ROLES[:3], switching=STICKIER),
+    _table("clear-switching", "no clutter, an IMM that stays with probability 0.98",
+           CLEAR, ROLES[:3], clutter_density=0.0, switching=STICKIER),
+    _table("missed", "P_D = 0.9, reduced by Runnalls", RUNNALLS, ROLES, detection_probability=0.9),
 )  # fmt: skip
 
 
-def figures(
-    table: Table,
-    scenario: Scenario,
-    results: Mapping[str, Runs],
-    rows: Mapping[str, Mapping[str, Estimate]],
-    out: Path,
-) -> None:
+def figures(table: Table, scenario: Scenario, results: Results, rows: Rows, out: Path) -> None:
     """Errors and runs not lost by epoch; mode probabilities (Figs. 3-4); for Table I error bands against
     filter bands (Figs. 5-7)."""
     every = all_measured(QUANTITIES, scenario, results)
@@ -144,8 +108,7 @@ def figures(
         aggressive = next(iter(every.values()))
         for name, role in zip(every, ROLES, strict=True):
             if role in BANDS:
-                drawing = _bands(name, every[name], aggressive, epochs)
-                save(drawing, out / f"{BANDS[role]}.png")
+                save(_bands(name, every[name], aggressive, epochs), out / f"{BANDS[role]}.png")
 
 
 def _jerk(truth: np.ndarray, period: float) -> np.ndarray:
@@ -159,30 +122,30 @@ def _alive(one: Evidence, epochs: np.ndarray) -> np.ndarray:
     return (at[:, None] >= epochs).sum(axis=0)
 
 
+def _rms(quantity: str, one: Evidence) -> np.ndarray:
+    """Over the runs kept, by epoch (T,)."""
+    return np.sqrt(average(getattr(one, quantity), one))
+
+
 def _errors_by_epoch(every: Mapping[str, Evidence], epochs: np.ndarray) -> Drawing:
-    drawing = Drawing(figsize=(9, 9), layout="constrained")
-    *panels, alive = drawing.subplots(3, 1, sharex=True)
-    for name, one in every.items():
-        for axes, quantity in zip(panels, UNITS, strict=True):
-            axes.plot(epochs, np.sqrt(average(getattr(one, quantity), one)), lw=1, label=name)
-        alive.plot(epochs, _alive(one, epochs), lw=1)
-    for axes, (quantity, unit) in zip(panels, UNITS.items(), strict=True):
-        axes.set(ylabel=f"{quantity} rms error, {unit}")
-        if any(one.kept.any() for one in every.values()):  # nothing has no logarithm
+    curves = {
+        f"{quantity} rms error, {unit}": {name: _rms(quantity, one) for name, one in every.items()}
+        for quantity, unit in UNITS.items()
+    }
+    curves["runs not lost"] = {name: _alive(one, epochs) for name, one in every.items()}
+    drawing, (*panels, alive) = by_tracker(9, 9, epochs, curves)
+    if any(one.kept.any() for one in every.values()):  # nothing has no logarithm
+        for axes in panels:
             axes.set_yscale("log")
-    named = panels[0].get_legend_handles_labels()
-    drawing.legend(
-        *named, title="over the runs kept by each", loc="outside upper center", ncols=2, fontsize=8
-    )
-    alive.set(xlabel="epoch", ylabel="runs not lost", ylim=(0, None))
+    legend_above(drawing, title="over the runs kept by each", ncols=2, fontsize=8)
+    alive.set(xlabel="epoch", ylim=(0, None))
     return drawing
 
 
 def _probabilities(name: str, one: Evidence, epochs: np.ndarray, jerk: np.ndarray) -> Drawing:
     """Mean and deviation over the runs kept of the benign motion's probability, that of the first of them,
     and the flight's jerk."""
-    drawing = Drawing(figsize=(9, 8), layout="constrained")
-    many, single, below = drawing.subplots(3, 1, sharex=True)
+    drawing, (many, single, below) = canvas(9, 8, 3, 1, sharex=True)
     benign = 1 - one.aggressive
     middle = average(benign, one)
     deviation = np.sqrt(average((benign - middle) ** 2, one))
@@ -202,8 +165,7 @@ def _probabilities(name: str, one: Evidence, epochs: np.ndarray, jerk: np.ndarra
 def _bands(name: str, one: Evidence, aggressive: Evidence, epochs: np.ndarray) -> Drawing:
     """Mean error and two deviations of it against two that the filter claims, and those of the aggressive
     filters alone; rms errors; mode probabilities and runs not lost."""
-    drawing = Drawing(figsize=(11, 12), layout="constrained")
-    panels = drawing.subplots(4, 2, sharex=True)
+    drawing, panels = canvas(11, 12, 4, 2, sharex=True)
     middle = average(one.error, one)
     actual = 2 * np.sqrt(average((one.error - middle) ** 2, one))
     claimed, bound = (2 * np.sqrt(average(each.claimed, each)) for each in (one, aggressive))
@@ -215,7 +177,7 @@ def _bands(name: str, one: Evidence, aggressive: Evidence, epochs: np.ndarray) -
         axes.plot(epochs, middle[:, i], "k", lw=1.4)
         axes.set(ylabel=label)
     for axes, (quantity, unit) in zip(panels[2], UNITS.items(), strict=True):
-        axes.plot(epochs, np.sqrt(average(getattr(one, quantity), one)), "k", lw=1)
+        axes.plot(epochs, _rms(quantity, one), "k", lw=1)
         axes.set(ylabel=f"{quantity} rms, {unit}")
     for label, chances in (("benign", 1 - one.aggressive), ("aggressive", one.aggressive)):
         panels[3, 0].plot(epochs, average(chances, one), label=label)

@@ -2,7 +2,6 @@
 over modes and associations together inferior; Zhang and Liu's MMG does just that and is called superior.
 Either's trackers in either's scenario, the reduction, the number of Gaussians and the work equalised."""
 
-from collections.abc import Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -14,7 +13,7 @@ from gmr_gym.evaluation.montecarlo import Runs
 from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, errors, not_lost, summary
 from gmr_gym.experiments.claims import Asked, Claim
 from gmr_gym.experiments.drawings import error_against_time, save
-from gmr_gym.experiments.evidence import Evidence, Quantities, Rows, all_measured, differences
+from gmr_gym.experiments.evidence import Evidence, Quantities, Results, Rows, all_measured, differences, mean
 from gmr_gym.experiments.papers.maybeck import MOST, STICKIER
 from gmr_gym.experiments.papers.zhang import QUIET
 from gmr_gym.experiments.tables import Paper, Table
@@ -55,7 +54,7 @@ def _work() -> dict[str, dict[str, Any]]:
     }
 
 
-def _rows(scenario: Scenario, results: Mapping[str, Runs]) -> Rows:
+def _rows(scenario: Scenario, results: Results) -> Rows:
     """The figures of `summary`, and error_capped: mean position error (m) over all runs, lost ones too, with
     no scan counted as more than the scenario's cutoff."""
     rows = summary(scenario, results)
@@ -69,19 +68,18 @@ def _gain(one: Evidence, against: Evidence) -> dict[str, Estimate]:
 
 
 def worse(weight: np.ndarray, mmg: Evidence, bank: Evidence) -> float:
-    """By how much MMG's error exceeds the other's."""
-    return float(weight @ (mmg.error - bank.error) / weight.sum())
+    """By how much MMG's error exceeds the other's; nan for no runs."""
+    return mean(weight, mmg.error - bank.error)
 
 
 def lost_more(weight: np.ndarray, mmg: Evidence, bank: Evidence) -> float:
     """By how much MMG's share of lost runs exceeds the other's."""
-    return float(weight @ (bank.kept.astype(float) - mmg.kept) / weight.sum())
+    return mean(weight, bank.kept.astype(float) - mmg.kept)
 
 
 def worse_where_kept(weight: np.ndarray, mmg: Evidence, bank: Evidence) -> float:
-    """By how much MMG's error exceeds the other's over the runs that both kept; nan for none."""
-    both = weight * mmg.kept * bank.kept
-    return worse(both, mmg, bank) if both.any() else np.nan
+    """By how much MMG's error exceeds the other's over the runs that both kept."""
+    return worse(weight * mmg.kept * bank.kept, mmg, bank)
 
 
 MEASURES = {
@@ -91,26 +89,13 @@ MEASURES = {
 }
 
 
-def figures(
-    table: Table,
-    scenario: Scenario,
-    results: Mapping[str, Runs],
-    rows: Mapping[str, Mapping[str, Estimate]],
-    out: Path,
-) -> None:
+def figures(table: Table, scenario: Scenario, results: Results, rows: Rows, out: Path) -> None:
     """Error against time."""
     label = f"position error over all runs, m, at most {scenario.cutoff:g} in a scan"
-    drawing = error_against_time(rows, "error_capped", label, str)
-    save(drawing, out / f"figure-{table.name}.png")
+    save(error_against_time(rows, "error_capped", label, str), out / f"figure-{table.name}.png")
 
 
-def _table(name: str, title: str, env_id: str, settings: dict[str, Any], trackers) -> Table:
-    return Table(
-        name, title, env_id, settings, trackers, summarise=_rows, columns=COLUMNS,
-        paired=partial(differences, QUANTITIES, _gain),
-    )  # fmt: skip
-
-
+_table = partial(Table, summarise=_rows, columns=COLUMNS, paired=partial(differences, QUANTITIES, _gain))
 _STICKY = {"switching": STICKIER}
 _NOISY = {"case": "2"}
 _QUIET = _NOISY | {"process_variance": QUIET}

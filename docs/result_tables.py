@@ -1,0 +1,60 @@
+"""Records of results as tables of Markdown."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from gmr_gym.evaluation.summary import Estimate
+from gmr_gym.experiments.sheets import HEADINGS
+from gmr_gym.experiments.sheets import shown as as_shown
+
+# fields of a claim's record, and what they are called above a table
+CLAIM = {
+    "table": "table", "runs": "runs", "claim": "the paper says", "measure": "measured as",
+    "threshold": "holds above",
+}  # fmt: skip
+
+
+def figures_table(tables: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:
+    """A row for each tracker, a column for each metric, or all; the table's name where there are several."""
+    columns = columns or [*tables[0]["rows"][0]["metrics"]]
+    rows = [
+        [table["name"]] * (len(tables) > 1)
+        + [row["tracker"], *(figure(metric, row["metrics"][metric]) for metric in columns)]
+        for table in tables
+        for row in table["rows"]
+    ]
+    return markdown(
+        ["table"] * (len(tables) > 1) + ["tracker", *(HEADINGS.get(metric, metric) for metric in columns)],
+        rows,
+    )
+
+
+def figure(metric: str, cell: Mapping[str, Any]) -> str:
+    """The figure with its interval as a screen shows it, and after a semicolon the printed one with the
+    verdict on it; a dash for one that is not defined."""
+    if cell["value"] is None:
+        return "-"
+    value = Estimate(*(float("nan") if cell[key] is None else cell[key] for key in Estimate._fields))
+    if "paper" not in cell:
+        return as_shown(metric, value)
+    printed = as_shown(metric, Estimate(cell["paper"], float("nan"), float("nan")))
+    return f"{as_shown(metric, value)}; {printed} {cell.get('verdict', '')}".rstrip()
+
+
+def claims_table(claims: Sequence[Mapping[str, Any]], across: Sequence[str]) -> str:
+    """A row for each claim, a column for each of what it is judged on, without what all have in common."""
+    varying = [key for key in CLAIM if len({claim[key] for claim in claims}) > 1 or key == "claim"]
+    kept = [key for key in varying if key not in across and (key != "threshold" or "measure" not in across)]
+    columns = [", ".join(claim[key] for key in across) for claim in claims]
+    rows: dict[tuple[str, ...], dict[str, str]] = {}
+    for claim, column in zip(claims, columns, strict=True):
+        row = rows.setdefault(tuple(str(claim[key]) for key in kept), dict.fromkeys(columns, "-"))
+        row[column] = f"{claim['verdict']} {figure('', claim)}"
+    header = [*(CLAIM[key] for key in kept), *dict.fromkeys(columns)]
+    return markdown(header, [[*key, *row.values()] for key, row in rows.items()])
+
+
+def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of Markdown."""
+    lines = [header, ["---"] * len(header), *([cell.replace("|", r"\|") for cell in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
