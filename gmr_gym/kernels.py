@@ -22,6 +22,7 @@ from numba.core.sigutils import normalize_signature
 # again, with all that it calls, in every kernel that calls it; so intermediate kernels are inlined where that
 # was measured to save time.
 ZERO, ONE = np.int64(0), np.int64(1)
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 PATIENCE = 120.0  # s, for another process that compiles the same kernel
 
 
@@ -82,7 +83,7 @@ def kernel(function: Callable | None = None, **options) -> Any:
     """
     if function is None:
         return partial(kernel, **options)
-    compiled = njit(error_model="numpy", no_cfunc_wrapper=True, **options)(function)
+    compiled = njit(**{**OPTIONS, **options})(function)
     if not config.DISABLE_JIT:  # type: ignore[attr-defined]
         try:
             compiled._cache = KernelCache(function)

@@ -14,6 +14,13 @@ NOISE, DETECTION, COUNT, GROUND_COUNT = map(np.int64, range(4))
 POSITIONS, GROUND_POSITIONS = np.int64(4), np.int64(8)  # and those after them, one for every two coordinates
 
 
+class Region(NamedTuple):
+    """Ground of the plane, with clutter and in view."""
+
+    low: np.ndarray  # (2,), m
+    high: np.ndarray  # (2,), m
+
+
 class View(NamedTuple):
     """What `scan_into` needs of a scenario; `single_target.view_of` makes it."""
 
@@ -21,8 +28,7 @@ class View(NamedTuple):
     low: np.ndarray  # (p,), m, of the window, relative to its centre
     high: np.ndarray  # (p,), m
     limits_view: bool
-    region_low: np.ndarray  # (2,), m, of the region; (0,) where there is none
-    region_high: np.ndarray  # (2,), m
+    region: Region | None
 
 
 class Scene(NamedTuple):
@@ -128,16 +134,31 @@ def scan_by(z, view, key, t, centre, own, buffer):
         for c in range(len(target)):
             away = target[c] - centre[c]
             seen = seen and view.low[c] <= away and away <= view.high[c]
-            if len(view.region_low) > 0:
-                seen = seen and view.region_low[c] <= target[c] and target[c] <= view.region_high[c]
-    if len(view.region_low) > 0:
-        k, place = ground_into(z, view, key, t, centre, slot)
-    else:
-        k = clutter_into(z, view, key, t, centre, buffer)
-        place = int(slot * (k + 1))
+        seen = seen and _within(view.region, target)
+    k, place = _clutter(z, view, view.region, key, t, centre, slot, buffer)
     if not seen:
         return k, -1
     return insert_into(z, k, place, target)
+
+
+# numba leaves the other branch out for a region that is an argument of type None
+@leaf_kernel
+def _within(region, target):
+    if region is None:
+        return True
+    for c in range(len(target)):
+        if not (region.low[c] <= target[c] and target[c] <= region.high[c]):
+            return False
+    return True
+
+
+@leaf_kernel
+def _clutter(z, view, region, key, t, centre, slot, buffer):
+    """`clutter_into`, or `ground_into` of a region, and the place of the target's detection."""
+    if region is None:
+        k = clutter_into(z, view, key, t, centre, buffer)
+        return k, int(slot * (k + 1))
+    return ground_into(z, view, key, t, centre, slot)
 
 
 @kernel(nogil=True)
@@ -238,10 +259,10 @@ def ground_into(z, view, key, t, centre, slot):
     order of the cells would show where the target is.
     """
     low, high, cells = np.empty(2), np.empty(2), np.empty((2, 2), np.int64)
-    corner, expected = view.region_low, view.clutter_rate * CELL**2
+    corner, expected = view.region.low, view.clutter_rate * CELL**2
     for c in range(2):
         low[c] = max(view.low[c] + centre[c], corner[c])
-        high[c] = min(view.high[c] + centre[c], view.region_high[c])
+        high[c] = min(view.high[c] + centre[c], view.region.high[c])
         expected /= view.high[c] - view.low[c]
         if not low[c] < high[c]:
             return 0, 0

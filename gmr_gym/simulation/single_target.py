@@ -14,6 +14,7 @@ from gmr_gym.models.model import Model
 from gmr_gym.models.sensing import MeasurementModel
 from gmr_gym.simulation.philox import buffer_for
 from gmr_gym.simulation.scans import (
+    Region,
     Scene,
     TargetDetection,
     View,
@@ -26,7 +27,6 @@ from gmr_gym.simulation.scans import (
 
 LossRule = Callable[[Gates, np.ndarray, np.ndarray], bool]
 UNUSED = np.random.default_rng(0)
-NOWHERE = np.empty(0)  # m, corners where there is no region
 
 
 class Truth(NamedTuple):
@@ -215,9 +215,8 @@ def capacity(clutter_rate: float) -> int:
 def view_of(scenario: Scenario) -> View:
     """What `scan_into` needs of a scenario."""
     low, high, _, limits_view = scenario.window
-    region = scenario.region
-    corners = (NOWHERE, NOWHERE) if region is None else (region.low, region.high)
-    return View(float(scenario.clutter_rate), low, high, bool(limits_view), *corners)
+    ground = scenario.region and Region(scenario.region.low, scenario.region.high)
+    return View(float(scenario.clutter_rate), low, high, bool(limits_view), ground)
 
 
 def scene_of(scenario: Scenario) -> Scene:

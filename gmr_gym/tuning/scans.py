@@ -182,9 +182,9 @@ def look(e, w, m, P, estimate, observation):
     The window is centred by the estimate (d,).
     """
     p, t = len(e.R), e.t
-    centre, nowhere = np.empty(p), np.empty(0)
+    centre = np.empty(p)
     centre_into(centre, (e.F[:], e.offset[:], e.H[:]), estimate)
-    view = View(e.clutter_rate, e.low[:], e.high[:], e.limits_view > 0, nowhere, nowhere)
+    view = View(e.clutter_rate, e.low[:], e.high[:], e.limits_view > 0, None)
     z = np.empty((e.capacity, p))
     k, _ = scan_into(z, view, e.key[:], t, centre, e.z[t], e.detected[t] > 0, e.slot[t])
     threshold, log_miss, log_detect = e.log_weights[0], e.log_weights[1], e.log_weights[2]
