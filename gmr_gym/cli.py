@@ -16,6 +16,7 @@ from gmr_gym.envs.registry import ABOUT
 from gmr_gym.experiments.options import (
     Backend,
     EnvId,
+    Environments,
     Jobs,
     Json,
     MotionModel,
@@ -28,6 +29,7 @@ from gmr_gym.experiments.options import (
     Shard,
     Tables,
     TrackerNames,
+    complete_tracker,
     tracker_option,
 )
 from gmr_gym.experiments.papers.registry import PAPERS
@@ -264,6 +266,24 @@ def track_(
     lost = (~track.alive).nonzero()[0][:1]
     _show(f"given up at scan {i + 1}, time {track.times[i]:g}: from there on it only coasts" for i in lost)
     _show([f"{len(track.times)} scans tracked; written to {out}"])
+
+
+@command()
+def warm(
+    environments: Environments = [],  # noqa: B006
+    tracker: Annotated[
+        list[str],
+        typer.Option("--tracker", help="NAME; repeatable; all unless given", autocompletion=complete_tracker),
+    ] = [],  # noqa: B006
+    jobs: Jobs = -1,
+) -> None:
+    """Compile now what environments and trackers need, so that no later start waits for it."""
+    from gmr_gym.experiments.warming import warm
+
+    names = tracker or [*described(GROUP), *described(MULTI_TARGET_GROUP)]
+    with progress("compiled") as tell:
+        pairs = warm(environments or [*ABOUT], names, jobs, tell)
+    _show([f"pairs of an environment and a tracker compiled: {pairs}"])
 
 
 def _show(lines: Iterable[Any]) -> None:

@@ -32,6 +32,16 @@ def choice(what: str, names: Collection[str]) -> dict[str, Any]:
     return {"callback": check, "autocompletion": completing(lines)}
 
 
+def choices(what: str, names: Collection[str]) -> dict[str, Any]:
+    """`choice` for an option that is repeated."""
+    one = choice(what, names)
+
+    def check(ctx: typer.Context, values: list[str]) -> list[str]:
+        return [one["callback"](ctx, value) for value in values]
+
+    return {**one, "callback": check}
+
+
 def completing(lines: Named) -> Callable[[str], list[tuple[str, str]]]:
     """A completion to fixed names."""
     return lambda incomplete: [*lines.items()]
@@ -76,6 +86,10 @@ EnvId = Annotated[
         help=f"{', '.join(TRACKED)}; or MODULE:ID for one of your own, which imports MODULE",
         autocompletion=completing(TRACKED),
     ),
+]
+Environments = Annotated[
+    list[str],
+    typer.Option("--env", help="environment; repeatable; all unless given", **choices("environment", ABOUT)),
 ]
 PaperName = Annotated[str, typer.Argument(help=", ".join(PAPERS), **choice("paper", PAPERS))]
 Tables = Annotated[
