@@ -39,7 +39,7 @@ def plainly(trackers: Iterable[str]) -> dict[str, dict[str, Any]]:
     return {name: {} for name in trackers}
 
 
-def printed(paper: str) -> dict[str, dict[str, dict[str, float]]]:
+def printed_in(paper: str) -> dict[str, dict[str, dict[str, float]]]:
     """The figures a paper prints, by table, row and metric: `papers/PAPER.csv`, a line for each row; an empty
     field is a figure that it does not print."""
     tables: dict[str, dict[str, dict[str, float]]] = {}

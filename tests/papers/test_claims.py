@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from gmr_gym.evaluation.summary import wilson
-from gmr_gym.experiments.claims import Asked, Claim, claim_records
+from gmr_gym.experiments.claims import (
+    Asked,
+    Claim,
+    claim_records,
+    greatest,
+    in_first,
+    in_last,
+    least,
+    number,
+)
 from gmr_gym.experiments.evidence import Evidence
 
 RUNS = 30
@@ -75,3 +84,26 @@ def test_without_trackers_a_claim_is_of_whole_tables_and_with_a_preparation_of_w
     assert values(Asked((whole,), ("a", "b")), asked) == [
         ("a against b", "all 30", 4.0), ("a against b", "all 30", 28.0)
     ]  # fmt: skip
+
+
+@number
+def error_of(who, weight, table):
+    return float(weight @ table[who].error / weight.sum())
+
+
+def test_numbers_of_the_same_evidence_and_constants_make_numbers():
+    one, other = error_of("x"), error_of("y")  # 5 and 7 in table b
+    for made, wanted in (
+        (one - other, -2), (other - one, 2), (one + other, 12), (9 - one, 4), (9 + one, 14), (one + 9, 14),
+        (0.5 * one, 2.5), (-one, -5), (abs(one - other), 2), (3 - abs(one - 2 * other), -6),
+        (least(other, one), 5), (greatest(one, other, one), 7),
+    ):  # fmt: skip
+        assert made(np.ones(RUNS), TABLES["b"]) == pytest.approx(wanted)
+    assert one.args == ("x",) and error_of.__name__ == "error_of"
+
+
+def test_a_number_is_held_in_one_table_against_another():
+    change = in_last(error_of("x")) - 2 * in_first(error_of("x"))
+    assert change(np.ones(RUNS), TABLES["a"], TABLES["b"]) == pytest.approx(5 - 2 * 1)
+    bare = number(lambda who, table: table[who].error[0])("y")
+    assert in_first(bare)(TABLES["b"], TABLES["a"]) == 7 and in_last(bare)(TABLES["b"], TABLES["a"]) == 0

@@ -23,7 +23,7 @@ from gmr_gym.experiments.papers import dortenzio, li, lv, maybeck, maybeck_zhang
 from gmr_gym.experiments.papers.zhang_claims import BOTH, CASE_1, CASE_2, QUANTITIES, ROLES, Trio
 from gmr_gym.experiments.sheets import HEADINGS
 from gmr_gym.experiments.specs import parsed
-from gmr_gym.experiments.tables import Table, table_record, verdict
+from gmr_gym.experiments.tables import Table, printed_in, table_record, verdict
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
@@ -511,6 +511,15 @@ def test_dortenzios_printed_figures_are_sane(table):
         )
     assert max(losses, key=losses.get).startswith("capping")
     assert losses[f"runnalls-{most}"] < losses["runnalls-5"]
+
+
+def test_printed_figures_are_read_as_they_stand_in_a_papers_file():
+    tables = printed_in("dortenzio")
+    assert [list(rows) for rows in tables.values()] == [list(table.trackers) for table in dortenzio.TABLES]
+    assert tables["3"]["adaptive-50"] == {
+        "rmse_own": 19.1231, "track_loss": 0.116, "time_per_scan": 0.06, "components": 24.0452
+    }  # fmt: skip
+    assert printed_in("maybeck")["clear"] == {"mmae": {"rmse_own": 10.6, "velocity_rmse_own": 10.5}}
 
 
 @pytest.mark.parametrize(

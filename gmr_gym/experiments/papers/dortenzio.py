@@ -7,7 +7,7 @@ import numpy as np
 from gmr_gym.evaluation.summary import not_lost
 from gmr_gym.experiments.drawings import canvas, save
 from gmr_gym.experiments.evidence import Results, Rows
-from gmr_gym.experiments.tables import Paper, Table, printed
+from gmr_gym.experiments.tables import Paper, Table, printed_in
 from gmr_gym.simulation.single_target import Scenario
 
 WORLDS = {  # by table: false alarms a scan, gamma, gamma~ (s^2 / m^4)
@@ -30,7 +30,7 @@ def _table(name: str, rows: dict[str, dict[str, float]]) -> Table:
     )
 
 
-TABLES = tuple(_table(name, rows) for name, rows in printed("dortenzio").items())
+TABLES = tuple(_table(name, rows) for name, rows in printed_in("dortenzio").items())
 
 
 def figures(table: Table, scenario: Scenario, results: Results, rows: Rows, out: Path) -> None:

@@ -27,9 +27,9 @@ from gmr_gym.experiments.papers.maybeck_numbers import (
     slower_back,
     told_apart,
 )
-from gmr_gym.experiments.tables import printed
+from gmr_gym.experiments.tables import printed_in
 
-PRINTED = printed("maybeck")  # by table and by what a tracker is, as in NAMES
+PRINTED = printed_in("maybeck")  # by table and by what a tracker is, as in NAMES
 NAMES = {
     "aggressive": "MHT of aggressive filters", "benign": "MHT of benign filters",
     "mmae": "MHT of MMAEs", "imm": "MHT of IMMs", "mmae_of": "MMAE of MHTs", "imm_of": "IMM of MHTs",

@@ -6,7 +6,7 @@ import numpy as np
 
 from gmr_gym.evaluation.metrics import lost_at
 from gmr_gym.evaluation.summary import not_lost
-from gmr_gym.experiments.claims import ByTracker, number
+from gmr_gym.experiments.claims import ByTracker, Number, least, number
 from gmr_gym.experiments.evidence import (
     Evidence,
     Quantities,
@@ -82,10 +82,19 @@ def _aggressive(who: str, weight: np.ndarray, table: ByTracker) -> np.ndarray:
 
 
 @number
-def flow(who: str, weight: np.ndarray, table: ByTracker) -> float:
+def chance(who: str, span: slice, weight: np.ndarray, table: ByTracker) -> float:
+    """Mean probability of the aggressive motion over a span."""
+    return float(_aggressive(who, weight, table)[span].mean())
+
+
+def flow(who: str) -> Number:
     """Probability of the aggressive motion while it jinks, less that in level flight."""
-    chances = _aggressive(who, weight, table)
-    return float(chances[JINKS].mean() - chances[LEVEL].mean())
+    return chance(who, JINKS) - chance(who, LEVEL)
+
+
+def told_apart(who: str) -> Number:
+    """Probability of the motion that fits, the least over level flight, turns and jinking."""
+    return least(1 - chance(who, LEVEL), chance(who, TURNS), chance(who, JINKS))
 
 
 @number
@@ -111,13 +120,6 @@ def claimed(who: str, states: slice, span: slice, weight: np.ndarray, table: ByT
 def hovering(who: str, weight: np.ndarray, table: ByTracker) -> float:
     """Distance of the aggressive motion's mean probability from one half, over all epochs."""
     return float(np.abs(_aggressive(who, weight, table) - 0.5).mean())
-
-
-@number
-def told_apart(who: str, weight: np.ndarray, table: ByTracker) -> float:
-    """Probability of the motion that fits, the least over level flight, turns and jinking."""
-    chances = _aggressive(who, weight, table)
-    return float(min(1 - chances[LEVEL].mean(), chances[TURNS].mean(), chances[JINKS].mean()))
 
 
 @number

@@ -37,14 +37,8 @@ def trios(weight: np.ndarray, *tables: Mapping[str, Evidence]) -> tuple[Trio, ..
 
 
 @number
-def average(role: str, field: str, trio: Trio) -> float:
-    """Over the scans."""
-    return getattr(getattr(trio, role), field).mean()
-
-
-@number
 def size(role: str, field: str, trio: Trio) -> float:
-    """Average magnitude over the scans."""
+    """Average magnitude over the scans; of errors their average."""
     return np.abs(getattr(getattr(trio, role), field)).mean()
 
 
@@ -76,7 +70,7 @@ def rivals_peak(field: str) -> Number:
 
 def lead(field: str) -> Number:
     """By how much the better rival's average exceeds MMG's."""
-    return least(*(average(role, field) for role in RIVALS)) - average("mmg", field)
+    return least(*(size(role, field) for role in RIVALS)) - size("mmg", field)
 
 
 @number
