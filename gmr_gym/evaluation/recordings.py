@@ -7,7 +7,7 @@ detections. A radar's columns are `time,range_m,azimuth_rad,elevation_rad`.
 
 import csv
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from decimal import Decimal
+from decimal import Context
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ RESOLUTION = 9  # decimals of a second to which intervals are resolved, at most
 ANY = float(np.finfo(float).max)  # no limit on the coordinates of a file: the tracker has one
 OFF_GRID = 0.1  # of a period, how far from its multiples a scan may lie
 MOST_FILLED = 1_000_000  # scans; only a period far too short makes more
+EXACT = Context(prec=100, traps=[]).create_decimal
 LATEST = 2.0**53  # s; floats beyond it do not tell seconds apart
 
 
@@ -78,7 +79,7 @@ def read_scans(path: Path | str, *, farthest: float = ANY) -> Scans:
             raise ValueError(f"{where} {names[0]}: {time} comes after {last}; sort the rows by time")
         if time == last and not (point and scans[time]):
             raise ValueError(f"{where} {names[1]}: an empty scan must be the only row of its time")
-        collapsed = time == last and cells[0] != written and Decimal(cells[0]) != Decimal(written)
+        collapsed = time == last and cells[0] != written and EXACT(cells[0]) != EXACT(written)
         if collapsed or abs(time) >= LATEST:
             more = f"{cells[0]} has more digits than a float holds"
             raise ValueError(f"{where} {names[0]}: {more}; give seconds, counted from the first row")

@@ -30,7 +30,7 @@ SHIMS = {
     "crowd_trackers": "gmr_gym/catalogue.py",
     "hopeless": "gmr_gym/filters/registry.py",
 }
-GROUPS = ("trackers", "multi_target_trackers", "crowd_trackers")  # of entry points
+GROUPS = ("trackers", "multi_target_trackers", "crowd_trackers", "reductions")  # of entry points
 TEXT = {str(file.relative_to(ROOT)): file.read_text(encoding="utf-8") for file in FILES}
 
 

@@ -128,8 +128,10 @@ def test_a_malformed_file_is_refused_with_file_line_and_column(tmp_path, text, w
 
 
 def test_one_time_in_several_spellings_is_one_scan(tmp_path):
-    (tmp_path / "scans.csv").write_text("time,x\n1,0\n1.0,1\n1e0,2\n")
-    assert [z.tolist() for z in read_scans(tmp_path / "scans.csv").z] == [[[0.0], [1.0], [2.0]]]
+    for times in (("1", "1.0", "1e0"), ("0", "-0.0", f"1e-{'9' * 30}")):
+        rows = "\n".join(f"{time},{i}" for i, time in enumerate(times))
+        (tmp_path / "scans.csv").write_text(f"time,x\n{rows}\n")
+        assert [z.tolist() for z in read_scans(tmp_path / "scans.csv").z] == [[[0.0], [1.0], [2.0]]]
 
 
 def test_a_coordinate_is_limited_where_a_limit_is_given_and_a_time_is_not(tmp_path):
