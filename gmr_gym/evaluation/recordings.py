@@ -24,7 +24,6 @@ RESOLUTION = 9  # decimals of a second to which intervals are resolved, at most
 ANY = float(np.finfo(float).max)  # no limit on the coordinates of a file: the tracker has one
 OFF_GRID = 0.1  # of a period, how far from its multiples a scan may lie
 MOST_FILLED = 1_000_000  # scans; only a period far too short makes more
-EXACT = Context(prec=100, traps=[]).create_decimal
 LATEST = 2.0**53  # s; floats beyond it do not tell seconds apart
 
 
@@ -79,8 +78,7 @@ def read_scans(path: Path | str, *, farthest: float = ANY) -> Scans:
             raise ValueError(f"{where} {names[0]}: {time} comes after {last}; sort the rows by time")
         if time == last and not (point and scans[time]):
             raise ValueError(f"{where} {names[1]}: an empty scan must be the only row of its time")
-        collapsed = time == last and cells[0] != written and EXACT(cells[0]) != EXACT(written)
-        if collapsed or abs(time) >= LATEST:
+        if abs(time) >= LATEST or (time == last and not _same_number(cells[0], written)):
             more = f"{cells[0]} has more digits than a float holds"
             raise ValueError(f"{where} {names[0]}: {more}; give seconds, counted from the first row")
         last, written = time, cells[0]
@@ -310,6 +308,12 @@ def _row(where: str, names: tuple[str, ...], cells: list[str], farthest: float) 
             raise ValueError(f"{where} {name}: {cell} lies beyond +-{farthest:g}, farther than tracked")
         numbers.append(number)
     return numbers[0], numbers[1:]
+
+
+def _same_number(one: str, other: str) -> bool:
+    """Whether two numbers are equal as they are written, before they are floats."""
+    exactly = Context(prec=100, traps=[]).create_decimal
+    return one == other or exactly(one) == exactly(other)
 
 
 def _write(path: Path | str, header: list[str], rows: Iterable[list]) -> None:
