@@ -107,11 +107,12 @@ def _play(
             centre[c] = start[c]
         for t in range(T):
             k, place = scan_by(z, view, key[i], t, centre, target[i, t], detected[i, t], slot[i, t], buffer)
-            centres, S, w, m, P, _, detection, _ = expand_scan(
-                w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z[:k]
+            full, (centres, S, _) = expand_scan(
+                (w, m, P), (F, Q, offset), (H, R), z[:k], threshold, log_miss, log_detect
             )
+            w, m, P = full.mixture
             hits = 0
-            for j in detection:
+            for j in full.detection:
                 hits += j >= 0
             gated[i, t], volume[i, t] = hits / len(S), mean_volume(S, threshold, ball)
             off_target[i, t] = (own and place < 0) or outside_all_gates_kernel(

@@ -203,11 +203,12 @@ def look(e, w, m, P, estimate, observation):
     z = np.empty((e.capacity, p))
     k, _ = scan_into(z, view, e.key[:], t, centre, e.z[t], e.detected[t] > 0, e.slot[t])
     threshold, log_miss, log_detect = e.log_weights[0], e.log_weights[1], e.log_weights[2]
-    _, S, w, m, P, _, detection, log_density = expand_scan(
-        w, m, P, e.F[:], e.Q[:], e.offset[:], e.H[:], e.R[:], threshold, log_miss, log_detect, z[:k]
+    full, (_, S, _) = expand_scan(
+        (w, m, P), (e.F[:], e.Q[:], e.offset[:]), (e.H[:], e.R[:]), z[:k], threshold, log_miss, log_detect
     )
+    w, m, P = full.mixture
     features, e.cost, e.gated = observe(
-        w, m, P, detection, log_density, S, e.H[:], e.R[:], log_detect, e.known[:],
+        w, m, P, full.detection, full.log_density, S, e.H[:], e.R[:], log_detect, e.known[:],
         e.kept, e.relative_loss, e.work,
     )  # fmt: skip
     for f in range(len(features)):
