@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gmr_gym.checks import check_limits
+from gmr_gym.filters.association import log_weights
 from gmr_gym.filters.filter_bank import FilterBank, initial_bank
 from gmr_gym.filters.imm import mix_and_predict, pda_every_mode
 from gmr_gym.filters.joint_gating import give_up_limit
@@ -59,9 +60,9 @@ class ImmPda:
     def __post_init__(self):
         model = self.model
         check_limits(0.0, 1, self.give_up_ratio)
-        miss = 1.0 - model.detection_probability * model.gate_probability
-        hit = model.detection_probability / model.clutter_density
-        logs = np.log(miss) if miss > 0 else -np.inf, np.log(hit)
+        assumed = model.detection_probability, model.gate_probability, model.clutter_density
+        # the second of log_weights is a difference of two logarithms, and differs in the last bit
+        logs = log_weights(*assumed)[0], float(np.log(model.detection_probability / model.clutter_density))
         object.__setattr__(self, "_moves", Motion(*map(np.array, zip(*model.motions, strict=True))))
         object.__setattr__(self, "_logs", logs)
         object.__setattr__(self, "give_up_limit", give_up_limit(model, self.give_up_ratio))
