@@ -11,10 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.checks import check_limits
 from gmr_gym.filters.association import Expansion, expand
 from gmr_gym.filters.filter_bank import diverging, floored, mmae_weights
-from gmr_gym.filters.joint_gating import gate_jointly, give_up_limit
+from gmr_gym.filters.joint_gating import Limits, gate_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrow_into, borrowed_states
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, joined, mean_and_covariance, normalised, take
@@ -60,13 +59,8 @@ class BankOfMhts:
     restart : float
         Density of the equivalent residual below which an MHT is reset to the mixture of the others, 0 for
         never.
-    prune_weight : float
-        Hypotheses of less weight are pruned before the reduction.
-    max_hypotheses : int
-        Most hypotheses that enter the reduction, whose work may grow as their square; the heaviest are kept.
-    give_up_ratio : float
-        The track is given up when the expected false alarms within one sigma of the prediction exceed this
-        times max(1, their number at the first scan).
+    work_limits : Limits
+        What is pruned before the reduction, and when the track is given up.
 
     Attributes
     ----------
@@ -88,15 +82,12 @@ class BankOfMhts:
     mixing: str | None
     floor: float
     restart: float
-    prune_weight: float = 1e-5
-    max_hypotheses: int = 500
-    give_up_ratio: float = 20.0
+    work_limits: Limits = field(default_factory=Limits)
     give_up_limit: float = field(init=False, repr=False)
     _borrowed: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self):
-        check_limits(self.prune_weight, self.max_hypotheses, self.give_up_ratio)
-        object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.give_up_ratio))
+        object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.work_limits.give_up_ratio))
         borrowed = borrowed_states(self.model.motions, MIXINGS[0] if self.mixing is None else self.mixing)
         object.__setattr__(self, "_borrowed", borrowed)
         # wrong parameters fail here rather than at a scan
@@ -161,7 +152,7 @@ class BankOfMhts:
         return lent
 
     def _reduced(self, p: Mixture) -> Mixture:
-        lighter, _ = entering(p, self.prune_weight, self.max_hypotheses)
+        lighter, _ = entering(p, self.work_limits.prune_weight, self.work_limits.max_hypotheses)
         return normalised(self.reduce(lighter)[0])
 
     def _restarted(self, w: np.ndarray, each: list[Mixture], log_density: np.ndarray) -> list[Mixture]:
@@ -277,16 +268,8 @@ def mmae_of_mhts(
     ----------
     Maybeck, section IV, architecture 1.
     """
-    return BankOfMhts(
-        model,
-        reducer(reduction, components),
-        None,
-        floor,
-        restart,
-        prune_weight,
-        max_hypotheses,
-        give_up_ratio,
-    )
+    limits = Limits(prune_weight, max_hypotheses, give_up_ratio)
+    return BankOfMhts(model, reducer(reduction, components), None, floor, restart, limits)
 
 
 def imm_of_mhts(
@@ -326,9 +309,8 @@ def imm_of_mhts(
     ----------
     Maybeck, section IV, architecture 2.
     """
-    return BankOfMhts(
-        model, reducer(reduction, components), mixing, 0.0, 0.0, prune_weight, max_hypotheses, give_up_ratio
-    )
+    limits = Limits(prune_weight, max_hypotheses, give_up_ratio)
+    return BankOfMhts(model, reducer(reduction, components), mixing, 0.0, 0.0, limits)
 
 
 def single_model_mht(
@@ -378,6 +360,5 @@ def single_model_mht(
     if isinstance(mode, bool) or not isinstance(mode, Integral) or not 0 <= mode < known:
         raise ValueError(f"mode must be one of the {known} motions, counted from 0, got {mode!r}")
     single = model._replace(motions=(model.motions[mode],), switching=np.ones((1, 1)), mode_prior=np.ones(1))
-    return BankOfMhts(
-        single, reducer(reduction, components), None, 0.0, 0.0, prune_weight, max_hypotheses, give_up_ratio
-    )
+    limits = Limits(prune_weight, max_hypotheses, give_up_ratio)
+    return BankOfMhts(single, reducer(reduction, components), None, 0.0, 0.0, limits)

@@ -8,7 +8,6 @@ import numpy as np
 
 import gmr_gym
 from gmr_gym.checks import check_count
-from gmr_gym.filters.association import Expansion
 from gmr_gym.filters.mht import expand_scan, gate_and_log_weights
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.kernels import kernel
@@ -58,7 +57,7 @@ class LearnedThresholds:
     model: Model
     network: Network
     rest: Thresholds = DORTENZIO
-    # constant arguments of `_scan`: the model, the network, which thresholds it sets, and the rest
+    # constant arguments of `_scan`, as plain tuples, which enter compiled code sooner than NamedTuples
     _same: tuple[Any, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self):
@@ -66,10 +65,8 @@ class LearnedThresholds:
         if not isinstance(model.sensor, Sensor):
             raise ValueError("learned thresholds need a linear sensor of positions; the model has a radar")
         to_action(self.rest, ("components",))  # a limit out of range fails here rather than at a scan
-        same = (
-            *model.motion, *model.sensor, *gate_and_log_weights(model), model_features(model),
-            *self.network.packed(), threshold_index(self.network.parameters), np.array(self.rest, float),
-        )  # fmt: skip
+        policy = *self.network.packed(), threshold_index(self.network.parameters), np.array(self.rest, float)
+        same = model.motion[:], model.sensor[:], gate_and_log_weights(model), model_features(model), policy
         object.__setattr__(self, "_same", same)
 
     def init(self) -> Belief:
@@ -80,7 +77,7 @@ class LearnedThresholds:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         z = check_scan(z, len(self.model.sensor.H))
         gates, w, m, P, mean, covariance, given_up, work = _scan(
-            *belief.mixture, *belief.memory, z, *self._same
+            belief.mixture[:], belief.memory[:], z, *self._same
         )
         mixture = Mixture(w, m, P)
         report = Report(mean[None], covariance[None], Gates(*gates), mixture)
@@ -88,20 +85,20 @@ class LearnedThresholds:
 
 
 @kernel
-def _scan(
-    w, m, P, kept, given_up, work, z,
-    F, Q, offset, H, R, threshold, log_miss, log_detect, known, layout, numbers, set_by, rest,
-):  # fmt: skip
-    """A scan in one call: the fields of the gates, and what `adapt` returns for the network's thresholds."""
-    z_hat, S, w, m, P, parent, detection, log_density = expand_scan(
-        w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z
-    )
-    full = Expansion(Mixture(w, m, P), parent, detection, log_density)
-    features, cost, gated = observe(full, S, Sensor(H, R), log_detect, known, Memory(kept, given_up, work))
+def _scan(mixture, memory, z, motion, sensor, weights, known, policy):
+    """A scan in one call: the fields of the gates, and what `adapt` returns for the network's thresholds.
+
+    `weights` is `gate_and_log_weights`, `known` is `model_features`, and `policy` is the packed network, the
+    indices of the thresholds that it sets, and the rest of them.
+    """
+    (threshold, log_miss, log_detect), (layout, numbers, set_by, rest) = weights, policy
+    full, gates = expand_scan(mixture, motion, sensor, z, threshold, log_miss, log_detect)
+    w, m, P = full.mixture
+    features, cost, gated = observe(full, gates[1], Sensor(sensor[0], sensor[1]), log_detect, known, memory)
     single = features.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
     thresholds = from_actions(forward(single, layout, numbers), set_by, rest)[0]
     w, m, P, mean, covariance, given_up, work = adapt(w, m, P, thresholds, cost, gated)
-    return (z_hat, S, threshold), w, m, P, mean, covariance, given_up, work
+    return gates, w, m, P, mean, covariance, given_up, work
 
 
 def learned_thresholds(

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from gmr_gym.checks import UNLIMITED, check_limits
+from gmr_gym.checks import UNLIMITED
 from gmr_gym.filters.filter_bank import (
     FilterBank,
     as_bank,
@@ -21,7 +21,7 @@ from gmr_gym.filters.filter_bank import (
     predict_bank,
     restart_and_floor,
 )
-from gmr_gym.filters.joint_gating import expand_jointly, give_up_limit
+from gmr_gym.filters.joint_gating import Limits, expand_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrowed_states
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, match_all, mean_and_covariance, normalised
@@ -47,13 +47,8 @@ class MhtOfBanks:
         Interaction of the filters before the prediction, of the bank and the transition matrix.
     after : callable
         Interaction after the update, of the bank and the log densities (r, n) of its residuals.
-    prune_weight : float
-        Hypotheses of less weight are pruned before the reduction.
-    max_hypotheses : int
-        Most hypotheses that enter the reduction, whose work may grow as their square; the heaviest are kept.
-    give_up_ratio : float
-        The track is given up when the expected false alarms within one sigma of the prediction exceed this
-        times max(1, their number at the first scan).
+    work_limits : Limits
+        What is pruned before the reduction, and when the track is given up.
 
     Attributes
     ----------
@@ -70,14 +65,11 @@ class MhtOfBanks:
     reduce: Callable[[Mixture], Reduced]
     before: Callable[[FilterBank, np.ndarray], FilterBank]
     after: Callable[[FilterBank, np.ndarray], FilterBank]
-    prune_weight: float = 1e-5
-    max_hypotheses: int = 500
-    give_up_ratio: float = 20.0
+    work_limits: Limits = field(default_factory=Limits)
     give_up_limit: float = field(init=False, repr=False)
 
     def __post_init__(self):
-        check_limits(self.prune_weight, self.max_hypotheses, self.give_up_ratio)
-        object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.give_up_ratio))
+        object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.work_limits.give_up_ratio))
         # wrong parameters fail here rather than at a scan
         check_reduced(self.reduce(collapsed(self.model.prior)), 1)
         bank = self.init()
@@ -95,7 +87,8 @@ class MhtOfBanks:
         expansion, gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
         posterior = as_bank(expansion.mixture, len(model.motions))
         posterior = self.after(posterior, expansion.log_density.reshape(posterior.w.shape))
-        hypotheses, kept = entering(imm_output(posterior), self.prune_weight, self.max_hypotheses)
+        limits = self.work_limits
+        hypotheses, kept = entering(imm_output(posterior), limits.prune_weight, limits.max_hypotheses)
         reduced, into = self.reduce(hypotheses)
         belief = merge_hypotheses(posterior, np.where(kept < 0, -1, into[kept]), len(reduced.w))
         belief = belief._replace(w=belief.w / belief.w.sum())
@@ -143,15 +136,8 @@ def imm_mht(
     Zhang, IMM+MHT.
     """
     mix = partial(imm_mix, borrowed=borrowed_states(model.motions, mixing))
-    return MhtOfBanks(
-        model,
-        reducer(reduction, components),
-        mix,
-        no_interaction,
-        prune_weight,
-        max_hypotheses,
-        give_up_ratio,
-    )
+    limits = Limits(prune_weight, max_hypotheses, give_up_ratio)
+    return MhtOfBanks(model, reducer(reduction, components), mix, no_interaction, limits)
 
 
 def mmae_pda(
@@ -181,15 +167,7 @@ def mmae_pda(
     Maybeck, section III.
     """
     after = partial(restart_and_floor, floor=floor, restart=restart)
-    return MhtOfBanks(
-        model,
-        _all_in_one,
-        no_interaction,
-        after,
-        prune_weight=0.0,
-        max_hypotheses=UNLIMITED,
-        give_up_ratio=give_up_ratio,
-    )
+    return MhtOfBanks(model, _all_in_one, no_interaction, after, Limits(0.0, UNLIMITED, give_up_ratio))
 
 
 def mmae_mht(
@@ -234,15 +212,8 @@ def mmae_mht(
     Maybeck, section IV.
     """
     after = partial(restart_and_floor, floor=floor, restart=restart)
-    return MhtOfBanks(
-        model,
-        reducer(reduction, components),
-        no_interaction,
-        after,
-        prune_weight,
-        max_hypotheses,
-        give_up_ratio,
-    )
+    limits = Limits(prune_weight, max_hypotheses, give_up_ratio)
+    return MhtOfBanks(model, reducer(reduction, components), no_interaction, after, limits)
 
 
 def _all_in_one(p: Mixture) -> Reduced:

@@ -9,9 +9,9 @@ from functools import partial
 
 import numpy as np
 
-from gmr_gym.checks import UNLIMITED, check_limits
+from gmr_gym.checks import UNLIMITED
 from gmr_gym.filters import mode_mixture
-from gmr_gym.filters.joint_gating import expand_jointly, give_up_limit
+from gmr_gym.filters.joint_gating import Limits, expand_jointly, give_up_limit
 from gmr_gym.filters.mode_mixture import MixtureWithModes, merge_mode_probabilities, predict_every_mode
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, mean_and_covariance, normalised
@@ -34,13 +34,8 @@ class Mmg:
         The filter model.
     reduce : callable
         Reduction, of the posterior and the mode of each component.
-    prune_weight : float
-        Hypotheses of less weight are pruned before the reduction.
-    max_hypotheses : int
-        Most hypotheses that enter the reduction, whose work may grow as their square; the heaviest are kept.
-    give_up_ratio : float
-        The track is given up when the expected false alarms within one sigma of the prediction exceed this
-        times max(1, their number at the first scan).
+    work_limits : Limits
+        What is pruned before the reduction, and when the track is given up.
 
     Attributes
     ----------
@@ -58,14 +53,11 @@ class Mmg:
 
     model: Model
     reduce: Callable[[Mixture, np.ndarray], Reduced]
-    prune_weight: float = 1e-5
-    max_hypotheses: int = 500
-    give_up_ratio: float = 20.0
+    work_limits: Limits = field(default_factory=Limits)
     give_up_limit: float = field(init=False, repr=False)
 
     def __post_init__(self):
-        check_limits(self.prune_weight, self.max_hypotheses, self.give_up_ratio)
-        object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.give_up_ratio))
+        object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.work_limits.give_up_ratio))
         prior = self.model.prior
         # wrong parameters fail here rather than at a scan
         check_reduced(self.reduce(prior, np.zeros(len(prior.w), int)), len(prior.w))
@@ -84,7 +76,7 @@ class Mmg:
         z = check_scan(z, len(model.sensor.H))
         predicted, mode = predict_every_mode(belief, model.motions, model.switching)
         (posterior, parent, *_), gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
-        posterior, kept = entering(posterior, self.prune_weight, self.max_hypotheses)
+        posterior, kept = entering(posterior, self.work_limits.prune_weight, self.work_limits.max_hypotheses)
         mode = mode[parent][kept >= 0]
         reduced = self.reduce(posterior, mode)
         mixture, shares = merge_mode_probabilities(posterior, mode, reduced, len(model.motions))
@@ -133,7 +125,7 @@ def mmg(
     Zhang, MMG.
     """
     reduce = partial(_whatever_mode, reduce=reducer(reduction, components))
-    return Mmg(model, reduce, prune_weight, max_hypotheses, give_up_ratio)
+    return Mmg(model, reduce, Limits(prune_weight, max_hypotheses, give_up_ratio))
 
 
 def gpb1(model: Model, give_up_ratio: float = 20.0) -> Mmg:
@@ -151,9 +143,7 @@ def gpb1(model: Model, give_up_ratio: float = 20.0) -> Mmg:
     -------
     Mmg
     """
-    return Mmg(
-        model, mode_mixture.gpb1, prune_weight=0.0, max_hypotheses=UNLIMITED, give_up_ratio=give_up_ratio
-    )
+    return Mmg(model, mode_mixture.gpb1, Limits(0.0, UNLIMITED, give_up_ratio))
 
 
 def gpb2(model: Model, give_up_ratio: float = 20.0) -> Mmg:
@@ -173,9 +163,7 @@ def gpb2(model: Model, give_up_ratio: float = 20.0) -> Mmg:
     -------
     Mmg
     """
-    return Mmg(
-        model, mode_mixture.gpb2, prune_weight=0.0, max_hypotheses=UNLIMITED, give_up_ratio=give_up_ratio
-    )
+    return Mmg(model, mode_mixture.gpb2, Limits(0.0, UNLIMITED, give_up_ratio))
 
 
 def b_best(model: Model, components: int = 15, give_up_ratio: float = 20.0) -> Mmg:
@@ -200,7 +188,8 @@ def b_best(model: Model, components: int = 15, give_up_ratio: float = 20.0) -> M
     Zhang, section 4, B-Best.
     """
     best = partial(capping, components=components)
-    return Mmg(model, partial(_whatever_mode, reduce=best), 0.0, give_up_ratio=give_up_ratio)
+    reduce = partial(_whatever_mode, reduce=best)
+    return Mmg(model, reduce, Limits(prune_weight=0.0, give_up_ratio=give_up_ratio))
 
 
 def _whatever_mode(posterior: Mixture, mode: np.ndarray, reduce: Callable[[Mixture], Reduced]) -> Reduced:

@@ -66,7 +66,7 @@ def run_batch(
         np.empty((runs, T, d)), np.empty((runs, T, d, d)), np.empty((runs, T), int),
         np.empty((runs, T)), np.empty((runs, T)), np.empty((runs, T), bool),
     )  # fmt: skip
-    told = (*model.motion, *model.sensor, *gate_and_log_weights(model))
+    told = model.motion[:], model.sensor[:], gate_and_log_weights(model)
     _play(
         scene_of(scenario), scenario.centre(prior.w @ prior.m), drawn,
         (tracker.init(), told, tracker.limits), watched, own, unit_ball(drawn.z.shape[2]), out,
@@ -96,21 +96,22 @@ def _play(scene, start, episodes, tracker, watched, own, ball, out):
     # element by element: slices take long to compile
     x, P_out, components, volume, gated, off_target = out
     runs, T, d = x.shape
-    belief, model, limits = tracker
-    F, Q, offset, H, R, threshold, log_miss, log_detect = model
-    z, centre, buffer = np.empty((scene.capacity, len(R))), np.empty(len(R)), buffer_for(scene.capacity)
+    belief, (motion, sensor, (threshold, log_miss, log_detect)), limits = tracker
+    p, buffer = len(start), buffer_for(scene.capacity)
+    z, centre = np.empty((scene.capacity, p)), np.empty(p)
     for i in range(runs):
         w, m, P = belief
-        for c in range(len(R)):
+        for c in range(p):
             centre[c] = start[c]
         for t in range(T):
             target = TargetDetection(episodes.z[i, t], episodes.detected[i, t], episodes.slot[i, t])
             k, place = scan_by(z, scene.field_of_view, episodes.key[i], t, centre, target, buffer)
-            centres, S, w, m, P, _, detection, _ = expand_scan(
-                w, m, P, F, Q, offset, H, R, threshold, log_miss, log_detect, z[:k]
+            full, (centres, S, _) = expand_scan(
+                (w, m, P), motion, sensor, z[:k], threshold, log_miss, log_detect
             )
+            w, m, P = full.mixture
             hits = 0
-            for j in detection:
+            for j in full.detection:
                 hits += j >= 0
             gated[i, t], volume[i, t] = hits / len(S), mean_volume(S, threshold, ball)
             off_target[i, t] = (own and place < 0) or outside_all_gates_kernel(

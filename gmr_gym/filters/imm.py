@@ -39,16 +39,13 @@ def mix_and_predict(w, m, P, switching, borrowed, F, Q, offset):
 
 
 @kernel
-def pda_every_mode(
-    w, m, P, gate_S, density, ball, z_hat, S, C, z, R, log_jacobian, H, noise,
-    threshold, log_miss, log_detect, give_up_limit,
-):  # fmt: skip
+def pda_every_mode(predicted, predicted_z, gates, density, ball, log_miss, log_detect, give_up_limit):
     r"""Update every mode by PDA with one common list of detections.
 
     Returns mode probabilities, means and covariances, the IMM output's mean and covariance, and False where
-    the track is to be given up. `ball` is the volume of the unit ball in the gates' space, `gate_S` are the
-    innovation covariances there, `density` is the clutter density at each gate; the other arrays are a
-    `PredictedDetections`.
+    the track is to be given up. `predicted`, `predicted_z` and `gates` are plain tuples of the fields of a
+    Mixture, its PredictedDetections and Gates, `ball` is the volume of the unit ball in the gates' space, and
+    `density` the clutter density at each gate.
 
     Notes
     -----
@@ -64,6 +61,8 @@ def pda_every_mode(
         m_q = \bar m_q + K_q \sum_j \beta_{qj} \nu_{qj}, \qquad
         P_q = \beta_{q0} \bar P_q + \sum_j \beta_{qj} (I - K_q H) \bar P_q + \text{spread of the means}
     """
+    (w, m, P), (z_hat, S, C, z, R, log_jacobian, H, noise) = predicted, predicted_z
+    _, gate_S, threshold = gates
     n, k = len(w), len(log_jacobian)
     alive = ball * (w * density * root_determinants(gate_S)).sum() / w.sum() <= give_up_limit
     near = np.zeros(k, np.bool_)
@@ -79,9 +78,9 @@ def pda_every_mode(
         z_near[:, at] = z[:, listed[at]]
         if len(R):
             R_near[at] = R[listed[at]]
-    w, m, P, parent, _, _ = expand_into_hypotheses(
-        w, m, P, z_hat, S, C, z_near, R_near, log_jacobian[listed], H, noise, np.inf, log_miss, log_detect
-    )
-    w, m, P = match(w, m, P, parent, n)
+    listed_z = z_hat, S, C, z_near, R_near, log_jacobian[listed], H, noise
+    full = expand_into_hypotheses(predicted, listed_z, np.inf, log_miss, log_detect)
+    w, m, P = full.mixture
+    w, m, P = match(w, m, P, full.parent, n)
     _, mean, covariance = match(w, m, P, np.zeros(n, np.int64), ONE)
     return w, m, P, mean, covariance, alive

@@ -70,7 +70,7 @@ def posteriors(missed, found, predicted, predicted_z, least):
                 continue
             if j >= 0 and not conditioned:
                 cholesky_into(L, S[i])
-                posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H, R)
+                posterior_into(P_hit, K, (W, L_noise), L, P[i], C[i], H, R)
                 conditioned = True
             w_out[at], parent[at] = weight, i
             for r in range(d):

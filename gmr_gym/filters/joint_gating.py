@@ -1,12 +1,43 @@
 """Joint gating of components of different motion models, and when to give a track up."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from gmr_gym.checks import check_limits
 from gmr_gym.filters.association import Expansion, expand
 from gmr_gym.mixture import Mixture, joined, take
 from gmr_gym.models.gating import Gates, gated_distances, gates, volumes
 from gmr_gym.models.kalman import predict
 from gmr_gym.models.model import Model
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of the work of a tracker with modes.
+
+    Parameters
+    ----------
+    prune_weight : float
+        Hypotheses of less weight are pruned before the reduction.
+    max_hypotheses : int
+        Most hypotheses that enter the reduction, whose work may grow as their square; the heaviest are kept.
+    give_up_ratio : float
+        The track is given up when the expected false alarms within one sigma of the prediction exceed this
+        times max(1, their number at the first scan).
+
+    Raises
+    ------
+    ValueError
+        Naming the first limit that is none.
+    """
+
+    prune_weight: float = 1e-5
+    max_hypotheses: int = 500
+    give_up_ratio: float = 20.0
+
+    def __post_init__(self) -> None:
+        check_limits(self.prune_weight, self.max_hypotheses, self.give_up_ratio)
 
 
 def expand_jointly(

@@ -287,7 +287,7 @@ def moment_matched(absent, found, tracks, tracks_z):
                         off = (z[j, r] - z_hat[i, r] - nu[r]) * (z[j, s] - z_hat[i, s] - nu[s])
                         spread[r, s] += found[i, j] / w_out[i] * off
         cholesky_into(L, S[i])
-        posterior_into(P_hit, K, W, L, L_noise, P[i], C[i], H, R)
+        posterior_into(P_hit, K, (W, L_noise), L, P[i], C[i], H, R)
         missed = absent[i] / w_out[i]
         for r in range(p):
             for s in range(r + 1):

@@ -11,8 +11,9 @@ WIDEST = 1e8
 
 
 @kernel(inline="always")
-def posterior_into(P_out, K, W, L, L_noise, P, C, H, noise):
-    r"""Covariance and gain of the Kalman update. All arguments but L, P, C, H and noise are written to.
+def posterior_into(P_out, K, room, L, P, C, H, noise):
+    r"""Covariance and gain of the Kalman update, written to P_out and K; room, (p, d) and (p, p), is
+    workspace.
 
     Notes
     -----
@@ -25,7 +26,7 @@ def posterior_into(P_out, K, W, L, L_noise, P, C, H, noise):
     P_out is Joseph's form where P is so much larger than the noise, S - H P H', that its rounding hides the
     noise.
     """
-    p, d = C.shape
+    (W, L_noise), (p, d) = room, C.shape
     wide = 0.0 if cholesky_into(L_noise, noise) else np.inf
     for c in range(p):
         for r in range(c, p):

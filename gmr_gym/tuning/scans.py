@@ -7,10 +7,8 @@ the posterior that waits for its thresholds.
 import numba
 import numpy as np
 
-from gmr_gym.filters.association import Expansion
 from gmr_gym.filters.mht import MAX_HYPOTHESES, expand_scan, gate_and_log_weights
 from gmr_gym.kernels import kernel, together
-from gmr_gym.mixture import Mixture
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
 from gmr_gym.simulation.reward import distance, score
@@ -188,10 +186,10 @@ def look(e, w, m, P, estimate, observation):
     z = np.empty((e.capacity, p))
     k, _ = scan_into(z, view, e.key[:], t, centre, e.z[t], e.detected[t] > 0, e.slot[t])
     threshold, log_miss, log_detect = e.log_weights[0], e.log_weights[1], e.log_weights[2]
-    _, S, w, m, P, parent, detection, log_density = expand_scan(
-        w, m, P, e.F[:], e.Q[:], e.offset[:], e.H[:], e.R[:], threshold, log_miss, log_detect, z[:k]
+    full, (_, S, _) = expand_scan(
+        (w, m, P), (e.F[:], e.Q[:], e.offset[:]), (e.H[:], e.R[:]), z[:k], threshold, log_miss, log_detect
     )
-    full = Expansion(Mixture(w, m, P), parent, detection, log_density)
+    w, m, P = full.mixture
     memory = Memory(e.kept, e.relative_loss, e.work)
     features, e.cost, e.gated = observe(full, S, Sensor(e.H[:], e.R[:]), log_detect, e.known[:], memory)
     for f in range(len(features)):

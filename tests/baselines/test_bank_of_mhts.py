@@ -20,6 +20,7 @@ from baselines.mht import Mht
 from baselines.mht_of_banks import mmae_pda
 from gmr_gym.filters.association import expand
 from gmr_gym.filters.filter_bank import floored
+from gmr_gym.filters.joint_gating import Limits
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.filters.tracker import Report
 from gmr_gym.mixture import Mixture, moments, normalised
@@ -98,9 +99,7 @@ def by_hand(told, scans, mixing, floor, restart):
 def test_unreduced_but_by_mixing_it_is_maybecks_filter_written_out(mixing, restart):
     told = reference.jumping_model(2, 2, axes=1, detection_probability=0.9)._replace(gate_probability=1.0)
     scans = reference.flown(told, 3, np.random.default_rng(8), clutter=1)
-    tracker = BankOfMhts(
-        told, keep, mixing, 0.05, restart, prune_weight=0.0, max_hypotheses=10**6, give_up_ratio=np.inf
-    )
+    tracker = BankOfMhts(told, keep, mixing, 0.05, restart, Limits(0.0, 10**6, np.inf))
     hand = list(by_hand(told, scans, mixing, 0.05, restart))
     for (_, report), (chances, mean, covariance, _) in zip(flight(tracker, scans), hand, strict=True):
         np.testing.assert_allclose(report.modes, chances, rtol=1e-8)

@@ -14,6 +14,7 @@ from baselines.mht_of_banks import MhtOfBanks
 from gmr_gym.checks import UNLIMITED
 from gmr_gym.evaluation.loop import play
 from gmr_gym.filters.filter_bank import imm_mix, no_interaction
+from gmr_gym.filters.joint_gating import Limits
 from gmr_gym.filters.registry import make_tracker, trackers
 from gmr_gym.mixture import collapsed, gaussian
 from gmr_gym.models.kalman import Motion
@@ -29,15 +30,7 @@ OF_A_RADAR = sorted(set(trackers()) - {"learned-thresholds"})
 
 def general(told, give_up_ratio=20.0):
     """The engine of many hypotheses, all merged into one after every scan."""
-    return MhtOfBanks(
-        told,
-        one_left,
-        imm_mix,
-        no_interaction,
-        prune_weight=0.0,
-        max_hypotheses=UNLIMITED,
-        give_up_ratio=give_up_ratio,
-    )
+    return MhtOfBanks(told, one_left, imm_mix, no_interaction, Limits(0.0, UNLIMITED, give_up_ratio))
 
 
 def one_left(p):

@@ -9,6 +9,7 @@ from baselines.imm_pda import ImmPda
 from baselines.mht import Mht
 from baselines.mht_of_banks import MhtOfBanks, imm_mht, mmae_mht, mmae_pda
 from gmr_gym.filters.filter_bank import as_bank, imm_output, no_interaction, restart_and_floor
+from gmr_gym.filters.joint_gating import Limits
 from gmr_gym.mixture import Mixture, moments
 from gmr_gym.reduction.registry import reducer
 from gmr_gym.scenarios.maybeck import agile_flight
@@ -139,7 +140,9 @@ def test_an_unreduced_bank_keeps_every_association():
     def keep(p):
         return p, np.arange(len(p.w))
 
-    ((_, first), (belief, second)) = flight(MhtOfBanks(told, keep, no_interaction, no_interaction, 0.0), z)
+    ((_, first), (belief, second)) = flight(
+        MhtOfBanks(told, keep, no_interaction, no_interaction, Limits(0.0)), z
+    )
     assert len(first.mixture.w) == 3 and len(second.mixture.w) == 6
     np.testing.assert_allclose(moments(imm_output(belief))[0], second.x[0], rtol=1e-12)
 

@@ -1,7 +1,6 @@
 """Trackers of a target that switches between motions: against exact posteriors, the textbook's filters,
 FilterPy's IMM, and one another where they must agree."""
 
-from dataclasses import replace
 from functools import partial
 from itertools import islice
 
@@ -20,7 +19,7 @@ from baselines.pda import Pda
 from gmr_gym.evaluation.loop import play
 from gmr_gym.filters import mode_mixture
 from gmr_gym.filters.filter_bank import FilterBank, as_bank, imm_mix, mmae_weights, no_interaction
-from gmr_gym.filters.joint_gating import expected_false_alarms
+from gmr_gym.filters.joint_gating import Limits, expected_false_alarms
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.mixture import gaussian, moments
 from gmr_gym.models.kalman import Motion
@@ -47,7 +46,7 @@ def everything_kept(p, mode=None):
 
 
 def unreduced(told):
-    return Mmg(told, everything_kept, prune_weight=0.0, max_hypotheses=100_000)
+    return Mmg(told, everything_kept, Limits(0.0, 100_000))
 
 
 def flight(tracker, scans):
@@ -241,7 +240,9 @@ def gated_by_hand(gates, z):
     ]).reshape(len(gates.z), len(z))  # fmt: skip
 
 
-@pytest.mark.parametrize("build", [lambda told: Mmg(told, everything_kept, 0.0), gpb2, ImmPda, imm_mht])
+@pytest.mark.parametrize(
+    "build", [lambda told: Mmg(told, everything_kept, Limits(0.0)), gpb2, ImmPda, imm_mht]
+)
 def test_a_detection_in_any_gate_is_weighed_by_every_model_and_one_in_none_by_none(build):
     still, fast = (Motion(np.eye(2), np.eye(2), np.array([x, 0.0])) for x in (0.0, 3.0))
     told = reference.jumping_model(0, 2, detection_probability=0.9, gate_probability=0.5)
@@ -318,7 +319,7 @@ def test_unreduced_imm_mht_is_an_imm_along_every_history_of_associations(parents
     histories = [
         (told.mode_prior * w, np.array([m, m]), np.array([P, P])) for w, m, P in zip(*told.prior, strict=True)
     ]
-    tracker = imm_engine(told, everything_kept, prune_weight=0.0)
+    tracker = imm_engine(told, everything_kept, work_limits=Limits(0.0))
     for z, (belief, _) in zip(scans, flight(tracker, scans), strict=True):
         updates = [lambda m, P: (1 - told.detection_probability, m, P)]
         for row in z:
@@ -518,7 +519,7 @@ def test_wrong_parameter_of_a_tracker_with_modes_is_refused(name, number, parame
 )
 def test_a_limit_that_is_none_is_refused(engine, limit, message):
     with pytest.raises(ValueError, match=message):
-        engine(reference.jumping_model(0, 2), everything_kept, **limit)
+        engine(reference.jumping_model(0, 2), everything_kept, work_limits=Limits(**limit))
 
 
 @each
@@ -528,7 +529,7 @@ def test_a_hopeless_track_is_given_up_and_coasts_like_the_prediction(build):
     told = told._replace(prior=gaussian(told.prior.m[0], P))
     z = told.prior.m[0, :2] + 1e3 * np.random.default_rng(9).standard_normal((50, 2))
     # every tracker expects as many at its first scan: half of that is to be too many
-    ((belief, report),) = flight(replace(build(told), give_up_ratio=0.5), [z])
+    ((belief, report),) = flight(build(told, give_up_ratio=0.5), [z])
     assert not report.alive
     chances = told.switching @ told.mode_prior
     ahead = [reference.kalman_predict(told.prior.m[0], P, *move) for move in told.motions]
@@ -566,10 +567,10 @@ def test_ten_thousand_detections_send_no_more_than_the_most_into_the_reduction(e
 
     told = reference.jumping_model(1, 2, axes=2, detection_probability=0.9)
     z = told.prior.m[0, :2] + 20 * np.random.default_rng(1).standard_normal((10_000, 2))
-    list(flight(engine(told, spy, prune_weight=0.0, max_hypotheses=10**6, give_up_ratio=np.inf), [z]))
+    list(flight(engine(told, spy, work_limits=Limits(0.0, 10**6, np.inf)), [z]))
     everything = np.sort(entered[-1].w)
     assert len(everything) > 5_000 * count  # but for weights that are zero to the machine
-    limited = engine(told, spy, prune_weight=0.0, max_hypotheses=7, give_up_ratio=np.inf)
+    limited = engine(told, spy, work_limits=Limits(0.0, 7, np.inf))
     ((belief, report),) = flight(limited, [z])
     np.testing.assert_allclose(np.sort(entered[-1].w), everything[-7:], rtol=1e-12)
     assert len(report.mixture.w) == 7
@@ -587,10 +588,10 @@ def test_what_weighs_less_than_the_bound_never_enters_the_reduction(engine):
 
     told = reference.jumping_model(1, 2, detection_probability=0.9)
     z = reference.flown(told, 1, np.random.default_rng(1), clutter=4)
-    list(flight(engine(told, spy, prune_weight=0.0), z))
+    list(flight(engine(told, spy, work_limits=Limits(0.0)), z))
     everything = np.sort(entered[-1])
     bound = everything[-4:-2].mean()
-    ((belief, report),) = flight(engine(told, spy, prune_weight=bound), z)
+    ((belief, report),) = flight(engine(told, spy, work_limits=Limits(bound)), z)
     np.testing.assert_allclose(np.sort(entered[-1]), everything[-3:], rtol=1e-12)
     assert report.mixture.w.sum() == pytest.approx(1, rel=1e-12)
     assert mode_weights(belief).sum() == pytest.approx(1, rel=1e-12)
@@ -608,5 +609,5 @@ def test_estimate_is_the_mean_and_covariance_of_the_hypotheses_kept(build):
 def test_reducers_that_know_modes_serve_the_engine_as_any_other():
     told = reference.jumping_model(3, 2, detection_probability=0.8)
     scans = reference.flown(told, 5, np.random.default_rng(3), clutter=3)
-    by_hand = Mmg(told, lambda p, mode: mode_mixture.gpb2(p, mode), prune_weight=0.0)
+    by_hand = Mmg(told, lambda p, mode: mode_mixture.gpb2(p, mode), Limits(0.0))
     same_estimates(flight(by_hand, scans), flight(gpb2(told), scans))

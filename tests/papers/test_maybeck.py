@@ -719,7 +719,7 @@ def test_the_roles_of_a_table_are_its_trackers_in_their_order(table):
         by_runnalls = "runnalls" in role or table.name in ("1-runnalls", "missed")
         assert parameters["reduction"] == ("runnalls" if by_runnalls else "ise")
         # two MHTs have half the hypotheses each
-        assert tracker.max_hypotheses == (100 if role.endswith("_of") else 200)
+        assert tracker.work_limits.max_hypotheses == (100 if role.endswith("_of") else 200)
 
 
 def test_the_tables_worlds_are_as_their_titles_say():
