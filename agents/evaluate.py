@@ -198,6 +198,7 @@ def record(episodes: Mapping[str, Episodes], trained: Sequence[str], constants: 
 def main(
     static: Annotated[Path, typer.Argument(help="what tune_static.py wrote")],
     policies: Annotated[list[Path], typer.Argument(help="learned ones: GROUP-SEED/best.npz")] = [],  # noqa: B006
+    *,
     tables: Annotated[list[str], typer.Option("--table", help="of instances")] = ["test", "extrapolation"],  # noqa: B006
     runs: Annotated[
         int | None, typer.Option(help="of every instance; 2000 a table unless given", min=2)

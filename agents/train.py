@@ -25,6 +25,7 @@ COLUMNS = ("chapter", "steps", "reward", "error_m", "lost", "work")
 
 def main(
     algorithm: Annotated[str, typer.Argument(help="ppo or sac; with sb3-contrib also tqc and ppo_lstm")],
+    *,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     steps: Annotated[
         int | None,

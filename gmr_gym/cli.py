@@ -80,6 +80,7 @@ def list_() -> None:
 def evaluate(
     env_id: EnvId,
     tracker: TrackerNames,
+    *,
     settings: Settings = [],  # noqa: B006
     runs: RunCount = 100,
     seed: Seed = 0,
@@ -121,6 +122,7 @@ def evaluate(
 @command()
 def reproduce(
     paper: PaperName,
+    *,
     table: Tables = [],  # noqa: B006
     runs: Annotated[
         int | None,
@@ -231,6 +233,7 @@ def track_(
     file: Annotated[Path, typer.Argument(help="CSV: time (s), then coordinates (m); a row a detection")],
     sensor_deviation: Annotated[float, typer.Option(help="standard deviation of a measurement, m")],
     clutter_density: Annotated[float, typer.Option(help="false alarms per scan and m^2 (m^3 in space)")],
+    *,
     tracker: Annotated[str, tracker_option("NAME or NAME:key=value,key=value")] = "runnalls-30",
     motion: MotionModel = "constant-velocity",
     acceleration_deviation: Annotated[

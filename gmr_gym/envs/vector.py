@@ -13,10 +13,10 @@ from numba import config
 
 from gmr_gym.checks import check_count
 from gmr_gym.envs.episodic import EXTENT, check_keywords, keywords, settings
-from gmr_gym.envs.tracking import Scored, TrackingEnv, blank, first_beyond, score_into
+from gmr_gym.envs.tracking import TrackingEnv, blank, first_beyond, score_into
 from gmr_gym.kernels import together
 from gmr_gym.points import check_unmasked
-from gmr_gym.simulation.scans import Emitted, Running, label_into, scans_into
+from gmr_gym.simulation.scans import Running, label_into, scans_into
 from gmr_gym.simulation.seeds import keys_of
 from gmr_gym.simulation.single_target import (
     draw,
@@ -88,16 +88,15 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         # a scripted truth is one for all
         of = np.zeros(num_envs, int) if is_scripted(self.scenario) else np.arange(num_envs)
         truths = of[-1] + 1
-        self._mode = np.tile(mode, (truths, 1))
+        self._x, self._mode = np.tile(x, (truths, 1, 1)), np.tile(mode, (truths, 1))
         self._running = Running(
-            key=np.zeros((num_envs, 2), np.uint32),
-            x=np.tile(x, (truths, 1, 1)),
-            z_hat=np.tile(self.scenario.sensor.measure(x), (truths, 1, 1)),
-            of=of,
-            t=np.full(num_envs, self.scenario.horizon),
-            estimates=np.tile(self._single.prior[0], (num_envs, 1)),
-            scans_off=np.zeros(num_envs, int),
+            np.zeros((num_envs, 2), np.uint32),
+            np.tile(self.scenario.sensor.measure(x), (truths, 1, 1)),
+            of,
+            np.full(num_envs, self.scenario.horizon),
         )
+        self._estimates = np.tile(self._single.prior[0], (num_envs, 1))  # of the scan before
+        self._scans_off = np.zeros(num_envs, int)
         self._drawn: list[Any] = [None] * num_envs  # whole episodes, where the sensor is not linear
         self._ended = np.zeros(num_envs, bool)  # and not reset yet
         self._emitted: Any = None  # arrays that the next step may overwrite
@@ -157,10 +156,14 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         anew = self._ended if self.autoreset_mode == AutoresetMode.NEXT_STEP else np.zeros(n, bool)
         if ((self._running.t >= horizon) > anew).any():
             raise RuntimeError("call reset() before step(): no episode is running")
-        self._running = self._running._replace(estimates=self._checked(actions, anew))
-        scores = Scored(np.empty(n), np.empty(n), np.empty(n, bool), np.empty(n, bool))
-        score_into(scores, self._running, anew, self._position, float(self.scenario.cutoff))
-        error, rewards, terminated, truncated = scores
+        self._estimates = self._checked(actions, anew)
+        error, rewards, terminated, truncated = scores = (
+            np.empty(n), np.empty(n), np.empty(n, bool), np.empty(n, bool)
+        )  # fmt: skip
+        score_into(
+            scores, self._running, self._scans_off, anew, self._estimates, self._x,
+            self._position, float(self.scenario.cutoff),
+        )  # fmt: skip
         scored = ~anew
         self._begin(np.flatnonzero(anew), [None] * n)
         self._ended = terminated | truncated
@@ -204,8 +207,8 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         if not len(rows):
             return
         now = self._running
-        now.t[rows], now.scans_off[rows], self._ended[rows] = 0, 0, False
-        now.estimates[rows] = self._single.prior[0]
+        now.t[rows], self._scans_off[rows], self._ended[rows] = 0, 0, False
+        self._estimates[rows] = self._single.prior[0]
         seeds = [self._next_seed(i) if given[i] is None else given[i] for i in rows.tolist()]
         if self._linear:
             small = max(seeds) < 2**63
@@ -215,10 +218,10 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         for i, seed in zip(rows.tolist(), seeds, strict=True):
             if not self._linear:
                 self._drawn[i] = draw(self.scenario, seed)
-                now.x[i], self._mode[i] = self._drawn[i].x, self._drawn[i].mode
+                self._x[i], self._mode[i] = self._drawn[i].x, self._drawn[i].mode
             else:
-                now.x[i], self._mode[i] = draw_truth(self.scenario, seed)
-                now.z_hat[i] = self.scenario.sensor.measure(now.x[i])
+                self._x[i], self._mode[i] = draw_truth(self.scenario, seed)
+                now.z_hat[i] = self.scenario.sensor.measure(self._x[i])
 
     def _next_seed(self, i: int) -> int:
         seeds = self._seeds[i]
@@ -234,12 +237,13 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         """Observations of all environments, and infos of those in the mask `wanted`."""
         n, shape, now = self.num_envs, self._single.shape, self._running
         if self.copy or self._emitted is None:
-            self._emitted = Emitted(*blank((n, *shape)))
+            self._emitted = blank((n, *shape))
             self._priors = [np.tile(part, (n, 1)) for part in self._single.prior]
         z, mask, origin, _ = self._emitted
         shown = now.t < self.scenario.horizon
         if self._linear:  # each thread makes the scans of its share of the environments
-            together(scans_into, [(*share, self._emitted, self._scene, now) for share in self._shares])
+            given = self._emitted, self._scene, now, self._estimates
+            together(scans_into, [(*share, *given) for share in self._shares])
         else:
             self._scans_in_turn(shown)
         mean, covariance = self._priors
@@ -255,7 +259,7 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
             return observation, {}
         # rows taken by one index: two indices are slower than many scans
         at = now.of * self.scenario.horizon + np.where(wanted, now.t, 0)
-        truth, mode = now.x.reshape(-1, now.x.shape[2]).take(at, axis=0), self._mode.take(at)
+        truth, mode = self._x.reshape(-1, self._x.shape[2]).take(at, axis=0), self._mode.take(at)
         if not wanted.all():
             origin = origin.copy()
             truth[~wanted], mode[~wanted], origin[~wanted] = 0, 0, 0
@@ -266,12 +270,12 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
 
     def _scans_in_turn(self, shown: np.ndarray) -> None:
         """The scans of a sensor that is not linear."""
-        (z, mask, origin, was), now, view = self._emitted, self._running, self._scene.field_of_view
+        (z, mask, origin, was), view = self._emitted, self._scene.field_of_view
         for i in range(self.num_envs):
             k, place = 0, -1
             if shown[i]:
-                centre = self.scenario.centre(now.estimates[i])
-                k, place = make_scan(z[i], self.scenario, view, self._drawn[i], int(now.t[i]), centre)
+                centre, t = self.scenario.centre(self._estimates[i]), int(self._running.t[i])
+                k, place = make_scan(z[i], self.scenario, view, self._drawn[i], t, centre)
             label_into(z[i], mask[i], origin[i], was[i], k, place)
 
     def render(self):

@@ -6,7 +6,8 @@ One turning target, a fixed field of view, and a filter model that differs a lit
 import numpy as np
 
 from gmr_gym.models.motions import constant_velocity
-from gmr_gym.scenarios.planar import along, bounding_box, fixed_box, following_box, path, shortened
+from gmr_gym.scenarios.paths import shortened
+from gmr_gym.scenarios.planar import along, bounding_box, fixed_box, following_box, path
 from gmr_gym.simulation.single_target import Scenario
 
 PERIOD = 1.0  # s
@@ -20,6 +21,7 @@ def turning_target(
     clutter_rate: float | None = None,
     clutter_density: float | None = None,
     detection_probability: float = 0.9,
+    *,
     sensor_deviation: float = 60**0.5,
     told_sensor_deviation: float = 70**0.5,
     told_acceleration_deviation: float = 3.0,

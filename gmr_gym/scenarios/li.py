@@ -16,8 +16,7 @@ from gmr_gym.models.model import Model, model
 from gmr_gym.models.motions import constant_velocity, singer, with_accelerations
 from gmr_gym.models.radar import WIDEST, modified_unbiased, radar, spherical
 from gmr_gym.models.switching import sticky_switching
-from gmr_gym.points import check_unmasked
-from gmr_gym.scenarios.planar import moving_by_model, shortened
+from gmr_gym.scenarios.paths import moving_by_model, shortened, states_given
 from gmr_gym.simulation.loss import truth_outside_gates
 from gmr_gym.simulation.single_target import Scenario, Truth, Window, scripted
 
@@ -61,6 +60,7 @@ def airborne_radar(
     regime: str = "far",
     clutter_rate: float = 25.0,
     detection_probability: float = 0.9,
+    *,
     range_deviation: float | None = None,
     angle_deviation: float | None = None,
     update: str = "debiased",
@@ -256,15 +256,7 @@ def _straight(start, velocity: np.ndarray, scans: int, period: float) -> np.ndar
 
 def _states(name: str, path, period: float) -> np.ndarray:
     """Positions (T, 3), or with velocities (T, 6), as states (T, 9); missing derivatives by differences."""
-    check_unmasked(name, path)
-    try:
-        x = np.array(path, float)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be numbers of shape (T, 3) or (T, 6)") from None
-    if x.ndim != 2 or x.shape[1] not in (3, 6) or len(x) < 3:
-        raise ValueError(f"{name} must have shape (T, 3) or (T, 6) with T >= 3, got {x.shape}")
-    if not (np.abs(x) <= 1e6).all():
-        raise ValueError(f"{name} must be finite and within a million metres, and m/s, of zero")
+    x = states_given(name, path, (3, 6), least=3)
     if x.shape[1] == 3:
         x = np.hstack([x, np.gradient(x, period, axis=0)])
     return np.hstack([x, np.gradient(x[:, 3:], period, axis=0)])

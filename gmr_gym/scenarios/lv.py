@@ -17,7 +17,7 @@ from gmr_gym.models.gating import gate_threshold
 from gmr_gym.models.kalman import Motion, position_sensor
 from gmr_gym.models.motions import constant_acceleration, constant_velocity
 from gmr_gym.models.multi_target import multi_target_model
-from gmr_gym.scenarios.planar import shortened
+from gmr_gym.scenarios.paths import shortened
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 LOW, HIGH = np.array([[-1000.0, -1000.0], [1000.0, 1000.0]])  # m, corners of the region
@@ -61,6 +61,7 @@ def unknown_clutter(
     clutter: str = "groups",
     clutter_rate: float = 50.0,
     detection_probability: float = 0.98,
+    *,
     uniform_share: float = UNIFORM_SHARE,
     groups=GROUPS,
     group_density: float = 1.0,

@@ -13,8 +13,8 @@ from gmr_gym.mixture import gaussian
 from gmr_gym.models.kalman import position_sensor
 from gmr_gym.models.model import Model, model
 from gmr_gym.models.motions import constant_acceleration
-from gmr_gym.points import check_unmasked
-from gmr_gym.scenarios.planar import following_box, moving_by_model, shortened
+from gmr_gym.scenarios.paths import moving_by_model, shortened, states_given
+from gmr_gym.scenarios.planar import following_box
 from gmr_gym.simulation.loss import detection_outside_gates
 from gmr_gym.simulation.single_target import Scenario, Truth, scripted
 
@@ -71,8 +71,10 @@ def agile_flight(
     ----------
     Maybeck, Kozak and Smith, section V and eq. 20.
     """
-    drawn = isinstance(trajectory, str) and trajectory == "drawn"
-    x = f16_flight() if trajectory is None or drawn else _states(trajectory)
+    drawn = isinstance(trajectory, str)
+    if drawn and trajectory != "drawn":
+        raise ValueError(f"trajectory must be states (T, 6) or 'drawn', got {trajectory!r}")
+    x = f16_flight() if trajectory is None or drawn else states_given("trajectory", trajectory, (6,), least=1)
     start = constant_acceleration(-PERIOD, 0.0).F @ x[0]
     if not 0 <= clutter_density <= 0.1:
         raise ValueError(f"clutter_density must lie between 0 and 0.1 per m^2, got {clutter_density}")
@@ -117,19 +119,6 @@ def _switching(assumed: Model, horizon: int, rng: np.random.Generator) -> Truth:
     for t in range(horizon):
         mode[t] = now = rng.choice(modes, p=assumed.switching[:, now])
     return moving_by_model(assumed, mode, rng)
-
-
-def _states(trajectory) -> np.ndarray:
-    check_unmasked("trajectory", trajectory)
-    try:
-        x = np.array(trajectory, float)
-    except (TypeError, ValueError):
-        raise ValueError(f"trajectory must be states (T, 6) or 'drawn', got {trajectory!r}") from None
-    if x.ndim != 2 or x.shape[1] != 6 or len(x) < 1:
-        raise ValueError(f"trajectory must have shape (T, 6) with T >= 1, got {x.shape}")
-    if not (np.abs(x) <= 1e6).all():
-        raise ValueError("trajectory must be finite and within a million of zero in every state")
-    return x
 
 
 def _positive(name: str, values) -> list[float]:

@@ -7,11 +7,11 @@ import numpy as np
 from gmr_gym.checks import check_probability
 from gmr_gym.mixture import gaussian
 from gmr_gym.models.kalman import position_sensor
-from gmr_gym.models.model import Model, model
+from gmr_gym.models.model import model
 from gmr_gym.models.motions import constant_velocity
-from gmr_gym.points import check_unmasked
+from gmr_gym.scenarios.paths import states_given
 from gmr_gym.simulation.loss import truth_outside_gates
-from gmr_gym.simulation.single_target import Scenario, Truth, Window, scripted
+from gmr_gym.simulation.single_target import Scenario, Window, scripted
 
 
 def along(
@@ -126,42 +126,10 @@ def path(trajectory, period: float) -> tuple[np.ndarray, np.ndarray]:
     ValueError
         For another shape, fewer than three points, or a number that is not finite.
     """
-    check_unmasked("trajectory", trajectory)
-    x = np.array(trajectory, float)
-    if x.ndim != 2 or x.shape[1] not in (2, 4) or len(x) < 3:
-        raise ValueError(f"trajectory must have shape (T, 2) or (T, 4) with T >= 3, got {x.shape}")
-    if not (np.abs(x) <= 1e6).all():
-        raise ValueError("trajectory must be finite and within a million metres, and m/s, of zero")
+    x = states_given("trajectory", trajectory, (2, 4), least=3)
     if x.shape[1] == 2:
         x = np.hstack([x, np.gradient(x, period, axis=0)])
     return x, np.concatenate((x[0, :2] - period * x[0, 2:], x[0, 2:]))
-
-
-def shortened(x: np.ndarray, horizon: int | None) -> np.ndarray:
-    """The first scans of a path.
-
-    Parameters
-    ----------
-    x : ndarray (T, ...)
-    horizon : int or None
-        Number of scans; all for None.
-
-    Returns
-    -------
-    ndarray (horizon, ...)
-
-    Raises
-    ------
-    ValueError
-        If x has fewer scans, or `horizon` is not a whole number.
-    """
-    if horizon is None:
-        return x
-    if not 1 <= horizon <= len(x) or horizon != int(horizon):
-        raise ValueError(
-            f"horizon must be between 1 and the {len(x)} scans of the path, whole, got {horizon}"
-        )
-    return x[: int(horizon)]
 
 
 def fixed_box(low, high) -> Window:
@@ -222,29 +190,3 @@ def following_box(sides) -> Window:
     if sides.dtype == object or sides.shape != (2,) or not ((sides > 0) & (sides <= 1e6)).all():
         raise ValueError(f"window must be two positive lengths (width, height) up to 1e6 m, got {sides}")
     return Window(-sides / 2, sides / 2, follows=True)
-
-
-def moving_by_model(assumed: Model, mode: np.ndarray, rng: np.random.Generator) -> Truth:
-    """Draw a truth from the filter model.
-
-    Parameters
-    ----------
-    assumed : Model
-        The filter model. The target starts from its prior, one period before the first scan.
-    mode : ndarray (T,)
-        Index of the motion model of each scan.
-    rng : Generator
-
-    Returns
-    -------
-    Truth
-    """
-    w, m, P = assumed.prior
-    first = rng.choice(len(w), p=w) if len(w) > 1 else 0
-    x = rng.multivariate_normal(m[first], P[first], method="cholesky")
-    states = np.empty((len(mode), len(x)))
-    for t, p in enumerate(mode):
-        F, Q, offset = assumed.motions[p]
-        x = rng.multivariate_normal(F @ x + offset, Q, method="eigh")  # Q may be singular
-        states[t] = x
-    return Truth(states, mode)

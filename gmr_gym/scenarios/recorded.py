@@ -1,7 +1,8 @@
 """Recorded flights as truth, with the sensor and clutter of D'Ortenzio, section 4."""
 
 from gmr_gym.data.loader import flight
-from gmr_gym.scenarios.planar import along, following_box, path, shortened
+from gmr_gym.scenarios.paths import shortened
+from gmr_gym.scenarios.planar import along, following_box, path
 from gmr_gym.simulation.single_target import Scenario
 
 PERIOD = 1.0  # s
@@ -13,6 +14,7 @@ def recorded_flight(
     clutter_rate: float | None = None,
     clutter_density: float | None = None,
     detection_probability: float = 0.9,
+    *,
     sensor_deviation: float = 60**0.5,
     told_sensor_deviation: float = 70**0.5,
     told_acceleration_deviation: float = 6.0,

@@ -14,7 +14,8 @@ from gmr_gym.mixture import gaussian
 from gmr_gym.models.kalman import Motion, motion, sensor
 from gmr_gym.models.model import Model, model
 from gmr_gym.models.switching import sticky_switching
-from gmr_gym.scenarios.planar import fixed_box, following_box, moving_by_model
+from gmr_gym.scenarios.paths import moving_by_model
+from gmr_gym.scenarios.planar import fixed_box, following_box
 from gmr_gym.simulation.loss import truth_outside_gates
 from gmr_gym.simulation.single_target import Scenario, Truth, Window
 
