@@ -370,4 +370,4 @@ def _updated(p: Mixture, z: np.ndarray, sensor) -> tuple[Mixture, np.ndarray]:
     predicted_z = sensor.predict_detections(p, *sensor.gates(p), z)
     n, off = len(p.w), z - predicted_z.z_hat
     d2 = np.einsum("ni,ni->n", off, np.linalg.solve(predicted_z.S, off[:, :, None])[:, :, 0])
-    return posteriors(np.zeros(n), np.eye(n), p, predicted_z, 0.0)[0], d2
+    return posteriors(p._replace(w=np.zeros(n)), np.eye(n), predicted_z, 0.0)[0], d2

@@ -73,13 +73,13 @@ def lesson(
     kept = lessons.age + 1 < 2 * how.memory
     points = np.concatenate([lessons.z[kept], z])
     age = np.concatenate([lessons.age[kept] + 1, np.zeros(len(z))])
-    weight = np.concatenate([lessons.false[kept], false]) * np.exp(-age / how.memory)
+    weight = np.concatenate([lessons.p_clutter[kept], false]) * np.exp(-age / how.memory)
     scans = np.exp(-np.arange(min(lessons.scans + 1, 2 * how.memory)) / how.memory).sum()
     flat, p = 1 / np.prod(told.high - told.low), z.shape[1]
     cost, floor = (p + p * (p + 1) / 2) / 2, how.deviation**2 * np.eye(p)
     w, m, P = lessons.clutter.gaussians
     w = np.append(lessons.clutter.uniform, w) * scans
-    if len(m) < how.most:
+    if len(m) < how.max_gaussians:
         left = weight * _shares(points, w, m, P, flat)[0][:, 0]
         side = flat ** (-1 / p) / NEIGHBOURHOOD
         about = ((np.abs(z[:, None] - points) <= side / 2).all(axis=2) * left).sum(axis=1)

@@ -12,6 +12,7 @@ import numpy as np
 from gmr_gym.filters.intensity_update import log_ratios, posteriors
 from gmr_gym.filters.phd import LabelledIntensity
 from gmr_gym.kernels import kernel
+from gmr_gym.mixture import Mixture
 from gmr_gym.models.kalman import Sensor
 
 
@@ -136,9 +137,11 @@ def update(
 
 @kernel
 def _updated(predicted, log_p, predicted_z, log_kappa, detection_probability, least):
-    table = log_ratios(predicted.w, predicted_z, log_kappa, detection_probability)
+    w, m, P = predicted
+    z_hat, S, z = predicted_z.z_hat, predicted_z.S, predicted_z.z[0]
+    table = log_ratios(w, z_hat, S, z, log_kappa, detection_probability)
     n, k = table.shape
-    log_V = np.log(predicted.w.sum())
+    log_V = np.log(w.sum())
     log_q = np.log(1.0 - detection_probability) if detection_probability < 1.0 else -np.inf
     log_l = np.full(k, -np.inf)
     for i in range(n):
@@ -148,15 +151,15 @@ def _updated(predicted, log_p, predicted_z, log_kappa, detection_probability, le
     near, log_slope = log_l > -np.inf, np.full(k, -np.inf)  # the others leave every e_j unchanged
     log_e, log_D, log_M, log_slope[near] = elementary_symmetric(log_l[near], log_tails(log_p, log_q))
     if log_D == -np.inf:
-        return *posteriors(predicted.w, np.zeros((n, k)), predicted, predicted_z, least), np.exp(log_p)
+        return *posteriors(predicted, np.zeros((n, k)), predicted_z, least), np.exp(log_p)
     for i in range(n):
         for j in range(k):
             table[i, j] = np.exp(table[i, j] - log_V + log_slope[j] - log_D)
-    missed = predicted.w * np.exp(log_q - log_V + log_M - log_D)
+    missed = Mixture(w * np.exp(log_q - log_V + log_M - log_D), m, P)
     after = log_p.copy()
     for count in range(len(log_p)):
         after[count] += _log_scan_likelihood(count, log_e, log_q)
-    found = posteriors(missed, table, predicted, predicted_z, least)
+    found = posteriors(missed, table, predicted_z, least)
     after = np.exp(after - after.max())
     return *found, after / after.sum()
 

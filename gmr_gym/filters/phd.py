@@ -214,7 +214,8 @@ def report(
 
 @kernel
 def _updated(predicted, predicted_z, log_kappa, detection_probability, least):
-    table = log_ratios(predicted.w, predicted_z, log_kappa, detection_probability)
+    z_hat, S, z = predicted_z.z_hat, predicted_z.S, predicted_z.z[0]
+    table = log_ratios(predicted.w, z_hat, S, z, log_kappa, detection_probability)
     n, k = table.shape
     top = np.zeros(k)  # log ratio of the clutter to itself
     for i in range(n):
@@ -232,5 +233,5 @@ def _updated(predicted, predicted_z, log_kappa, detection_probability, least):
     for i in range(n):
         for j in range(k):
             table[i, j] /= total[j]
-    missed = (1.0 - detection_probability) * predicted.w
-    return *posteriors(missed, table, predicted, predicted_z, least), p_clutter / total
+    missed = Mixture((1.0 - detection_probability) * predicted.w, predicted.m, predicted.P)
+    return *posteriors(missed, table, predicted_z, least), p_clutter / total

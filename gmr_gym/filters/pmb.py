@@ -156,8 +156,10 @@ def update(
     d = tracks.m.shape[1]
     log_kappa = np.log(kappa)
     tracks_z, undetected_z = (sensor.predict_detections(p, *sensor.gates(p), z) for p in (tracks, undetected))
-    seen = log_ratios(tracks.w, tracks_z, log_kappa, detection_probability)
-    appeared = log_ratios(undetected.w, undetected_z, log_kappa, detection_probability)
+    seen = log_ratios(tracks.w, tracks_z.z_hat, tracks_z.S, z, log_kappa, detection_probability)
+    appeared = log_ratios(
+        undetected.w, undetected_z.z_hat, undetected_z.S, z, log_kappa, detection_probability
+    )
     log_new_ratio = np.logaddexp.reduce(appeared, axis=0, initial=0.0)  # log((rho + kappa) / kappa)
     miss = np.maximum(1.0 - tracks.w * detection_probability, LEAST_MISS)
     track, detection = np.nonzero(seen > -np.inf)
@@ -165,8 +167,8 @@ def update(
     assigned, missed, unassigned = marginals(track, detection, log_psi, len(tracks.w), len(z))
     found = np.zeros(seen.shape)
     found[track, detection] = assigned
-    absent = missed * tracks.w * (1.0 - detection_probability) / miss
-    old = moment_matched(absent, found, tracks, tracks_z)
+    absent = tracks._replace(w=missed * tracks.w * (1.0 - detection_probability) / miss)
+    old = moment_matched(absent, found, tracks_z)
     # what rounding puts above 1 would grow with every scan that misses
     old = old._replace(w=np.minimum(old.w, 1.0))
 
@@ -175,9 +177,8 @@ def update(
     new = new[np.lexsort((*z[new].T, -exists[new]))]
     born = unassigned[new] * np.exp(appeared[:, new] - log_new_ratio[new])
     # without misses: the positive entries of `born`, row by row
-    parts, _ = posteriors(
-        np.zeros(len(undetected.w)), born, undetected, undetected_z._replace(z=z[new][None]), 0.0
-    )
+    unseen = undetected._replace(w=np.zeros(len(undetected.w)))
+    parts, _ = posteriors(unseen, born, undetected_z._replace(z=z[new][None]), 0.0)
     started = match_groups(parts, np.nonzero(born > 0)[1], len(new)) if len(new) else no_components(d)
     posterior = MultiBernoulli(
         joined([old, started]),
@@ -244,11 +245,11 @@ def report(belief: MultiBernoulli, clutter: Clutter, report_threshold: float = 0
 
 
 @kernel
-def moment_matched(absent, found, tracks, tracks_z):
+def moment_matched(absent, found, tracks_z):
     r"""Moment match of every track over its association probabilities; weights are existences.
 
-    absent (n,) are the probabilities that a track exists and is missed, found (n, k) those of each detection;
-    tracks is their Mixture, tracks_z their PredictedDetections by a Sensor.
+    absent is the Mixture of the tracks, its weights the probabilities that a track exists and is missed;
+    found (n, k) are those of each detection; tracks_z are the PredictedDetections of a Sensor.
 
     Notes
     -----
@@ -263,7 +264,8 @@ def moment_matched(absent, found, tracks, tracks_z):
 
     No posterior of a single pair is formed, so memory does not grow with the detections in a gate.
     """
-    m, P, z_hat, S, C = tracks.m, tracks.P, tracks_z.z_hat, tracks_z.S, tracks_z.C
+    w, m, P = absent
+    z_hat, S, C = tracks_z.z_hat, tracks_z.S, tracks_z.C
     z, H, R = tracks_z.z[0], tracks_z.H[0], tracks_z.noise[0]
     (n, d), (k, p) = m.shape, z.shape
     w_out, m_out, P_out = np.empty(n), m.copy(), P.copy()
@@ -276,7 +278,7 @@ def moment_matched(absent, found, tracks, tracks_z):
             hit += found[i, j]
             for r in range(p):
                 nu[r] += found[i, j] * (z[j, r] - z_hat[i, r])
-        w_out[i] = absent[i] + hit
+        w_out[i] = w[i] + hit
         if not hit > 0.0:
             continue
         nu /= w_out[i]
@@ -288,7 +290,7 @@ def moment_matched(absent, found, tracks, tracks_z):
                         spread[r, s] += found[i, j] / w_out[i] * off
         cholesky_into(L, S[i])
         posterior_into(P_hit, K, (W, L_noise), L, P[i], C[i], H, R)
-        missed = absent[i] / w_out[i]
+        missed = w[i] / w_out[i]
         for r in range(p):
             for s in range(r + 1):
                 # a miss keeps the mean: an innovation of 0

@@ -453,9 +453,9 @@ def test_a_track_after_a_scan_is_the_mixture_of_its_pairs_by_its_moments(seed):
     absent, found = rng.random(n), rng.random((n, k)) * (rng.random((n, k)) < 0.7)
     found[-1] = 0.0  # one that had none
     S, C = H @ P @ H.T + R, H @ P
-    tracks = Mixture(np.ones(n), m, P)
+    tracks = Mixture(absent, m, P)
     predicted_z = people.sensor.predict_detections(tracks, m @ H.T, S, z)
-    got = multi_bernoulli.moment_matched(absent, found, tracks, predicted_z)
+    got = multi_bernoulli.moment_matched(tracks, found, predicted_z)
     for i in range(n):
         K = C[i].T @ np.linalg.inv(S[i])
         means = [m[i], *(m[i] + K @ (row - H @ m[i]) for row in z)]
