@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
-from operator import add, mul, sub
+from operator import add, neg, sub
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,10 +17,17 @@ TOO_FEW = "too few runs"
 ByTracker = Mapping[str, Evidence]  # of one table
 
 
+def of_values(operation: Callable[..., Any]) -> Callable[..., "Number"]:
+    """What makes of numbers, and of constants, the number that the operation makes of their values."""
+    return lambda *operands: Number(
+        lambda *evidence: operation(*(each(*evidence) if callable(each) else each for each in operands))
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Number:
-    """A number that evidence has, `function(*args, *evidence)`; of the same evidence numbers are added,
-    subtracted and multiplied, with one another and with constants, and are numbers again."""
+    """A number that evidence has, `function(*args, *evidence)`. Of numbers of the same evidence, and of
+    constants, sums, differences and multiples are numbers again."""
 
     function: Callable[..., Any]
     args: tuple[Any, ...] = ()
@@ -28,43 +35,21 @@ class Number:
     def __call__(self, *evidence: Any) -> Any:
         return self.function(*self.args, *evidence)
 
-    def __add__(self, other: Any) -> "Number":
-        return Number(_both, (add, self, other))
-
-    def __sub__(self, other: Any) -> "Number":
-        return Number(_both, (sub, self, other))
-
-    def __radd__(self, other: Any) -> "Number":
-        return Number(_both, (add, other, self))
-
-    def __rsub__(self, other: Any) -> "Number":
-        return Number(_both, (sub, other, self))
-
-    def __rmul__(self, other: Any) -> "Number":
-        return Number(_both, (mul, other, self))
-
-    def __neg__(self) -> "Number":
-        return -1 * self
-
-    def __abs__(self) -> "Number":
-        return Number(lambda *evidence: abs(self(*evidence)))
+    __add__ = of_values(add)
+    __sub__ = of_values(sub)
+    __radd__ = of_values(lambda own, other: other + own)
+    __rsub__ = of_values(lambda own, other: other - own)
+    __rmul__ = of_values(lambda own, other: other * own)
+    __neg__ = of_values(neg)
+    __abs__ = of_values(abs)
 
 
-def _both(operation: Callable[[Any, Any], Any], one: Any, other: Any, *evidence: Any) -> Any:
-    return operation(*(each(*evidence) if callable(each) else each for each in (one, other)))
+least, greatest = of_values(min), of_values(max)
 
 
 def number(function: Callable[..., Any]) -> Callable[..., Number]:
     """Of `function(*args, *evidence)` what makes the number of it by its args."""
     return wraps(function)(lambda *args: Number(function, args))
-
-
-def least(*numbers: Number) -> Number:
-    return Number(lambda *evidence: min(one(*evidence) for one in numbers))
-
-
-def greatest(*numbers: Number) -> Number:
-    return Number(lambda *evidence: max(one(*evidence) for one in numbers))
 
 
 def in_first(one: Number) -> Number:
