@@ -122,8 +122,8 @@ def _lesson_rows(plan: Plan) -> Iterator[Row]:
         given = []
         for t, (before, z, after) in enumerate(_steps(scenario, tracker)):
             if t >= FULL and t % (30 if plan.quick else 10) == 0:
-                false = after.estimate.p_clutter[after.estimate.age == 0]
-                given.append((scenario.model.clutter, before.estimate, z, false, tracker.options))
+                p_clutter = after.estimate.p_clutter[after.estimate.age == 0]
+                given.append((scenario.model.clutter, before.estimate, z, p_clutter, tracker.options))
         apart = 0.0
         for one in given:
             ours, plainly = (

@@ -67,18 +67,18 @@ def fit(z: np.ndarray, parts: ScanMixture, flat: float, how: EmOptions) -> float
 
 
 def lesson(
-    told: Clutter, lessons: ClutterEstimate, z: np.ndarray, false: np.ndarray, how: EstimatorOptions
+    told: Clutter, estimate: ClutterEstimate, z: np.ndarray, p_clutter: np.ndarray, how: EstimatorOptions
 ) -> Clutter:
     """What is believed of the clutter after one scan more."""
-    kept = lessons.age + 1 < 2 * how.memory
-    points = np.concatenate([lessons.z[kept], z])
-    age = np.concatenate([lessons.age[kept] + 1, np.zeros(len(z))])
-    weight = np.concatenate([lessons.p_clutter[kept], false]) * np.exp(-age / how.memory)
-    scans = np.exp(-np.arange(min(lessons.scans + 1, 2 * how.memory)) / how.memory).sum()
+    kept = estimate.age + 1 < 2 * how.memory
+    points = np.concatenate([estimate.z[kept], z])
+    age = np.concatenate([estimate.age[kept] + 1, np.zeros(len(z))])
+    weight = np.concatenate([estimate.p_clutter[kept], p_clutter]) * np.exp(-age / how.memory)
+    scans = np.exp(-np.arange(min(estimate.scans + 1, 2 * how.memory)) / how.memory).sum()
     flat, p = 1 / np.prod(told.high - told.low), z.shape[1]
     cost, floor = (p + p * (p + 1) / 2) / 2, how.deviation**2 * np.eye(p)
-    w, m, P = lessons.clutter.gaussians
-    w = np.append(lessons.clutter.uniform, w) * scans
+    w, m, P = estimate.clutter.gaussians
+    w = np.append(estimate.clutter.uniform, w) * scans
     if len(m) < how.max_gaussians:
         left = weight * _shares(points, w, m, P, flat)[0][:, 0]
         side = flat ** (-1 / p) / NEIGHBOURHOOD
