@@ -1,8 +1,8 @@
 """What an episode pays for an estimate, and when it gives the target up: one rule for all environments."""
 
 from collections.abc import Sequence
+from math import sqrt
 
-import numpy as np
 from numba.extending import register_jitable
 
 SCANS_OFF = 10  # scans in a row beyond the cutoff that end an episode
@@ -49,4 +49,4 @@ def distance(estimate, truth, position: Sequence[int]):
     for i in position:
         off = estimate[i] - truth[i]
         total = total + off * off
-    return np.sqrt(total)
+    return sqrt(total)
