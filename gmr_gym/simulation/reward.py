@@ -10,7 +10,9 @@ SCANS_OFF = 10  # scans in a row beyond the cutoff that end an episode
 
 # not a kernel: a call of one from Python takes as long as a tenth of a step of one environment
 @register_jitable
-def score(error: float, cutoff: float, cost: float, scans_off: int, left: int):
+def score(
+    error: float, cutoff: float, cost: float, scans_off: int, left: int
+) -> tuple[float, int, bool, bool]:
     """Score one estimate.
 
     Parameters
@@ -43,7 +45,7 @@ def score(error: float, cutoff: float, cost: float, scans_off: int, left: int):
 
 
 @register_jitable
-def distance(estimate, truth, position: Sequence[int]):
+def distance(estimate: Sequence[float], truth: Sequence[float], position: Sequence[int]) -> float:
     """Distance of two states (d,) in the given coordinates, summed in order."""
     total = 0.0
     for i in position:
