@@ -100,7 +100,7 @@ class TrackingEnv(EpisodicEnv):
             For another shape, or a number that is not finite or out of bounds.
         """
         estimate = self._checked(action)
-        error = float(distance(estimate.tolist(), self._episode.x[self._t].tolist(), self._position))
+        error = distance(estimate.tolist(), self._episode.x[self._t].tolist(), self._position)
         self._estimates.append(estimate)
         self._t += 1
         reward, self._scans_off, terminated, truncated = score(

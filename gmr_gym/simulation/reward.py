@@ -1,8 +1,8 @@
 """What an episode pays for an estimate, and when it gives the target up: one rule for all environments."""
 
 from collections.abc import Sequence
+from math import sqrt
 
-import numpy as np
 from numba.extending import register_jitable
 
 SCANS_OFF = 10  # scans in a row beyond the cutoff that end an episode
@@ -45,10 +45,10 @@ def score(
 
 
 @register_jitable
-def distance(estimate: np.ndarray, truth: np.ndarray, position: Sequence[int]) -> float:
+def distance(estimate: Sequence[float], truth: Sequence[float], position: Sequence[int]) -> float:
     """Distance of two states (d,) in the given coordinates, summed in order."""
     total = 0.0
     for i in position:
         off = estimate[i] - truth[i]
         total = total + off * off
-    return np.sqrt(total)
+    return sqrt(total)

@@ -291,10 +291,11 @@ def make_scan(
     place : int
         Row of the target's detection, -1 for none.
     """
-    own = episode.z[t], episode.detected[t], episode.slot[t]
+    target, detected, slot = episode.z[t], episode.detected[t], episode.slot[t]
     if isinstance(scenario.sensor, Sensor):
-        return scan_into(z, view, episode.key, t, centre, *own)
-    return _wrapped_into(z, scenario, view, episode.key, t, centre, TargetDetection(*own))
+        return scan_into(z, view, episode.key, t, centre, target, detected, slot)
+    own = TargetDetection(target, detected, slot)
+    return _wrapped_into(z, scenario, view, episode.key, t, centre, own)
 
 
 def _wrapped_into(z, scenario, view, key, t, centre, own) -> tuple[int, int]:
