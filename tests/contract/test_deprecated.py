@@ -34,8 +34,8 @@ def test_population_is_the_multi_target_model(former, new):
         (MODES, "mmg-5", "hopeless", 7.0, "work_limits.give_up_ratio"),
         (MODES, "mmg-5", "most", 40, "work_limits.max_hypotheses"),
         (MODES, "imm-mht-5", "most", 40, "work_limits.max_hypotheses"),
-        (MANY, "pmb", "naming", 0.75, "report_threshold"),
-        (MANY, "learning-pmb", "naming", 0.75, "known.report_threshold"),
+        (MANY, "pmb", "naming", 0.75, "limits.report_threshold"),
+        (MANY, "learning-pmb", "naming", 0.75, "known.limits.report_threshold"),
     ],
 )
 def test_a_former_parameter_of_a_tracker_is_passed_on_by_its_new_name(model, name, former, value, new):
