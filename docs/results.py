@@ -53,7 +53,8 @@ def read(file: Path) -> tuple[dict[str, str], str]:
         For a file without a head, or one that has not what it needs.
     """
     head, closed, body = file.read_text(encoding="utf-8").removeprefix("<!--\n").partition("-->\n")
-    keys = dict(line.split(": ", 1) for line in head.splitlines()) if closed else {}
+    lines = (line.partition(": ") for line in head.splitlines())
+    keys = {key: value for key, _, value in lines} if closed else {}
     if missing := {"command", "needs"} - keys.keys():
         raise ValueError(f"{file} has no {' and no '.join(sorted(missing))} in its head")
     if unknown := keys.keys() - {*ASKED, *KNOWN}:
@@ -115,8 +116,8 @@ def imported(file: Path) -> tuple[Path, ...]:
 
 @cache
 def meaning(file: Path) -> str:
-    """The text of a file; of Python without comments, docstrings and blank lines."""
-    written = file.read_text(encoding="utf-8")
+    """The text of a file, whatever its bytes; of Python without comments, docstrings and blank lines."""
+    written = file.read_text(encoding="utf-8", errors="backslashreplace")
     if file.suffix != ".py":
         return written
     lines = written.splitlines()

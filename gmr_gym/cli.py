@@ -29,7 +29,6 @@ from gmr_gym.experiments.options import (
     Shard,
     Tables,
     TrackerNames,
-    complete_tracker,
     tracker_option,
 )
 from gmr_gym.experiments.papers.registry import PAPERS
@@ -275,17 +274,15 @@ def track_(
 def warm(
     environments: Environments = [],  # noqa: B006
     tracker: Annotated[
-        list[str],
-        typer.Option("--tracker", help="NAME; repeatable; all unless given", autocompletion=complete_tracker),
+        list[str], tracker_option("NAME or NAME:key=value,key=value; repeatable; all unless given")
     ] = [],  # noqa: B006
     jobs: Jobs = -1,
 ) -> None:
     """Compile now what environments and trackers need, so that no later start waits for it."""
     from gmr_gym.experiments.warming import warm
 
-    names = tracker or [*described(GROUP), *described(MULTI_TARGET_GROUP)]
     with progress("compiled") as tell:
-        pairs = warm(environments or [*ABOUT], names, jobs, tell)
+        pairs = warm(environments or [*ABOUT], tracker, jobs, tell)
     _show([f"pairs of an environment and a tracker compiled: {pairs}"])
 
 

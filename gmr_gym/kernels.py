@@ -13,7 +13,7 @@ from functools import cache, lru_cache, partial
 from typing import Any
 
 import numpy as np
-from filelock import BaseFileLock, FileLock
+from filelock import BaseFileLock, FileLock, Timeout
 from numba import config, njit
 from numba.core.caching import FunctionCache
 from numba.core.sigutils import normalize_signature
@@ -30,6 +30,7 @@ class KernelCache(FunctionCache):
     """numba's cache on disk, without errors in the middle of a call. A damaged file is compiled again;
     where the disk is full nothing is kept. While one process compiles a kernel, others wait for its code."""
 
+    patience = PATIENCE  # of the class: who has waited in vain does not wait again for every other kernel
     _lock: BaseFileLock | None = None
 
     def load_overload(self, sig, target_context):
@@ -50,9 +51,12 @@ class KernelCache(FunctionCache):
         """Whether this process alone may compile the kernel now; False where no files can be locked."""
         try:
             if self._lock is None:
-                self._lock = FileLock(f"{self._cache_file._index_path}.lock", PATIENCE, is_singleton=True)
-            self._lock.acquire()
-        except Exception:  # the other process hangs, or the file system knows no locks
+                self._lock = FileLock(f"{self._cache_file._index_path}.lock", is_singleton=True)
+            self._lock.acquire(KernelCache.patience)
+        except Timeout:  # the other process hangs
+            KernelCache.patience = 0.0
+            return False
+        except Exception:  # the file system knows no locks
             return False
         return True
 
@@ -129,25 +133,32 @@ leaf_kernel = kernel(nogil=True, _nrt=False)
 def compile_ahead(compiled: Any, signature: str) -> None:
     """Starts to compile the kernel for the signature in a process of its own, if its code is not on disk.
 
-    The caller goes on meanwhile and finds the code when it calls the kernel. Nothing is started in a worker,
-    on a single core, or where kernels cannot be kept.
+    The caller goes on meanwhile and finds the code when it calls the kernel.
     """
-    cache = compiled._cache
+    cache = getattr(compiled, "_cache", None)  # under NUMBA_DISABLE_JIT a plain function, without one
     if not isinstance(cache, KernelCache) or os.path.exists(cache._cache_file._index_path):
         return
-    if multiprocessing.parent_process() is not None or (os.cpu_count() or 1) < 2 or not sys.executable:
+    if not _has_room_beside():
         return
     function = compiled.py_func
     code = f"from {function.__module__} import {function.__name__} as k; k.compile({signature!r})"
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    folders = [entry for entry in sys.path if isinstance(entry, str)]  # Python ignores others
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}
     quiet = subprocess.DEVNULL
     try:
-        child = subprocess.Popen(
-            [sys.executable, "-c", code], env=environment, stdin=quiet, stdout=quiet, stderr=quiet
+        child = subprocess.Popen(  # -P: modules of the current folder only if the caller would import them
+            [sys.executable, "-P", "-c", code], env=environment, stdin=quiet, stdout=quiet, stderr=quiet
         )
     except OSError:  # no more processes: the kernel is compiled when it is called
         return
     atexit.register(_stop, child)
+
+
+def _has_room_beside() -> bool:
+    """Whether another Python can be started beside this one, and helps: not by a worker, on a single core, or
+    by a program with Python inside, which would start itself again."""
+    is_python = os.path.basename(sys.executable or "").lower().startswith("python")
+    return is_python and (os.cpu_count() or 1) > 1 and multiprocessing.parent_process() is None
 
 
 def _stop(child: subprocess.Popen) -> None:

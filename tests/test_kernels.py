@@ -7,11 +7,14 @@ import os
 import pickle
 import subprocess
 import sys
+import time
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 from numba import config
 from numba.core.caching import IndexDataCacheFile
 from numba.core.errors import TypingError
@@ -169,8 +172,32 @@ def test_without_locks_every_process_compiles(folder, monkeypatch):
     assert sum(imported(folder).twice.stats.cache_hits.values()) == 0
 
 
-def test_a_kernel_is_compiled_ahead_in_another_process(folder, monkeypatch):
-    monkeypatch.syspath_prepend(folder)
+def test_who_has_waited_in_vain_does_not_wait_for_the_next_kernel(folder, monkeypatch):
+    monkeypatch.setattr(kernels.KernelCache, "patience", 0.2)
+    module, claim, waited = imported(folder), kernels.KernelCache._claim, []
+
+    def timed(cache):
+        start = time.perf_counter()
+        claimed = claim(cache)
+        waited.append((claimed, time.perf_counter() - start >= 0.2))
+        return claimed
+
+    monkeypatch.setattr(kernels.KernelCache, "_claim", timed)
+    files = [compiled._cache._cache_file._index_path for compiled in (module.twice, module.plus)]
+    held = [FileLock(f"{file}.lock") for file in files]
+    with ThreadPoolExecutor(1) as hanging:  # locks of another thread are as those of another process
+        for lock in held:
+            hanging.submit(lock.acquire).result()
+        assert module.twice(2) == 6
+        for lock in held:
+            hanging.submit(lock.release).result()
+    assert waited == [(False, True), (False, False)]
+
+
+def test_a_kernel_is_compiled_ahead_in_another_process(folder, monkeypatch, tmp_path_factory):
+    monkeypatch.setattr(sys, "path", [str(folder), *sys.path, Path("no text")])
+    monkeypatch.chdir(elsewhere := tmp_path_factory.mktemp("elsewhere"))
+    (elsewhere / "numba.py").write_text("raise SystemExit(1)")  # of the current folder, and not in the path
     monkeypatch.setattr(multiprocessing, "parent_process", lambda: None)
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     started, popen = [], subprocess.Popen
@@ -181,3 +208,22 @@ def test_a_kernel_is_compiled_ahead_in_another_process(folder, monkeypatch):
     assert plus(1) == 2 and sum(plus.stats.cache_hits.values()) == 1
     kernels.compile_ahead(plus, "(i8,)")  # nothing is left to do
     assert len(started) == 1
+
+
+@pytest.mark.parametrize("executable", ["", "/usr/bin/host", None])
+def test_no_program_is_started_in_the_place_of_python(folder, monkeypatch, executable):
+    monkeypatch.setattr(multiprocessing, "parent_process", lambda: None)
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(sys, "executable", executable)
+    monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: pytest.fail("started"))
+    kernels.compile_ahead(imported(folder).plus, "(i8,)")
+
+
+def test_an_mht_is_made_without_a_compiler():
+    code = (
+        "from gmr_gym import make_tracker; from gmr_gym.scenarios.dortenzio import turning_target; "
+        "print(make_tracker('runnalls-5', turning_target().model).reduce.components)"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.stdout == "5\n", done.stderr

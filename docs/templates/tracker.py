@@ -52,10 +52,10 @@ class Clustering:
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         predicted = predict(belief, model.motion)
-        looked = gates(predicted, model.sensor, model.gate_probability)
+        gates_used = gates(predicted, model.sensor, model.gate_probability)
         posterior = expand(
             predicted,
-            looked,
+            gates_used,
             model.sensor,
             z,
             model.detection_probability,
@@ -65,4 +65,4 @@ class Clustering:
         posterior = normalised(prune(posterior, 5e-4)[0])
         posterior = normalised(cluster(posterior, self.distance, self.components)[0])
         mean, covariance = moments(posterior)
-        return posterior, Report(mean[None], covariance[None], looked, posterior)
+        return posterior, Report(mean[None], covariance[None], gates_used, posterior)

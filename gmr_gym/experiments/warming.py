@@ -5,10 +5,11 @@ from typing import Any
 
 import gymnasium as gym
 
+from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described
 from gmr_gym.envs.policy import MultiTargetPolicy, Policy
 from gmr_gym.envs.registry import MULTI_TARGET, TUNING
-from gmr_gym.evaluation.workers import results
-from gmr_gym.filters.registry import make_tracker
+from gmr_gym.evaluation.workers import check_workers, results
+from gmr_gym.experiments.specs import tracker_of
 
 SCANS = 3  # from the second on there are several hypotheses
 
@@ -23,6 +24,7 @@ def warm(
     env_ids : collection of str
         Ids of `gmr_gym.envs.registry.ENVIRONMENTS`.
     trackers : collection of str
+        NAME or NAME:key=value,key=value; if empty, all that fit.
     jobs : int
         Number of processes, as in `gmr_gym.evaluation.workers.results`. A kernel is compiled by one of them.
     tell : callable
@@ -36,11 +38,13 @@ def warm(
     Raises
     ------
     ValueError
-        For a tracker that fits none of the environments.
+        For a tracker that fits none of the environments, and for 0 jobs.
     """
+    check_workers(jobs, "loky", None)
+    names = trackers or [*described(GROUP), *described(MULTI_TARGET_GROUP)]
     calls: dict[tuple[str, str], tuple] = {(env_id, ""): (_step_all, env_id) for env_id in env_ids}
     tracked = [env_id for env_id in env_ids if env_id != TUNING]
-    calls |= {(env_id, name): (_play, env_id, name) for env_id in tracked for name in trackers}
+    calls |= {(env_id, name): (_play, env_id, name) for env_id in tracked for name in names}
     fitting, reasons = [], {}
     for done, ((_, name), reason) in enumerate(results(calls, jobs), start=1):
         if reason:
@@ -49,8 +53,9 @@ def warm(
             fitting.append(name)
         tell(done, len(calls))
     for name in trackers:
-        if name not in fitting and name in reasons:
-            raise ValueError(f"tracker {name!r} fits none of {', '.join(tracked)}: {reasons[name]}")
+        if name not in fitting:
+            reason = reasons.get(name, "no tracker runs there")
+            raise ValueError(f"tracker {name!r} fits none of {', '.join(env_ids)}: {reason}")
     return len(fitting)
 
 
@@ -70,7 +75,7 @@ def _play(env_id: str, name: str) -> str:
     """Plays the tracker in the environment; returns why it does not fit, if so."""
     env: Any = gym.make(env_id)
     try:
-        tracker = make_tracker(name, env.unwrapped.scenario.model)
+        tracker = tracker_of(name, env.unwrapped.scenario)
     except ValueError as error:
         return str(error)
     policy = (MultiTargetPolicy if env_id in MULTI_TARGET else Policy)(tracker)

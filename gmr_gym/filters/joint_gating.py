@@ -29,7 +29,7 @@ class Limits:
     Raises
     ------
     ValueError
-        Naming the first limit that is none.
+        Naming the first invalid limit.
     """
 
     prune_weight: float = 1e-5

@@ -47,6 +47,14 @@ def test_a_table_is_older_than_its_code_where_that_has_changed(name, text, same,
     assert results.is_current(head) is same
 
 
+def test_a_file_of_any_bytes_may_be_needed(tmp_path, monkeypatch):
+    tree(tmp_path, monkeypatch)
+    for name, content in (("before.npz", b"PK\xff\x00"), ("after.npz", b"PK\xfe\x00")):
+        (tmp_path / name).write_bytes(content)
+    assert results.meaning(tmp_path / "before.npz") != results.meaning(tmp_path / "after.npz")
+    assert len(results.source("before.npz")) == 12
+
+
 def test_a_file_is_written_by_its_command_and_says_when_and_from_what(tmp_path, monkeypatch):
     source = tree(tmp_path, monkeypatch)
     table = "| tracker | lost, % |\n| --- | --- |\n| pda | 3 |"
@@ -90,6 +98,10 @@ def test_a_table_without_a_command_is_not_written():
         (
             "<!--\ncommand: none\nneeds: a.py\ncolour: red\n-->\n",
             "a head has no colour; it has command, needs",
+        ),
+        (
+            "<!--\ncommand: none\nneeds: a.py\nwhatever\n-->\n",
+            "a head has no whatever; it has command, needs",
         ),
     ],
 )

@@ -2,6 +2,7 @@
 
 import pytest
 
+from gmr_gym.catalogue import GROUP
 from gmr_gym.envs.registry import MULTI_TARGET, TUNING
 from gmr_gym.experiments import warming
 
@@ -36,9 +37,29 @@ def test_a_tracker_that_fits_nowhere_is_told_with_the_reason(played):
         warming.warm([TURNING], ["pda", "gm-phd"], 1, lambda *_: None)
 
 
-def test_environments_are_stepped_even_without_trackers(played):
+def test_of_all_trackers_those_that_fit_are_played(played, monkeypatch):
+    monkeypatch.setattr(warming, "described", lambda group: {"pda": ""} if group == GROUP else {"gm-phd": ""})
+    assert warming.warm([TURNING], [], 1, lambda *_: None) == 1
+    assert played == [(TURNING, ""), (TURNING, "pda"), (TURNING, "gm-phd")]
+
+
+def test_a_tracker_may_have_parameters(played):
+    assert warming.warm([TURNING], ["runnalls:components=2"], 1, lambda *_: None) == 1
+    with pytest.raises(ValueError, match=r"'pda:components=2' fits none .* takes no parameter 'components'"):
+        warming.warm([TURNING], ["pda:components=2"], 1, lambda *_: None)
+
+
+def test_an_environment_without_trackers_is_stepped(played):
     assert warming.warm([TUNING], [], 1, lambda *_: None) == 0
     assert played == [(TUNING, "")]
+    with pytest.raises(ValueError, match=f"'pda' fits none of {TUNING}: no tracker runs there"):
+        warming.warm([TUNING], ["pda"], 1, lambda *_: None)
+
+
+def test_no_jobs_are_refused(played):
+    with pytest.raises(ValueError, match=r"jobs must be a number of processes, or -1 .*, got 0"):
+        warming.warm([TURNING], ["pda"], 0, lambda *_: None)
+    assert not played
 
 
 def test_the_command_says_how_many_pairs_it_compiled(played, monkeypatch, capsys):
