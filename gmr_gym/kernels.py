@@ -9,6 +9,7 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import cache, lru_cache, partial
 from typing import Any
 
@@ -63,7 +64,8 @@ class KernelCache(FunctionCache):
     def release(self):
         """Lets other processes read or compile the kernel."""
         if self._lock is not None:
-            self._lock.release()
+            with suppress(OSError):  # of a file system that was lost meanwhile
+                self._lock.release()
 
     def save_overload(self, sig, data):
         """Saves the compiled code for the signature, if possible."""

@@ -8,8 +8,11 @@ import gymnasium as gym
 from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described
 from gmr_gym.envs.policy import MultiTargetPolicy, Policy
 from gmr_gym.envs.registry import MULTI_TARGET, TUNING
+from gmr_gym.evaluation.batch import can_batch, run_batch
+from gmr_gym.evaluation.montecarlo import run_once
 from gmr_gym.evaluation.workers import check_workers, results
-from gmr_gym.experiments.specs import tracker_of
+from gmr_gym.experiments.specs import scenario_of, tracker_of
+from gmr_gym.simulation.single_target import draw
 
 SCANS = 3  # from the second on there are several hypotheses
 
@@ -41,25 +44,25 @@ def warm(
         For a tracker that fits none of the environments, and for 0 jobs.
     """
     check_workers(jobs, "loky", None)
-    names = trackers or [*described(GROUP), *described(MULTI_TARGET_GROUP)]
+    scenarios = {env_id: scenario_of(env_id, {}) for env_id in env_ids if env_id != TUNING}
     calls: dict[tuple[str, str], tuple] = {(env_id, ""): (_step_all, env_id) for env_id in env_ids}
-    tracked = [env_id for env_id in env_ids if env_id != TUNING]
-    calls |= {(env_id, name): (_play, env_id, name) for env_id in tracked for name in names}
-    fitting, reasons = [], {}
-    for done, ((_, name), reason) in enumerate(results(calls, jobs), start=1):
-        if reason:
-            reasons[name] = reason
-        elif name:
-            fitting.append(name)
-        tell(done, len(calls))
-    for name in trackers:
-        if name not in fitting:
-            reason = reasons.get(name, "no tracker runs there")
+    for name in trackers or [*described(GROUP), *described(MULTI_TARGET_GROUP)]:
+        fits, reason = False, "no tracker runs there"
+        for env_id, scenario in scenarios.items():
+            try:
+                tracker_of(name, scenario)
+            except ValueError as error:
+                reason = str(error)
+            else:
+                fits, calls[env_id, name] = True, (_play, env_id, name)
+        if name in trackers and not fits:
             raise ValueError(f"tracker {name!r} fits none of {', '.join(env_ids)}: {reason}")
-    return len(fitting)
+    for done, _ in enumerate(results(calls, jobs), start=1):
+        tell(done, len(calls))
+    return len(calls) - len(env_ids)
 
 
-def _step_all(env_id: str) -> str:
+def _step_all(env_id: str) -> None:
     """Steps the environment alone and, where there is a compiled form for many, two side by side."""
     env = gym.make(env_id)
     env.reset(seed=0)
@@ -68,18 +71,19 @@ def _step_all(env_id: str) -> str:
         envs = gym.make_vec(env_id, num_envs=2)
         envs.reset(seed=0)
         envs.step(envs.action_space.sample())
-    return ""
 
 
-def _play(env_id: str, name: str) -> str:
-    """Plays the tracker in the environment; returns why it does not fit, if so."""
+def _play(env_id: str, name: str) -> None:
+    """Plays the tracker in the environment, as a policy and in runs."""
     env: Any = gym.make(env_id)
-    try:
-        tracker = tracker_of(name, env.unwrapped.scenario)
-    except ValueError as error:
-        return str(error)
+    scenario = env.unwrapped.scenario
+    tracker = tracker_of(name, scenario)
     policy = (MultiTargetPolicy if env_id in MULTI_TARGET else Policy)(tracker)
     observation, _ = env.reset(seed=0)
     for _ in range(SCANS):
         observation, *_ = env.step(policy(observation))
-    return ""
+    if env_id in MULTI_TARGET:
+        return
+    run_once(scenario, tracker, 0, scans=SCANS)
+    if can_batch(scenario, tracker):
+        run_batch(scenario, tracker, [draw(scenario, 0)], SCANS)
