@@ -19,6 +19,7 @@ from gmr_gym.experiments.options import (
     Environments,
     Jobs,
     Json,
+    MoreTrackers,
     MotionModel,
     Once,
     PaperName,
@@ -123,6 +124,7 @@ def reproduce(
     paper: PaperName,
     *,
     table: Tables = [],  # noqa: B006
+    tracker: MoreTrackers = [],  # noqa: B006
     runs: Annotated[
         int | None,
         typer.Option("--runs", min=1, help="Monte Carlo runs; as many as the paper's page has unless given"),
@@ -148,18 +150,19 @@ def reproduce(
     table = [name for name in known if name in table]  # in whatever order they were typed
     part, usual = sweeps.shard_of(shard, out), asked_for.tables[0].runs
     runs, names = runs or usual, table or list(known)
-    asked = records.question(paper=paper, asked=names, runs=runs, seed=seed)
+    entries = [running.with_trackers(known[name], tracker) for name in names]
+    trackers = {entry.name: entry.trackers for entry in entries}
+    asked = records.question(paper=paper, asked=names, trackers=trackers, runs=runs, seed=seed)
     root = out or Path("results") / paper
-    other = [f"table-{name}" for name in table]
+    other = [f"table-{name}" for name in table] + [f"more-{records.named(asked)}"] * bool(tracker)
     other += [f"runs-{runs}"] * (runs != usual) + [f"seed-{seed}"] * (seed > 0)
     out = out or root / "-".join(other)
     specs.check_writable(out / f"{paper}.json", json_file)
     sweep = sweeps.Sweep(runs, seed, jobs, backend, scheduler, part, root / sweeps.BLOCKS)
     if part:
-        sweeps.say_what_is_left(sweep.blocks, *running.sharded((known[name] for name in names), sweep))
+        sweeps.say_what_is_left(sweep.blocks, *running.sharded(entries, sweep))
         return
     records.check_free(out / f"{paper}.json", asked)
-    entries = [known[name] for name in names]
     _show(running.rerun(paper, asked_for, entries, asked, sweep, out, json_file))
 
 

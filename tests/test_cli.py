@@ -244,6 +244,37 @@ def test_reproduce_sets_printed_figures_beside_its_own(call):
     assert len(rows_of("r/runs-1.csv")) == 4 * 4
 
 
+def test_a_tracker_of_ones_own_has_its_row_in_a_papers_table_on_the_same_scans(call):
+    words = "reproduce", "dortenzio", "--table", 1, "--runs", 2, "--jobs", 1
+    assert call(*words)[0] == 0
+    code, printed, _ = call(*words, "--tracker", "runnalls-3")
+    assert code == 0 and "runnalls-3" in printed and "agrees: the two differ by no more than" in printed
+    (plain,), (more,) = (
+        [json.loads(file.read_text()) for file in Path("results/dortenzio").glob(f"{folder}/dortenzio.json")]
+        for folder in ("table-1-runs-2", "table-1-more-*-runs-2")
+    )
+    rows = [
+        {row["tracker"]: row["metrics"] for row in record["tables"][0]["rows"]} for record in (plain, more)
+    ]
+    assert (
+        set(rows[1]) - set(rows[0]) == {"runnalls-3"} and "paper" not in rows[1]["runnalls-3"]["track_loss"]
+    )
+    for name in rows[0]:
+        assert rows[0][name]["rmse_own"] == rows[1][name]["rmse_own"]
+    scenario = turning_target()
+    (alone,) = run(scenario, {"": make_tracker("runnalls-3", scenario.model)}, 2).values()
+    assert rows[1]["runnalls-3"]["components"]["value"] == pytest.approx(alone.components.mean(), rel=1e-12)
+
+
+def test_a_row_that_is_there_and_results_with_other_rows_are_refused(call):
+    words = "reproduce", "dortenzio", "--table", 1, "--runs", 2, "--jobs", 1, "--out", "r"
+    code, _, errors = call(*words, "--tracker", "runnalls-5")
+    assert code == 2 and "tracker 'runnalls-5' has its row in table 1 already" in errors
+    assert call(*words)[0] == 0
+    code, _, errors = call(*words, "--tracker", "pda")
+    assert code == 2 and "r/dortenzio.json has the results of another call (trackers" in errors
+
+
 def test_evaluate_runs_the_world_and_the_trackers_it_was_told(call):
     spec = "mmg-10:reduction=average-isd"
     code, printed, _ = call(

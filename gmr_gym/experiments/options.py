@@ -104,6 +104,14 @@ TrackerNames = Annotated[
         autocompletion=complete_tracker,
     ),
 ]
+MoreTrackers = Annotated[
+    list[str],
+    typer.Option(
+        "--tracker",
+        help="also this tracker, a row more in every table; NAME or NAME:key=value,key=value; repeatable",
+        autocompletion=complete_tracker,
+    ),
+]
 Settings = Annotated[list[str], typer.Option("--set", help="key=value for the environment")]
 RunCount = Annotated[int, typer.Option("--runs", min=1, help="Monte Carlo runs")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="of the random numbers")]

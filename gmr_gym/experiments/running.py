@@ -1,15 +1,16 @@
 """A paper's tables and maps, run, and the files they leave."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from gmr_gym.experiments.output import write_csv, write_json, write_runs
 from gmr_gym.experiments.records import answered
-from gmr_gym.experiments.sheets import claims_table, comparison, legend, notes
+from gmr_gym.experiments.sheets import VERDICTS, claims_table, comparison, legend, notes
 from gmr_gym.experiments.specs import scenario_of, tracker_of
 from gmr_gym.experiments.sweeps import Sweep, Work, runs_shown
-from gmr_gym.experiments.tables import Paper, SettingsGrid, Table, table_record
+from gmr_gym.experiments.tables import Paper, SettingsGrid, Table, plainly, table_record
 
 
 def rerun(
@@ -48,7 +49,20 @@ def rerun(
     if further.get("claims"):
         yield claims_table(further["claims"])
     yield from legend(metric for entry in entries for metric in entry.columns)
+    if any(isinstance(entry, Table) and entry.published for entry in entries):
+        yield VERDICTS
     yield f"tables, figures and runs are in {out}"
+
+
+def with_trackers(entry: Table | SettingsGrid, specs: Collection[str]) -> Table | SettingsGrid:
+    """A table with a row more for each tracker; maps stay as they are. Raises ValueError for one that is
+    there."""
+    if isinstance(entry, SettingsGrid):
+        return entry
+    for spec in specs:
+        if spec in entry.trackers:
+            raise ValueError(f"tracker {spec!r} has its row in table {entry.name} already")
+    return replace(entry, trackers=entry.trackers | plainly(specs))
 
 
 def _keep(stem: Path, copy: Path | None, record: dict[str, Any]) -> None:

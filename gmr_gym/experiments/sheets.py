@@ -52,6 +52,10 @@ HEADINGS = {
     )))
     for name, one in METRICS.items()
 }  # fmt: skip
+VERDICTS = (
+    "paper: as printed; agrees: the two differ by no more than chance allows 99 times in a hundred; "
+    "[ ]: 95 % intervals of ours"
+)
 LEGEND = {
     "RMSE": "root mean square error", "error": "mean distance from the truth",
     "own": "over the runs that a tracker kept", "common": "over those that every tracker kept",

@@ -90,6 +90,11 @@ def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
     module, _, known_as = env_id.rpartition(":")
     if module:
         import_module(module)  # `gym.make` does so, and not `gym.spec`
+    elif known_as not in gym.registry:
+        raise ValueError(
+            f"unknown environment {env_id!r}; choose from {', '.join((*TRACKING, *MULTI_TARGET))}, or give "
+            "one of your own as MODULE:ID"
+        )
     kept = gym.spec(known_as).kwargs.get("scenario")
     scenario = make_scenario(kept, world) if kept else None
     if not isinstance(scenario, Scenario | MultiTargetScenario):

@@ -73,7 +73,10 @@ def reducer(name: str, components: int) -> partial:
         known = reductions()
         near = get_close_matches(module, known, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise ValueError(f"unknown reduction {name!r}{hint} (there are {', '.join(known)})")
+        raise ValueError(
+            f"unknown reduction {name!r}{hint} (there are {', '.join(known)}; "
+            "one of your own is MODULE:FUNCTION)"
+        )
     try:
         return partial(getattr(import_module(module), function), components=components)
     except (ImportError, AttributeError, ValueError, TypeError) as error:
