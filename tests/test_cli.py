@@ -253,14 +253,11 @@ def test_a_tracker_of_ones_own_has_its_row_in_a_papers_table_on_the_same_scans(c
         [json.loads(file.read_text()) for file in Path("results/dortenzio").glob(f"{folder}/dortenzio.json")]
         for folder in ("table-1-runs-2", "table-1-more-*-runs-2")
     )
-    rows = [
+    before, after = (
         {row["tracker"]: row["metrics"] for row in record["tables"][0]["rows"]} for record in (plain, more)
-    ]
-    assert (
-        set(rows[1]) - set(rows[0]) == {"runnalls-3"} and "paper" not in rows[1]["runnalls-3"]["track_loss"]
     )
-    for name in rows[0]:
-        assert rows[0][name]["rmse_own"] == rows[1][name]["rmse_own"]
+    assert set(after) - set(before) == {"runnalls-3"} and "paper" not in after["runnalls-3"]["track_loss"]
+    assert all(after[name]["rmse_own"] == before[name]["rmse_own"] for name in before)
     scenario = turning_target()
     (alone,) = run(scenario, {"": make_tracker("runnalls-3", scenario.model)}, 2).values()
     assert after["runnalls-3"]["components"]["value"] == pytest.approx(alone.components.mean(), rel=1e-12)
