@@ -15,6 +15,9 @@ merging i and j costs (D'Ortenzio, eq. 13)
     B = \tfrac{1}{2} \left( w_i (\log |P_{ij}| - \log |P_i|) + w_j (\log |P_{ij}| - \log |P_j|) \right)
 
 which is the minimum of wi KL(i || N) + wj KL(j || N) over all Gaussians N.
+
+Loops from `start` run over unsigned indices: a signed one may count from the end, so that every entry was
+gathered by itself, and a pair took 19 ns instead of 5.
 """
 
 from typing import NamedTuple
@@ -48,7 +51,7 @@ def cost_row(i, start, stop, columns, room, row):
             pair_covariances(i, first, last, w, means, entries, share, A)
             _determinants(A, last - first, row[first:])
     wi, log_det_i = w[i], log_det[i]
-    for j in range(start, stop):
+    for j in range(np.uint64(start), np.uint64(stop)):
         log_det_ij = _logarithm(row[j])
         cost = 0.5 * (wi * (log_det_ij - log_det_i) + w[j] * (log_det_ij - log_det[j]))
         cost = cost if cost > 0.0 else 0.0
@@ -166,7 +169,7 @@ def _planar_determinants(i, start, stop, w, means, entries, out):
     wi, m0, m1, m2, m3 = w[i], means[0, i], means[1, i], means[2, i], means[3, i]
     q00, q10, q11, q20, q21 = entries[0, i], entries[1, i], entries[2, i], entries[3, i], entries[4, i]
     q22, q30, q31, q32, q33 = entries[5, i], entries[6, i], entries[7, i], entries[8, i], entries[9, i]
-    for j in range(start, stop):
+    for j in range(np.uint64(start), np.uint64(stop)):
         b = w[j] / (wi + w[j])
         p00, p10, p11 = (
             q00 + b * (entries[0, j] - q00),
