@@ -134,7 +134,7 @@ def _merge_nearest(w, M, components):
     """Groups (n,) of greedy merging of the Gaussians packed in M (T, n); w and M are overwritten."""
     T, n = M.shape
     means, entries = M[T - dimension(T) :], M[: T - dimension(T)]
-    room = np.empty((len(entries), 1)), np.empty(1)
+    room = np.empty((1 + len(entries), 1))
     own, table = own_products(M), isd_table(w, M)
     nearest, least = nearest_others(table)
     group, alive = np.arange(n), np.arange(n)

@@ -15,40 +15,34 @@ merging i and j costs (D'Ortenzio, eq. 13)
     B = \tfrac{1}{2} \left( w_i (\log |P_{ij}| - \log |P_i|) + w_j (\log |P_{ij}| - \log |P_j|) \right)
 
 which is the minimum of wi KL(i || N) + wj KL(j || N) over all Gaussians N.
-"""
 
-from typing import NamedTuple
+Loops from `start` run over unsigned indices: a signed one may count from the end, so that every entry was
+gathered by itself, and a pair took 19 ns instead of 5.
+"""
 
 import numpy as np
 
 from gmr_gym.kernels import ONE, kernel, leaf_kernel
 
+LANES = 8  # pairs that a loop handles at once; what is left over, one by one, takes several times as long
+PLANAR = 16  # rows of the columns of four states
 BLOCK = 128  # components: a block of covariances fits in the first-level cache
-
-
-class Columns(NamedTuple):
-    """A mixture with the component axis last, so that loops over components are vectorised."""
-
-    w: np.ndarray  # (n,)
-    means: np.ndarray  # (d, n)
-    entries: np.ndarray  # (d (d + 1) / 2, n), lower triangles of the covariances row by row
-    log_det: np.ndarray  # (n,), log determinants of the covariances
 
 
 @leaf_kernel
 def cost_row(i, start, stop, columns, room, row):
     """Costs of merging component i with each of start..stop-1, written to the same columns of row."""
-    w, means, entries, log_det = columns
-    if len(means) == 4:
-        _planar_determinants(i, start, stop, w, means, entries, row)
+    if len(columns) == PLANAR:
+        _planar_determinants(i, start, stop, columns, row)
     else:
-        A, share = room
+        share, A, d = room[0], room[1:], len(columns) - 1 - len(room)
         for first in range(start, stop, BLOCK):
             last = min(first + BLOCK, stop)
-            pair_covariances(i, first, last, w, means, entries, share, A)
+            pair_covariances(i, first, last, columns[0], columns[2 : 2 + d], columns[2 + d :], share, A)
             _determinants(A, last - first, row[first:])
+    w, log_det = columns[0], columns[1]
     wi, log_det_i = w[i], log_det[i]
-    for j in range(start, stop):
+    for j in range(np.uint64(start), np.uint64(stop)):
         log_det_ij = _logarithm(row[j])
         cost = 0.5 * (wi * (log_det_ij - log_det_i) + w[j] * (log_det_ij - log_det[j]))
         cost = cost if cost > 0.0 else 0.0
@@ -59,7 +53,7 @@ def cost_row(i, start, stop, columns, room, row):
 @kernel(inline="always")
 def merge_pair(i, j, w, means, entries, room):
     """Writes the moment match of i and j to slot i; returns its log determinant."""
-    A, share = room
+    share, A = room[0], room[1:]
     pair_covariances(i, j, j + 1, w, means, entries, share, A)
     for q in range(len(entries)):
         entries[q, i] = A[q, 0]
@@ -120,53 +114,70 @@ def _log_determinants(A, n, out):
 
 @kernel
 def components_last(w, m, P):
-    """The Columns of a mixture, and workspace for costs."""
+    """The columns of a mixture, and workspace for costs.
+
+    The component axis is the last, so that loops over components are vectorised: a row of weights, one of log
+    determinants, d of means, and d (d + 1) / 2 of the lower triangles of the covariances row by row. In one
+    array, since a call with many arrays took a quarter of the time of a short row of costs.
+    """
     n, d = m.shape
-    means, entries, log_det = np.empty((d, n)), np.empty((d * (d + 1) // 2, n)), np.empty(n)
+    columns = empty_columns(n, d)
     for i in range(n):
-        q = 0
+        columns[0, i], q = w[i], 2 + d
         for r in range(d):
-            means[r, i] = m[i, r]
+            columns[2 + r, i] = m[i, r]
             for c in range(r + 1):
-                entries[q, i] = P[i, r, c]
+                columns[q, i] = P[i, r, c]
                 q += 1
-    A = np.empty((len(entries), BLOCK))
+    room = np.empty((len(columns) - 1 - d, BLOCK))
     for start in range(0, n, BLOCK):
         stop = min(start + BLOCK, n)
-        for q in range(len(entries)):
+        for q in range(1, len(room)):
             for j in range(start, stop):
-                A[q, j - start] = entries[q, j]
-        _log_determinants(A, stop - start, log_det[start:])
-    return Columns(w.copy(), means, entries, log_det), (A, np.empty(BLOCK))
+                room[q, j - start] = columns[1 + d + q, j]
+        _log_determinants(room[1:], stop - start, columns[1, start:])
+    return columns, room
+
+
+@kernel(inline="always")
+def empty_columns(n, d):
+    """Room for the columns of n components and of as many more as fill the lanes."""
+    return np.empty((2 + d + d * (d + 1) // 2, whole(n)))
+
+
+@leaf_kernel
+def whole(n):
+    """The least multiple of LANES that is at least n."""
+    return (n + LANES - 1) // LANES * LANES
 
 
 @leaf_kernel
 def pair_covariances(i, start, stop, w, means, entries, share, A):
     """Covariances of component i merged with each of start..stop-1, one entry a row, written to the first
     columns of A; share holds w_i / (w_i + w_j) afterwards."""
-    n = stop - start
-    for j in range(n):
-        share[j] = w[i] / (w[i] + w[start + j])
+    i, first, last = np.uint64(i), np.uint64(start), np.uint64(stop)
+    for j in range(first, last):
+        share[j - first] = w[i] / (w[i] + w[j])
     q = 0
     for r in range(len(means)):
         for c in range(r + 1):
             mean_r, mean_c, entry = means[r, i], means[c, i], entries[q, i]
-            others_r, others_c = means[r, start:stop], means[c, start:stop]
-            others, target = entries[q, start:stop], A[q]
-            for j in range(n):
-                spread = (mean_r - others_r[j]) * (mean_c - others_c[j])
-                target[j] = share[j] * entry + (1 - share[j]) * (others[j] + share[j] * spread)
+            for j in range(first, last):
+                spread = (mean_r - means[r, j]) * (mean_c - means[c, j])
+                a = share[j - first]
+                A[q, j - first] = a * entry + (1 - a) * (entries[q, j] + a * spread)
             q += 1
 
 
-@leaf_kernel
-def _planar_determinants(i, start, stop, w, means, entries, out):
+@leaf_kernel(inline="always")
+def _planar_determinants(i, start, stop, columns, out):
     """`_determinants` of `pair_covariances` for four states (planar position and velocity), unrolled: |A
     + c dd'| = |A| (1 + c d'A^-1 d) with A = a Pi + b Pj and c = a b, by blocks of two states."""
+    w, means, entries, i = columns[0], columns[2:6], columns[6:], np.uint64(i)
     wi, m0, m1, m2, m3 = w[i], means[0, i], means[1, i], means[2, i], means[3, i]
     q00, q10, q11, q20, q21 = entries[0, i], entries[1, i], entries[2, i], entries[3, i], entries[4, i]
     q22, q30, q31, q32, q33 = entries[5, i], entries[6, i], entries[7, i], entries[8, i], entries[9, i]
-    for j in range(start, stop):
+    for j in range(np.uint64(start), np.uint64(stop)):
         b = w[j] / (wi + w[j])
         p00, p10, p11 = (
             q00 + b * (entries[0, j] - q00),

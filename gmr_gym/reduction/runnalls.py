@@ -158,8 +158,12 @@ def _checked_merging(w, m, P, components, loss_bound):
 @kernel(inline="always")
 def merge_by_cost(w, m, P, components, loss_bound):
     """`adaptive`, or `runnalls` for a negative bound: w, m, P and origin (n,) of the reduced mixture."""
-    w, m, P, alive = select(w, m, P, above_threshold(w, w, 0.0))
-    if len(w) <= 1 or (loss_bound < 0.0 and len(w) <= components):
+    kept, alive = above_threshold(w, w, 0.0), np.arange(len(w))
+    left = kept.sum()
+    merging = left > 1 and (loss_bound >= 0.0 or left > components)
+    if left < len(w) or not merging:  # else the merging itself makes a copy
+        w, m, P, alive = select(w, m, P, kept)
+    if not merging:
         return w, m, P, alive
     # at a bound of 1 the rounding of the sum must not prevent the last merge
     budget = np.inf if loss_bound == 1.0 else -1.0
