@@ -117,11 +117,11 @@ def _scan(told, belief, z):
     w, m, P = belief
     predicted = mix_and_predict(w, m, P, *mixing)
     w, m, P = predicted
-    z_hat, S, C, z_all, no_noise, log_jacobian, H_all, R_all = predict_detections(m, P, H, R, z)
+    predicted_z = predict_detections(m, P, H, R, z)
+    z_hat, S = predicted_z.z_hat, predicted_z.S
     w_now, m, P, mean, covariance, alive = pda_every_mode(
-        predicted, (z_hat, S, C, z_all, no_noise, log_jacobian, H_all, R_all), (z_hat, S, threshold),
-        np.full(len(w), clutter_density), *limits,
-    )  # fmt: skip
+        predicted, predicted_z[:], (z_hat, S, threshold), np.full(len(w), clutter_density), *limits
+    )
     centres, S = z_hat[w > 0], S[w > 0]  # an impossible mode has no gate
     fused = Mixture(np.ones(1), mean, covariance)
     report = Report(mean, covariance, Gates(centres, S, threshold), fused, alive, w_now)
