@@ -10,10 +10,11 @@ from gmr_gym.filters.filter_bank import FilterBank, initial_bank
 from gmr_gym.filters.imm import mix_and_predict, pda_every_mode
 from gmr_gym.filters.joint_gating import give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrowed_states
-from gmr_gym.filters.tracker import Report, check_scan
+from gmr_gym.filters.tracker import CompiledTracker, Report, check_scan
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, collapsed
-from gmr_gym.models.gating import Gates, gate_threshold, unit_ball
-from gmr_gym.models.kalman import Motion
+from gmr_gym.models.gating import Gates, count_gated, gate_threshold, unit_ball
+from gmr_gym.models.kalman import Motion, Sensor, predict_detections
 from gmr_gym.models.model import Model, with_radar_update
 
 
@@ -68,6 +69,19 @@ class ImmPda:
         object.__setattr__(self, "give_up_limit", give_up_limit(model, self.give_up_ratio))
         object.__setattr__(self, "_borrowed", borrowed_states(model.motions, self.mixing))
 
+    @property
+    def compiled(self) -> CompiledTracker | None:
+        """Its form for compiled loops; None for a radar, and for another class that inherits from this."""
+        model = self.model
+        if type(self) is not ImmPda or not isinstance(model.sensor, Sensor):
+            return None
+        p = len(model.sensor.H)
+        mixing = model.switching, self._borrowed, *self._moves
+        gating = gate_threshold(model.gate_probability, p), float(model.clutter_density)
+        told = mixing, model.sensor[:], gating, (unit_ball(p), *self._logs, self.give_up_limit)
+        w, m, P = self.init()
+        return CompiledTracker(_scan, told, (w[:, 0], m[:, 0], P[:, 0]))
+
     def init(self) -> FilterBank:
         """Belief one period before the first scan."""
         return initial_bank(self.model.mode_prior, collapsed(self.model.prior))
@@ -94,6 +108,24 @@ class ImmPda:
         return FilterBank(w[:, None], m[:, None], P[:, None]), Report(
             mean, covariance, gates_used, fused, alive, w
         )
+
+
+@kernel(inline="always")
+def _scan(told, belief, z):
+    """`ImmPda.step` for a linear sensor, see `CompiledTracker`."""
+    mixing, (H, R), (threshold, clutter_density), limits = told
+    w, m, P = belief
+    predicted = mix_and_predict(w, m, P, *mixing)
+    w, m, P = predicted
+    predicted_z = predict_detections(m, P, H, R, z)
+    z_hat, S = predicted_z.z_hat, predicted_z.S
+    w_now, m, P, mean, covariance, alive = pda_every_mode(
+        predicted, predicted_z[:], (z_hat, S, threshold), np.full(len(w), clutter_density), *limits
+    )
+    centres, S = z_hat[w > 0], S[w > 0]  # an impossible mode has no gate
+    fused = Mixture(np.ones(1), mean, covariance)
+    report = Report(mean, covariance, Gates(centres, S, threshold), fused, alive, w_now)
+    return (w_now, m, P), report, count_gated(centres, S, threshold, z)
 
 
 def imm(model: Model, give_up_ratio: float = 20.0, mixing: str = MIXINGS[0]) -> ImmPda:

@@ -9,7 +9,7 @@ import numpy as np
 import gmr_gym
 from gmr_gym.checks import check_count
 from gmr_gym.filters.mht import expand_scan, gate_and_log_weights
-from gmr_gym.filters.tracker import Report, check_scan
+from gmr_gym.filters.tracker import ONE_MODE, CompiledTracker, Report, check_scan
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.gating import Gates
@@ -69,6 +69,14 @@ class LearnedThresholds:
         same = model.motion[:], model.sensor[:], gate_and_log_weights(model), model_features(model), policy
         object.__setattr__(self, "_same", same)
 
+    @property
+    def compiled(self) -> CompiledTracker | None:
+        """Its form for compiled loops; None for another class that inherits from this."""
+        if type(self) is not LearnedThresholds:
+            return None
+        mixture, memory = self.init()
+        return CompiledTracker(_compiled_scan, self._same, (mixture[:], memory[:]))
+
     def init(self) -> Belief:
         """Belief one period before the first scan."""
         return Belief(self.model.prior, at_start(self.model))
@@ -76,7 +84,7 @@ class LearnedThresholds:
     def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         z = check_scan(z, len(self.model.sensor.H))
-        gates, w, m, P, mean, covariance, given_up, work = _scan(
+        gates, _, w, m, P, mean, covariance, given_up, work = _scan(
             belief.mixture[:], belief.memory[:], z, *self._same
         )
         mixture = Mixture(w, m, P)
@@ -86,7 +94,8 @@ class LearnedThresholds:
 
 @kernel
 def _scan(mixture, memory, z, motion, sensor, weights, known, policy):
-    """A scan in one call: the fields of the gates, and what `adapt` returns for the network's thresholds.
+    """A scan in one call: the fields of the gates, the detections in them, counted in each, and what `adapt`
+    returns for the network's thresholds.
 
     `weights` is `gate_and_log_weights`, `known` is `model_features`, and `policy` is the packed network, the
     indices of the thresholds that it sets, and the rest of them.
@@ -98,7 +107,22 @@ def _scan(mixture, memory, z, motion, sensor, weights, known, policy):
     single = features.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
     thresholds = from_actions(forward(single, layout, numbers), set_by, rest)[0]
     w, m, P, mean, covariance, given_up, work = adapt(w, m, P, thresholds, cost, gated)
-    return gates, w, m, P, mean, covariance, given_up, work
+    return gates, gated, w, m, P, mean, covariance, given_up, work
+
+
+@kernel(inline="always")
+def _compiled_scan(told, belief, z):
+    """`LearnedThresholds.step`, see `CompiledTracker`."""
+    mixture, memory = belief
+    (centres, S, threshold), hits, w, m, P, mean, covariance, given_up, work = _scan(
+        mixture, memory, z, *told
+    )
+    d = len(mean)
+    report = Report(
+        mean.reshape(1, d), covariance.reshape(1, d, d),
+        Gates(centres, S, threshold), Mixture(w, m, P), True, ONE_MODE,
+    )  # fmt: skip
+    return ((w, m, P), (len(w), given_up, work)), report, hits
 
 
 def learned_thresholds(

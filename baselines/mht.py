@@ -10,10 +10,20 @@ from functools import partial
 import numpy as np
 
 from gmr_gym.checks import UNLIMITED, check_count, check_limits
-from gmr_gym.filters.mht import MAX_HYPOTHESES, REDUCE_SCAN, predict_and_update, prune_and_reduce, reduce_scan
-from gmr_gym.filters.tracker import Report, check_scan
-from gmr_gym.kernels import compile_ahead
-from gmr_gym.mixture import Mixture, collapsed, mean_and_covariance
+from gmr_gym.filters.mht import (
+    MAX_HYPOTHESES,
+    REDUCE_SCAN,
+    expand_scan,
+    gate_and_log_weights,
+    predict_and_update,
+    prune_and_reduce,
+    reduce_scan,
+)
+from gmr_gym.filters.tracker import ONE_MODE, CompiledTracker, Report, check_scan
+from gmr_gym.kernels import ONE, compile_ahead, kernel
+from gmr_gym.mixture import Mixture, collapsed, match, mean_and_covariance
+from gmr_gym.models.gating import Gates
+from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model, check_one_motion
 from gmr_gym.reduction import ise as williams
 from gmr_gym.reduction import salmond_west
@@ -64,16 +74,18 @@ class Mht:
             check_reduced(self.reduce(collapsed(self.model.prior)), 1)
 
     @property
-    def limits(self) -> tuple | None:
-        """Limits for the compiled loop of `gmr_gym.evaluation.batch`; None if it cannot run this tracker.
-
-        They are gamma, the most hypotheses that enter a reduction, `components` and `loss_bound` of Greedy,
-        and gamma~.
-        """
-        if type(self) is not Mht or not isinstance(self.reduce, Greedy):
+    def compiled(self) -> CompiledTracker | None:
+        """Its form for compiled loops; None for a radar, for a reduction other than Greedy, and for another
+        class that inherits from this."""
+        model, reduce = self.model, self.reduce
+        if type(self) is not Mht or not isinstance(model.sensor, Sensor) or not isinstance(reduce, Greedy):
             return None
-        merging = self.reduce.components, self.reduce.loss_bound
-        return float(self.prune_weight), int(self.max_hypotheses), *merging, float(self.prune_density)
+        limits = (
+            float(self.prune_weight), int(self.max_hypotheses),
+            reduce.components, reduce.loss_bound, float(self.prune_density),
+        )  # fmt: skip
+        told = model.motion[:], model.sensor[:], gate_and_log_weights(model), limits
+        return CompiledTracker(_scan, told, self.init()[:])
 
     def init(self) -> Mixture:
         """Belief one period before the first scan."""
@@ -87,6 +99,21 @@ class Mht:
         )
         mean, covariance = mean_and_covariance(posterior)
         return posterior, Report(mean[None], covariance[None], full.gates, posterior)
+
+
+@kernel(inline="always")
+def _scan(told, belief, z):
+    """`Mht.step` for a linear sensor and Greedy, see `CompiledTracker`."""
+    motion, sensor, weights, limits = told
+    full, (centres, S, threshold) = expand_scan(belief, motion, sensor, z, *weights)
+    w, m, P = full.mixture
+    hits = 0
+    for j in full.detection:
+        hits += j >= 0
+    w, m, P, _, _ = reduce_scan(w, m, P, *limits)
+    _, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), ONE)
+    report = Report(mean, covariance, Gates(centres, S, threshold), Mixture(w, m, P), True, ONE_MODE)
+    return (w, m, P), report, hits
 
 
 def capping(model: Model, components: int = 30, prune_weight: float = 0.0, prune_density: float = 0.0) -> Mht:

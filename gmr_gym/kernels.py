@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache, lru_cache, partial
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,17 @@ class KernelCache(FunctionCache):
 
     patience = PATIENCE  # of the class: who has waited in vain does not wait again for every other kernel
     _lock: BaseFileLock | None = None
+
+    def __init__(self, function: Callable):
+        super().__init__(function)
+        held = [cell.cell_contents.py_func for cell in function.__closure__ or ()]
+        self._held = [(inner.__module__, inner.__qualname__, *_stamp(inner)) for inner in held]
+
+    def _index_key(self, sig, codegen):
+        """What compiled code is found by. Kernels that a closure holds count by their names and files: numba
+        takes ids instead, which are others in every process."""
+        code = sha256(self._py_func.__code__.co_code).hexdigest()
+        return sig, codegen.magic_tuple(), (code, *self._held)
 
     def load_overload(self, sig, target_context):
         """The compiled code for the signature; None if there is none, and then this process compiles it."""
@@ -97,6 +109,12 @@ def kernel(function: Callable | None = None, **options) -> Any:
         except (RuntimeError, OSError):  # no writable folder
             warn_uncached()
     return compiled
+
+
+def _stamp(function: Callable) -> tuple[float, int]:
+    """Time and size of the file of a function."""
+    file = os.stat(function.__code__.co_filename)
+    return file.st_mtime, file.st_size
 
 
 def _compile(compile: Callable, cache: KernelCache, signature: Any) -> Any:

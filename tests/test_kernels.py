@@ -32,6 +32,26 @@ def plus(x):
 @kernel(nogil=True)
 def twice(x):
     return 2 * plus(x)
+
+def repeated(step):
+    @kernel
+    def loop(x):
+        for _ in range(3):
+            x = step(x)
+        return x
+
+    return loop
+"""
+STEPS = """
+from gmr_gym.kernels import kernel
+
+@kernel(inline="always")
+def up(x):
+    return x + 1
+
+@kernel
+def down(x):
+    return x - 1
 """
 PROGRAM = """
 import sys
@@ -51,9 +71,9 @@ def folder(tmp_path, monkeypatch):
     kernels.warn_uncached.cache_clear()
 
 
-def imported(folder):
+def imported(folder, name="some_kernels"):
     """The module as a new process has it."""
-    spec = spec_from_file_location("some_kernels", folder / "some_kernels.py")
+    spec = spec_from_file_location(name, folder / f"{name}.py")
     spec.loader.exec_module(module := module_from_spec(spec))
     return module
 
@@ -78,6 +98,18 @@ def test_a_second_start_finds_what_the_first_one_compiled(folder):
     flags = {name: value for name, value in again.twice.targetoptions.items() if value is not None}
     ours = {"error_model": "numpy", "no_cfunc_wrapper": True}
     assert flags == {"nopython": True, "nogil": True, **ours}
+
+
+def test_a_loop_of_another_kernel_is_found_again_until_the_file_of_that_kernel_changes(folder):
+    def started(step):
+        """The loop in a new process: its result, and how often it was found."""
+        loop = imported(folder).repeated(getattr(imported(folder, "steps"), step))
+        return loop(2), sum(loop.stats.cache_hits.values())
+
+    (folder / "steps.py").write_text(STEPS)
+    assert [started(step) for step in ("up", "down", "up", "down")] == [(5, 0), (-1, 0), (5, 1), (-1, 1)]
+    (folder / "steps.py").write_text(STEPS.replace("x + 1", "x + 10"))
+    assert [started(step) for step in ("up", "up", "down")] == [(32, 0), (32, 1), (-1, 0)]
 
 
 def test_without_a_folder_to_write_to_kernels_work_and_one_line_says_what_to_set(folder):

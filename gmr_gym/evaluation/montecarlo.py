@@ -313,8 +313,7 @@ def _played(scenario, tracker, seeds, together, scans=None):
     if len(alone) == len(seeds):
         return runs
     truth, *fields = batch.run_batch(scenario, tracker, [draw(scenario, seed) for seed in seeds[1:]], scans)
-    modes, untimed = np.ones((*truth.shape[:2], 1)), np.full(truth.shape[:2], np.nan)
-    others = Runs._make((truth, *fields, modes, untimed))
+    others = Runs._make((truth, *fields, np.full(truth.shape[:2], np.nan)))
     return _joined(Runs, np.concatenate, [runs, others])
 
 

@@ -15,9 +15,8 @@ from gmr_gym.kernels import ONE, kernel
 from gmr_gym.linalg import pairwise_sum, root_determinants
 from gmr_gym.mixture import Mixture, match, match_all, rescaled
 from gmr_gym.models.gating import Gates, gate_threshold, gates
-from gmr_gym.models.kalman import Sensor, innovation, predict, predict_all
+from gmr_gym.models.kalman import Sensor, predict, predict_all, predict_detections
 from gmr_gym.models.model import Model
-from gmr_gym.models.sensing import PredictedDetections
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
 from gmr_gym.reduction.runnalls import Greedy, merge_by_cost
@@ -177,15 +176,11 @@ def _gate_and_log_weights(p, detection_probability, gate_probability, clutter_de
 def expand_scan(belief, motion, sensor, z, threshold, log_miss, log_detect):
     """The Expansion of a scan, and the fields of the Gates, by a linear sensor. `belief`, `motion` and
     `sensor` are plain tuples of the fields of a Mixture, a Motion and a Sensor."""
-    (w, m, P), (F, Q, offset), (H, R), (k, p) = belief, motion, sensor, z.shape
+    (w, m, P), (F, Q, offset), (H, R) = belief, motion, sensor
     m, P = predict_all(m, P, F, Q, offset)
-    z_hat, S, C = innovation(m, P, H, R)
-    predicted_z = PredictedDetections(
-        z_hat, S, C, z.reshape(1, k, p), np.empty((0, p, p)), np.zeros(k),
-        np.ascontiguousarray(H).reshape(1, p, len(F)), np.ascontiguousarray(R).reshape(1, p, p),
-    )  # fmt: skip
+    predicted_z = predict_detections(m, P, H, R, z)
     posterior = expand_into_hypotheses(Mixture(w, m, P), predicted_z, threshold, log_miss, log_detect)
-    return posterior, (z_hat, S, threshold)
+    return posterior, (predicted_z.z_hat, predicted_z.S, threshold)
 
 
 @kernel

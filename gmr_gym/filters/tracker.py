@@ -1,6 +1,7 @@
 """Protocols of trackers, and what they report of a scan."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -41,6 +42,27 @@ class Report(NamedTuple):
     mixture: Mixture
     alive: bool = True
     modes: np.ndarray = ONE_MODE
+
+
+class CompiledTracker(NamedTuple):
+    """A tracker for compiled loops, equal to its `step` to the last bit.
+
+    A tracker that has one hands it over by a property `compiled`, for linear sensors; None where it has not.
+
+    Attributes
+    ----------
+    scan : kernel
+        `scan(told, belief, z)` processes the detections z (k, p): the belief after them, the Report, with all
+        its fields, and the number of detections in the gates, counted in each.
+    told : tuple
+        Constant parameters.
+    belief : tuple
+        Belief one period before the first scan, of arrays and numbers of the types that `scan` returns.
+    """
+
+    scan: Callable
+    told: tuple
+    belief: tuple
 
 
 class Tracker(Protocol):

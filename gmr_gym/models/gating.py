@@ -127,9 +127,7 @@ def unit_ball(p: int) -> float:
 
 @kernel
 def _gate_statistics(centres, S, threshold, ball, z):
-    p = S.shape[1]
-    first, _, _ = gated_pairs(centres, S, z.reshape(1, len(z), p), np.empty((0, p, p)), threshold)
-    return mean_volume(S, threshold, ball), first[len(centres)] / len(centres)
+    return mean_volume(S, threshold, ball), count_gated(centres, S, threshold, z) / len(centres)
 
 
 @kernel(inline="always")
@@ -144,9 +142,15 @@ def mean_volume(S, threshold, ball):
 @kernel
 def outside_all_gates_kernel(centres, S, threshold, point):
     """See `outside_all_gates`."""
-    p = len(point)
-    first, _, _ = gated_pairs(centres, S, point.reshape(1, 1, p), np.empty((0, p, p)), threshold)
-    return first[len(centres)] == 0
+    return count_gated(centres, S, threshold, point.reshape(1, len(point))) == 0
+
+
+@kernel(inline="always")
+def count_gated(centres, S, threshold, z):
+    """Number of detections z (k, p) in the gates, counted in each."""
+    k, p = z.shape
+    first, _, _ = gated_pairs(centres, S, z.reshape(1, k, p), np.empty((0, p, p)), threshold)
+    return first[len(centres)]
 
 
 @kernel

@@ -252,6 +252,17 @@ def _cross(P, H):
 
 
 @kernel(inline="always")
+def predict_detections(m, P, H, R, z):
+    """`Sensor.predict_detections` with the gates of the components."""
+    (k, p), d = z.shape, m.shape[1]
+    z_hat, S, C = innovation(m, P, H, R)
+    return PredictedDetections(
+        z_hat, S, C, z.reshape(1, k, p), np.empty((0, p, p)), np.zeros(k),
+        np.ascontiguousarray(H).reshape(1, p, d), np.ascontiguousarray(R).reshape(1, p, p),
+    )  # fmt: skip
+
+
+@kernel(inline="always")
 def innovation(m, P, H, R):
     """Predicted detections H m (n, p), S = H P H' + R (n, p, p) and H P (n, p, d) of every component."""
     n = len(m)
