@@ -186,15 +186,25 @@ def _stop(child: subprocess.Popen) -> None:
     child.wait()
 
 
-def together(call: Callable[..., object], shares: Sequence[tuple]) -> None:
-    """Runs `call(*share)` for every share on threads, the first on the caller's own. An exception of any of
-    them is raised."""
-    helpers = len(shares) - 1
-    pool = _pool(os.getpid(), helpers) if helpers else None
-    others = [pool.submit(call, *share) for share in shares[1:]] if pool else []
-    call(*shares[0])
+def together(call: Callable[..., object], shares: Sequence[tuple], threads: int) -> None:
+    """Runs `call(*share)` for every share on threads, the caller's own among them. An exception of any of
+    them is raised.
+
+    Each takes another share when it has done one, and who has not begun when none is left is not waited for:
+    on a busy machine a thread may start later than all the work takes.
+    """
+    left = iter(shares)
+
+    def run() -> None:
+        for share in left:
+            call(*share)
+
+    helpers = min(threads, len(shares)) - 1
+    others = [_pool(os.getpid(), helpers).submit(run) for _ in range(helpers)]
+    run()
     for other in others:
-        other.result()
+        if not other.cancel():
+            other.result()
 
 
 @lru_cache

@@ -7,6 +7,7 @@ import os
 import pickle
 import subprocess
 import sys
+import threading
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from importlib.util import module_from_spec, spec_from_file_location
@@ -256,3 +257,32 @@ def test_an_mht_is_made_without_a_compiler():
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert done.stdout == "5\n", done.stderr
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+@pytest.mark.parametrize("count", [1, 2, 40])
+def test_every_share_is_done_once_on_any_number_of_threads(threads, count):
+    done = []
+    kernels.together(lambda i, j: done.append((i, j)), [(i, -i) for i in range(count)], threads)
+    assert sorted(done) == [(i, -i) for i in range(count)]
+
+
+def test_a_thread_that_has_not_begun_when_all_is_done_is_not_waited_for():
+    busy, done = threading.Event(), []
+    elsewhere = kernels._pool(os.getpid(), 1).submit(busy.wait, 60)
+    kernels.together(lambda i: done.append(threading.current_thread()), [(i,) for i in range(9)], 2)
+    assert done == 9 * [threading.current_thread()] and not elsewhere.done()
+    busy.set()
+    assert elsewhere.result()
+
+
+def test_what_another_thread_raises_is_raised():
+    caller, both = threading.current_thread(), threading.Barrier(2, timeout=60)
+
+    def call(i):
+        both.wait()
+        if threading.current_thread() is not caller:
+            raise ArithmeticError("of the other")
+
+    with pytest.raises(ArithmeticError, match="of the other"):
+        kernels.together(call, [(0,), (1,)], 2)

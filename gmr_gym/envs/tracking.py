@@ -142,9 +142,9 @@ class TrackingEnv(EpisodicEnv):
             observation, info = self.nothing_more(), {}
         else:
             self._shown = t
-            z, mask, origin, was = blank(self.shape)
+            z, mask, origin = blank(self.shape)
             made = make_scan(z, self.scenario, self._view, self._episode, t, self._centre(t))
-            label_into(z, mask, origin, was, *made)
+            label_into(z, mask, origin, *made)
             x, mode = self._episode.x[t].copy(), int(self._episode.mode[t])
             observation, info = self._observed(z, mask, t), {"truth": x, "mode": mode, "origin": origin}
         if self.render_mode == "human":
@@ -163,11 +163,9 @@ class TrackingEnv(EpisodicEnv):
         return Canvas(self.scenario, on_screen)
 
 
-def blank(shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """z (..., capacity, p), mask, origin and `was` of no scans, as `label_into` takes them."""
-    was = np.zeros((*shape[:-2], 2), int)
-    was[..., 1] = -1
-    return np.zeros(shape), np.zeros(shape[:-1], np.int8), np.full(shape[:-1], -2, ORIGIN), was
+def blank(shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """z (..., capacity, p), mask and origin for `label_into` to write to."""
+    return np.empty(shape), np.empty(shape[:-1], np.int8), np.empty(shape[:-1], ORIGIN)
 
 
 @leaf_kernel

@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numba import config
 
 from gmr_gym.checks import check_count
+from gmr_gym.envs.buffers import Buffers
 from gmr_gym.envs.episodic import EXTENT, check_keywords, keywords, settings
 from gmr_gym.envs.tracking import TrackingEnv, blank, first_beyond, score_into
 from gmr_gym.kernels import together
@@ -28,6 +29,7 @@ from gmr_gym.simulation.single_target import (
 )
 
 SHARE = 32  # environments from which another thread pays off
+LEAST, SHARES = 128, 4  # environments that a thread takes at once, but not more than so many times
 SEEDS = 16  # drawn at a time
 UNDRAWN = "vector environments are not rendered; make a single one to render"
 
@@ -77,8 +79,8 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         self.single_action_space = self._single.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        bounds = np.linspace(0, num_envs, min(-(-num_envs // SHARE), limit) + 1).astype(int)
-        self._shares = list(pairwise(bounds.tolist()))  # of the threads, the caller's own first
+        self._threads = min(-(-num_envs // SHARE), limit)
+        self._shares = _shares(num_envs, self._threads)
         self._scene = scene_of(self.scenario)
         self._linear = self._scene.window_motion is not None
         self._position = np.array(self.scenario.position)
@@ -99,7 +101,10 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         self._scans_off = np.zeros(num_envs, int)
         self._drawn: list[Any] = [None] * num_envs  # whole episodes, where the sensor is not linear
         self._ended = np.zeros(num_envs, bool)  # and not reset yet
-        self._emitted: Any = None  # arrays that the next step may overwrite
+        emitted = blank((num_envs, *self._single.shape))
+        self._buffers = [Buffers(part) for part in emitted]
+        self._emitted = None if self.copy else emitted
+        self._priors: Any = None
 
     def reset(
         self,
@@ -235,17 +240,17 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
 
     def _emit(self, wanted: np.ndarray):
         """Observations of all environments, and infos of those in the mask `wanted`."""
-        n, shape, now = self.num_envs, self._single.shape, self._running
-        if self.copy or self._emitted is None:
-            self._emitted = blank((n, *shape))
+        n, now = self.num_envs, self._running
+        emitted = self._emitted or tuple(buffer.take() for buffer in self._buffers)
+        if self.copy or self._priors is None:
             self._priors = [np.tile(part, (n, 1)) for part in self._single.prior]
-        z, mask, origin, _ = self._emitted
+        z, mask, origin = emitted
         shown = now.t < self.scenario.horizon
-        if self._linear:  # each thread makes the scans of its share of the environments
-            given = self._emitted, self._scene, now, self._estimates
-            together(scans_into, [(*share, *given) for share in self._shares])
+        if self._linear:
+            given = emitted, self._scene, now, self._estimates
+            together(scans_into, [(*share, *given) for share in self._shares], self._threads)
         else:
-            self._scans_in_turn(shown)
+            self._scans_in_turn(emitted, shown)
         mean, covariance = self._priors
         observation = {
             "scan": z,
@@ -261,22 +266,21 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         at = now.of * self.scenario.horizon + np.where(wanted, now.t, 0)
         truth, mode = self._x.reshape(-1, self._x.shape[2]).take(at, axis=0), self._mode.take(at)
         if not wanted.all():
-            origin = origin.copy()
             truth[~wanted], mode[~wanted], origin[~wanted] = 0, 0, 0
         return observation, {
             "truth": truth, "mode": mode, "origin": origin,
             "_truth": wanted, "_mode": wanted.copy(), "_origin": wanted.copy(),
         }  # fmt: skip
 
-    def _scans_in_turn(self, shown: np.ndarray) -> None:
+    def _scans_in_turn(self, emitted: tuple[np.ndarray, ...], shown: np.ndarray) -> None:
         """The scans of a sensor that is not linear."""
-        (z, mask, origin, was), view = self._emitted, self._scene.field_of_view
+        (z, mask, origin), view = emitted, self._scene.field_of_view
         for i in range(self.num_envs):
             k, place = 0, -1
             if shown[i]:
                 centre, t = self.scenario.centre(self._estimates[i]), int(self._running.t[i])
                 k, place = make_scan(z[i], self.scenario, view, self._drawn[i], t, centre)
-            label_into(z[i], mask[i], origin[i], was[i], k, place)
+            label_into(z[i], mask[i], origin[i], k, place)
 
     def render(self):
         """Raises NotImplementedError."""
@@ -334,6 +338,12 @@ def autoreset_of(mode: AutoresetMode | str) -> AutoresetMode:
     if mode not in [*names, *AutoresetMode]:
         raise ValueError(f"autoreset_mode must be one of {', '.join(names)}, got {mode!r}")
     return AutoresetMode(mode)
+
+
+def _shares(n: int, threads: int) -> list[tuple[int, int]]:
+    """First and last of the environments that a thread takes at once."""
+    count = min(max(n // LEAST, threads), SHARES * threads) if threads > 1 else 1
+    return list(pairwise(np.linspace(0, n, count + 1).astype(int).tolist()))
 
 
 def _chosen(options: dict[str, Any] | None, n: int) -> np.ndarray:

@@ -3,6 +3,7 @@
 An F-16 that flies level, turns and jinks, seen in the north-up plane.
 """
 
+from bisect import bisect_right
 from functools import partial
 
 import numpy as np
@@ -114,10 +115,11 @@ def agile_flight(
 
 def _switching(assumed: Model, horizon: int, rng: np.random.Generator) -> Truth:
     """One truth drawn from the filter model: a Markov chain of modes, and the motions of those modes."""
-    modes = np.arange(len(assumed.motions))
-    now, mode = rng.choice(modes, p=assumed.mode_prior), np.empty(horizon, int)
-    for t in range(horizon):
-        mode[t] = now = rng.choice(modes, p=assumed.switching[:, now])
+    now, mode = rng.choice(len(assumed.motions), p=assumed.mode_prior), np.empty(horizon, int)
+    cumulated = assumed.switching.cumsum(axis=0)
+    columns = (cumulated / cumulated[-1]).T.tolist()
+    for t, u in enumerate(rng.random(horizon).tolist()):  # `rng.choice` would look at the columns every time
+        mode[t] = now = bisect_right(columns[now], u)
     return moving_by_model(assumed, mode, rng)
 
 

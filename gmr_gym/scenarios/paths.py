@@ -92,8 +92,16 @@ def moving_by_model(assumed: Model, mode: np.ndarray, rng: np.random.Generator) 
     first = rng.choice(len(w), p=w) if len(w) > 1 else 0
     x = rng.multivariate_normal(m[first], P[first], method="cholesky")
     states = np.empty((len(mode), len(x)))
+    factors = np.array([_factor(motion.Q) for motion in assumed.motions])
+    normal = rng.standard_normal((len(mode), 1, len(x)))
+    noise = (normal @ factors[mode].transpose(0, 2, 1))[:, 0]
     for t, p in enumerate(mode):
-        F, Q, offset = assumed.motions[p]
-        x = rng.multivariate_normal(F @ x + offset, Q, method="eigh")  # Q may be singular
-        states[t] = x
+        F, _, offset = assumed.motions[p]
+        x = states[t] = F @ x + offset + noise[t]
     return Truth(states, mode)
+
+
+def _factor(Q: np.ndarray) -> np.ndarray:
+    """A (d, d) with A A' = Q, which may be singular; by it numpy draws, with the method "eigh"."""
+    values, vectors = np.linalg.eigh(Q)
+    return vectors * np.sqrt(np.abs(values))

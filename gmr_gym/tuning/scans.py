@@ -134,7 +134,7 @@ def stepped(
     if threads > 1:  # sorted by work, so that each thread has about as much to merge
         rows = rows[np.argsort(-episodes["hypotheses"][rows], kind="stable")]
     shares = [rows[first::threads].copy() for first in range(threads)]
-    together(step, [(episodes, share, thresholds, price, steps, observations) for share in shares])
+    together(step, [(episodes, share, thresholds, price, steps, observations) for share in shares], threads)
 
 
 @kernel(nogil=True)
