@@ -1,12 +1,13 @@
 """Rows on many targets: a PHD filter's scan, a scan fitted as a finite mixture, and learning the clutter."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import plain_crowd
 from rows import MISSING, stone_soup
-from timing import Plan, Row, Stopwatch, interleaved, timed
+from timing import Plan, Row, compared, timed
 
 from baselines.gm_phd import GmPhd
 from gmr_gym.filters.clutter_estimation import update_estimate
@@ -38,15 +39,11 @@ def _steps(scenario: MultiTargetScenario, tracker: MultiTargetTracker) -> Iterat
         yield before, z, belief
 
 
-def _called(function: Callable, given: list[tuple], plan: Plan) -> Stopwatch:
-    return timed(lambda arguments: function(*arguments), *given, clock=plan.clock)
-
-
 def _phd_rows(plan: Plan) -> Iterator[Row]:
     scenario = unknown_clutter()
     met = _steps(scenario, make_tracker("gm-phd", scenario.model))
     full = [(belief, z) for belief, z, _ in met if len(belief.label) == COMPONENTS]
-    given = full[:: 8 if plan.quick else 3]
+    given = full[::8]
     # Stone Soup has no spawning, and forgets who was born and not seen
     told = scenario.model._replace(births=no_components(6), spawn_weight=0.0)
     tracker = make_tracker("gm-phd", told, components=COMPONENTS)
@@ -57,37 +54,32 @@ def _phd_rows(plan: Plan) -> Iterator[Row]:
     apart = max(
         np.abs(np.sort(tracker.step(*one)[1].intensity.w) - np.sort(plainly(*one).w)).max() for one in given
     )
-    notes = {"plain NumPy": f"weights at most {apart:.0e} apart"}
-    watches = {"ours": _called(tracker.step, given, plan), "plain NumPy": _called(plainly, given, plan)}
-    for name, gate in (("Stone Soup, its tutorial's gate", 3.0), ("Stone Soup, wide gate", 9.0)):
-        notes[name] = MISSING
-        if stone_soup:
-            parts = stone_soup.Phd(told, COMPONENTS, gate)
-            watches[name] = _stone_soup(parts, given, plan)
-            notes[name] = _expected_apart(parts, tracker, given)
-    timings = interleaved(watches, len(given), rounds=1 if plan.quick else 3)
     what = f"scan, GM-PHD, {COMPONENTS} components, 50 false detections, no births"
-    for name, note in notes.items():
-        yield Row(what, timings["ours"], name, timings.get(name), note)
+    ours, note = timed(tracker.step, given), f"weights at most {apart:.0e} apart"
+    yield compared(plan, what, ours, "plain NumPy", timed(plainly, given), note)
+    few = given[:2]
+    for name, gate in (("Stone Soup, its tutorial's gate", 3.0), ("Stone Soup, wide gate", 9.0)):
+        if not stone_soup:
+            yield Row(what, name, note=MISSING)
+            continue
+        parts = stone_soup.Phd(told, COMPONENTS, gate)
+        theirs = timed(parts.step, few, prepare=partial(_stone_soups, parts))
+        note = _expected_apart(parts, tracker, few)
+        yield compared(plan, what, timed(tracker.step, few), name, theirs, note)
 
 
-def _stone_soup(parts, given: list[tuple], plan: Plan) -> Stopwatch:
-    def stopwatch(i):
-        intensity = parts.intensity(given[i][0].intensity)
-        found = stone_soup.detections([given[i][1]])[0]
-        started = plan.clock()
-        parts.step(intensity, found)
-        return plan.clock() - started
-
-    return stopwatch
+def _stone_soups(parts, belief, z: np.ndarray) -> tuple:
+    return parts.intensity(belief.intensity), stone_soup.detections([z])[0]
 
 
 def _expected_apart(parts, tracker: GmPhd, given: list[tuple]) -> str:
     every = replace(tracker, reduce=lambda p: (p, np.arange(len(p.w))), prune_weight=0.0)
     apart = []
     for belief, z in given:
-        scan = parts.intensity(belief.intensity), stone_soup.detections([z])[0]
-        theirs = [sum(component.weight for component in stage(*scan)) for stage in (parts.update, parts.step)]
+        theirs = [
+            sum(component.weight for component in stage(*_stone_soups(parts, belief, z)))
+            for stage in (parts.update, parts.step)
+        ]
         apart.append([one.step(belief, z)[1].expected_targets for one in (every, tracker)] - np.array(theirs))
     updated, merged = np.abs(apart).max(axis=0)
     return (
@@ -105,13 +97,11 @@ def _fit_rows(plan: Plan) -> Iterator[Row]:
 
     for _ in _steps(scenario, replace(tracker, fit=recorded)):
         pass
-    given = given[:: 20 if plan.quick else 5]
+    given = given[::20]
     apart = max(abs(fit_em(*one)[1] - plain_crowd.fit(*one)) for one in given)
-    watches = {"ours": _called(fit_em, given, plan), "plain": _called(plain_crowd.fit, given, plan)}
-    timings = interleaved(watches, len(given), rounds=1)
-    yield Row(
-        "a scan fitted by EM, 50 false detections", timings["ours"], "plain NumPy", timings["plain"],
-        f"log-likelihoods at most {apart:.0e} apart",
+    yield compared(
+        plan, "a scan fitted by EM, 50 false detections", timed(fit_em, given), "plain NumPy",
+        timed(plain_crowd.fit, given), f"log-likelihoods at most {apart:.0e} apart",
     )  # fmt: skip
 
 
@@ -121,7 +111,7 @@ def _lesson_rows(plan: Plan) -> Iterator[Row]:
         tracker = make_tracker("learning-phd", scenario.model)
         given = []
         for t, (before, z, after) in enumerate(_steps(scenario, tracker)):
-            if t >= FULL and t % (30 if plan.quick else 10) == 0:
+            if t >= FULL and t % 30 == 0:
                 p_clutter = after.estimate.p_clutter[after.estimate.age == 0]
                 given.append((scenario.model.clutter, before.estimate, z, p_clutter, tracker.options))
         apart = 0.0
@@ -130,15 +120,10 @@ def _lesson_rows(plan: Plan) -> Iterator[Row]:
                 c.density(one[2]) for c in (update_estimate(*one).clutter, plain_crowd.lesson(*one))
             )
             apart = max(apart, np.abs(plainly / ours - 1).max())
-        watches = {
-            "ours": _called(update_estimate, given, plan),
-            "plain": _called(plain_crowd.lesson, given, plan),
-        }
-        timings = interleaved(watches, len(given), rounds=1 if plan.quick else 3)
-        yield Row(
-            f"a lesson of clutter, {what} a scan, memory full", timings["ours"], "plain NumPy",
-            timings["plain"], f"intensities at the detections at most {apart:.0e} of ours apart",
-        )  # fmt: skip
+        ours, theirs = timed(update_estimate, given), timed(plain_crowd.lesson, given)
+        note = f"intensities at the detections at most {apart:.0e} of ours apart"
+        what = f"a lesson of clutter, {what} a scan, memory full"
+        yield compared(plan, what, ours, "plain NumPy", theirs, note)
 
 
 def _learning_rows(plan: Plan) -> Iterator[Row]:
@@ -146,14 +131,11 @@ def _learning_rows(plan: Plan) -> Iterator[Row]:
         scenario = unknown_clutter(clutter=clutter)
         for name, untaught in (("learning-phd", "gm-phd"), ("learning-pmb", "pmb")):
             tracker, same = (make_tracker(each, scenario.model) for each in (name, untaught))
-            met = list(_steps(scenario, tracker))[FULL :: 30 if plan.quick else 5]
-            watches = {
-                "ours": _called(tracker.step, [(belief, z) for belief, z, _ in met], plan),
-                "same": _called(same.step, [(belief.targets, z) for belief, z, _ in met], plan),
-            }
-            same.step(met[0][0].targets, met[0][1])  # compiles
-            timings = interleaved(watches, len(met), rounds=1 if plan.quick else 3)
-            yield Row(
-                f"scan, {name}, {what}, memory full", timings["ours"], f"{untaught} on the same targets",
-                timings["same"], "told of uniform clutter",
+            met = list(_steps(scenario, tracker))[FULL::30]
+            ours = timed(tracker.step, [(belief, z) for belief, z, _ in met])
+            theirs = timed(same.step, [(belief.targets, z) for belief, z, _ in met])
+            theirs()  # compiles
+            yield compared(
+                plan, f"scan, {name}, {what}, memory full", ours, f"{untaught} on the same targets", theirs,
+                "told of uniform clutter",
             )  # fmt: skip

@@ -3,6 +3,7 @@
 import numpy as np
 
 from gmr_gym.kernels import kernel
+from gmr_gym.linalg import LOG_2PI
 from gmr_gym.mixture import Mixture, moments
 from gmr_gym.models.gating import gate_threshold
 from gmr_gym.models.model import Model
@@ -163,6 +164,138 @@ def _log_determinant(A, L):
             else:
                 L[r, c] = total / L[c, c]
     return 2 * out
+
+
+def williams_compiled(p: Mixture, components: int) -> np.ndarray:
+    """Origin (n,) of Williams' reduction, as in `williams_in_numpy` but in compiled loops, a pair at a time:
+    the products of every merge are kept, and of those with the other components three terms change a step."""
+    return _williams(p.w, p.m, p.P, components)
+
+
+@kernel
+def _williams(w_f, m_f, P_f, components):
+    n, d = m_f.shape
+    w, m, P = w_f.copy(), m_f.copy(), P_f.copy()
+    origin, alive, total = np.arange(n), np.ones(n, np.bool_), w.sum()
+    f, G = np.zeros(n), np.empty((n, n))  # <f, M[a]>, <M[a], M[b]>
+    # of the merge C of a < b: <f, C>, <C, C> and its products with the components other than a and b
+    pairs = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    room = np.empty((d, d)), np.zeros((d, d)), np.empty(d), np.empty(d), np.empty((d, d))
+    change, m_k, P_k = np.empty(3), np.empty((3, d)), np.empty((3, d, d))
+    for a in range(n):
+        for b in range(n):
+            G[a, b] = _product(m[a], P[a], m[b], P[b], room)
+            f[a] += w[b] * G[a, b]
+    for a in range(n):
+        for b in range(a + 1, n):
+            _pair_products(a, b, w_f, m_f, P_f, w, m, P, alive, pairs, room)
+    for _ in range(n - components):
+        i, j = _cheapest(total, w, alive, f, G, pairs)
+        for k, a in enumerate((i, j)):
+            change[k], m_k[k], P_k[k] = -w[a], m[a], P[a]
+        origin[origin == j] = i if i != j else -1
+        alive[j] = False
+        count = 1
+        if i != j:
+            _matched(i, j, w, m, P, P[i])
+            m[i] = (w[i] * m[i] + w[j] * m[j]) / (w[i] + w[j])
+            w[i] += w[j]
+            f[i] = pairs[0][i, j]
+            change[2], m_k[2], P_k[2], count = w[i], m[i], P[i], 3
+        _update_pairs(i, change[:count], m_k, P_k, w, m, P, alive, pairs[2], room)
+        if i != j:
+            for a in range(n):
+                if alive[a]:
+                    G[a, i] = G[i, a] = _product(m[i], P[i], m[a], P[a], room)
+            for a in range(n):
+                if alive[a] and a != i:
+                    _pair_products(min(a, i), max(a, i), w_f, m_f, P_f, w, m, P, alive, pairs, room)
+    return origin
+
+
+@kernel
+def _cheapest(total, w, alive, f, G, pairs):
+    """The pair whose merge, or twice the component whose deletion, adds least to the error: that of the
+    reduced mixture g and f is <f, f> - 2 s <f, g> + s^2 <g, g>, with s such that s g has the weight of f."""
+    n = len(w)
+    g, W, fg, gg = np.zeros(n), 0.0, 0.0, 0.0
+    for a in range(n):
+        if alive[a]:
+            for b in range(n):
+                g[a] += w[b] * G[a, b] if alive[b] else 0.0
+            W, fg, gg = W + w[a], fg + w[a] * f[a], gg + w[a] * g[a]
+    s, least, i, j = total / W, np.inf, 0, 0
+    for a in range(n):
+        if alive[a]:
+            grown = s * w[a] / (W - w[a])
+            after = s + grown
+            gone = 2.0 * w[a] * g[a] - w[a] ** 2 * G[a, a]
+            cost = 2.0 * (after * w[a] * f[a] - grown * fg) + grown * (after + s) * gg - after**2 * gone
+            if cost < least:
+                least, i, j = cost, a, a
+    for a in range(n):
+        for b in range(a + 1, n):
+            if alive[a] and alive[b]:
+                c = w[a] + w[b]
+                of_f = w[a] * f[a] + w[b] * f[b] - c * pairs[0][a, b]
+                gone = 2.0 * (w[a] * g[a] + w[b] * g[b] - w[a] * w[b] * G[a, b])
+                gone -= w[a] ** 2 * G[a, a] + w[b] ** 2 * G[b, b]
+                come = c * (2.0 * pairs[2][a, b] + c * pairs[1][a, b])
+                cost = 2.0 * s * of_f + s**2 * (come - gone)
+                if cost < least:
+                    least, i, j = cost, a, b
+    return i, j
+
+
+@kernel
+def _pair_products(a, b, w_f, m_f, P_f, w, m, P, alive, pairs, room):
+    """Sets all products of the merge of a < b."""
+    with_f, own, with_others = pairs
+    m_c, P_c = room[3:]
+    _pair(a, b, w, m, P, m_c, P_c)
+    own[a, b] = _product(m_c, P_c, m_c, P_c, room)
+    with_f[a, b] = with_others[a, b] = 0.0
+    for k in range(len(w)):
+        with_f[a, b] += w_f[k] * _product(m_c, P_c, m_f[k], P_f[k], room)
+        if alive[k] and k != a and k != b:
+            with_others[a, b] += w[k] * _product(m_c, P_c, m[k], P[k], room)
+
+
+@kernel
+def _update_pairs(changed, weights, m_k, P_k, w, m, P, alive, with_others, room):
+    """Adds weighted components to the others of every pair, but for those of the changed one."""
+    m_c, P_c = room[3:]
+    for a in range(len(w)):
+        for b in range(a + 1, len(w)):
+            if alive[a] and alive[b] and a != changed and b != changed:
+                _pair(a, b, w, m, P, m_c, P_c)
+                for k in range(len(weights)):
+                    with_others[a, b] += weights[k] * _product(m_c, P_c, m_k[k], P_k[k], room)
+
+
+@kernel
+def _pair(a, b, w, m, P, mean, covariance):
+    _matched(a, b, w, m, P, covariance)
+    for r in range(len(mean)):
+        mean[r] = (w[a] * m[a, r] + w[b] * m[b, r]) / (w[a] + w[b])
+
+
+@kernel
+def _product(m_a, P_a, m_b, P_b, room):
+    """Integral of the product of two Gaussians."""
+    S, L, e = room[:3]
+    d2 = 0.0
+    for r in range(len(e)):
+        for c in range(r + 1):
+            S[r, c] = P_a[r, c] + P_b[r, c]
+    log_det = _log_determinant(S, L)
+    for r in range(len(e)):
+        e[r] = m_a[r] - m_b[r]
+        for c in range(r):
+            e[r] -= L[r, c] * e[c]
+        e[r] /= L[r, r]
+        d2 += e[r] ** 2
+    return np.exp(-0.5 * (d2 + log_det + len(e) * LOG_2PI))
 
 
 class Pda:

@@ -6,7 +6,7 @@ from importlib.util import find_spec
 import numpy as np
 import plain
 from problems import drawn, partition, posteriors
-from timing import Plan, Row, interleaved, timed
+from timing import Plan, Row, compared, timed
 
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.ise import integral_squared_error
@@ -24,52 +24,36 @@ else:
 Reduce = Callable[[Mixture], Callable[[], list[float]]]  # a mixture, made ready, to the weights left
 
 SIZES = ((50, 5, 300.0), (150, 30, 150.0), (400, 50, 300.0))  # components, target, clutter a scan
+COUNT = 4  # mixtures
 SLOW = 100  # components from which nrl-tracker takes more than ten seconds
 
 
 def reduction_rows(plan: Plan) -> Iterator[Row]:
-    rounds, count = (1, 4) if plan.quick else (5, 8)
     plainly = {"plain, compiled": plain.runnalls_compiled, "plain, NumPy": plain.runnalls_in_numpy}
     for n, components, clutter_rate in SIZES:
-        mixtures = {
-            "tracker posteriors": posteriors(n, components, clutter_rate, count),
-            "random mixtures": drawn(n, 4, count),
-        }
-        for source, given in mixtures.items():
-            forms = {"ours": lambda p, k: runnalls(p, k)[1], **plainly}
-            yield from _reducer_rows(
-                f"Runnalls 4-D {n} to {components}, {source}", forms, components, given, rounds, plan.clock
-            )
+        met = posteriors(n, components, clutter_rate, COUNT)
+        for source, given in {"tracker posteriors": met, "random mixtures": drawn(n, 4, COUNT)}.items():
+            what = f"Runnalls 4-D {n} to {components}, {source}"
+            yield from _reducer_rows(plan, what, runnalls, plainly, components, given)
         for library, reduce in _peers(n, components).items():
-            yield _peer_row(n, components, mixtures["tracker posteriors"], library, reduce, plan.clock)
-    given = posteriors(150, 30, 150.0, count)
-    forms = {"ours": lambda p, bound: adaptive(p, bound)[1], "plain, NumPy": plain.adaptive_in_numpy}
-    yield from _reducer_rows("adaptive 4-D 150, loss bound 0.05", forms, 0.05, given, rounds, plan.clock)
-    williams = {"ours": lambda p, k: integral_squared_error(p, k)[1], "plain, NumPy": plain.williams_in_numpy}
-    given = drawn(40, 6, 1 if plan.quick else 3, concentration=100.0)
-    what = "Williams ISE 6-D {} to {}, weights nearly equal"
-    yield from _reducer_rows(what.format(40, 10), williams, 10, given, 1, plan.clock)
-    given = drawn(150, 6, 1 if plan.quick else 3, concentration=100.0)
-    ours = timed(lambda p: integral_squared_error(p, 15), *given, clock=plan.clock)
-    yield Row(what.format(150, 15), interleaved({"ours": ours}, len(given), rounds)["ours"], "none", None)
+            yield _peer_row(plan, n, components, met, library, reduce)
+    what, plainly = "adaptive 4-D 150, loss bound 0.05", {"plain, NumPy": plain.adaptive_in_numpy}
+    yield from _reducer_rows(plan, what, adaptive, plainly, 0.05, posteriors(150, 30, 150.0, COUNT))
+    plainly = {"plain, compiled": plain.williams_compiled, "plain, NumPy": plain.williams_in_numpy}
+    for n, components in ((40, 10), (150, 15)):
+        what, given = f"Williams ISE 6-D {n} to {components}, weights nearly equal", drawn(n, 6, 1, 100.0)
+        yield from _reducer_rows(plan, what, integral_squared_error, plainly, components, given)
+        plainly = {"plain, compiled": plain.williams_compiled}
 
 
-def _reducer_rows(what: str, forms: dict, limit: float, given: list, rounds: int, clock) -> Iterator[Row]:
+def _reducer_rows(plan: Plan, what: str, reduce: Callable, plainly: dict, limit: float, given: list):
     """Ways of forming the same reduction: what the note says of their merges is checked first."""
-    # which compiles, too
-    merges = {name: [partition(reduce(p, limit)) for p in given] for name, reduce in forms.items()}
-    timings = interleaved(
-        {
-            name: timed(lambda p, reduce=reduce: reduce(p, limit), *given, clock=clock)
-            for name, reduce in forms.items()
-        },
-        len(given),
-        rounds,
-    )
-    for name in list(forms)[1:]:
-        same = sum(ours == theirs for ours, theirs in zip(merges["ours"], merges[name], strict=True))
+    merges = [partition(reduce(p, limit)[1]) for p in given]  # which compiles, too
+    arguments = [(p, limit) for p in given]
+    for name, form in plainly.items():
+        same = sum(one == partition(form(p, limit)) for one, p in zip(merges, given, strict=True))
         note = f"same merges in {same} of {len(given)}"
-        yield Row(what, timings["ours"], name, timings[name], note)
+        yield compared(plan, what, timed(reduce, arguments), name, timed(form, arguments), note)
 
 
 def _peers(n: int, components: int) -> dict[str, Reduce | None]:
@@ -90,17 +74,16 @@ def _by_nrl_tracker(components: int) -> Reduce:
     return prepared
 
 
-def _peer_row(n: int, components: int, given: list, library: str, reduce: Reduce | None, clock) -> Row:
+def _peer_row(plan: Plan, n: int, components: int, given: list, library: str, reduce: Reduce | None) -> Row:
     what = f"Runnalls 4-D {n} to {components}, tracker posteriors"
-    alternatives = {"ours": timed(lambda p: runnalls(p, components), *given, clock=clock)}
-    note = "not installed"
-    if reduce:
-        # made anew for each call, which may write into it, and not charged for
-        alternatives[library] = lambda i: timed(reduce(given[i]), clock=clock)(0)
-        same = sum(_alike(runnalls(p, components)[0].w, reduce(p)()) for p in given)
-        note = f"same weights in {same} of {len(given)}"
-    timings = interleaved(alternatives, len(given), 1)
-    return Row(what, timings["ours"], library, timings.get(library), note)
+    if not reduce:
+        return Row(what, library, note="not installed")
+    given = given[: 1 if library == "nrl-tracker" else 2]
+    same = sum(_alike(runnalls(p, components)[0].w, reduce(p)()) for p in given)
+    # made anew for each call, which may write into it
+    theirs = timed(lambda call: call(), [(p,) for p in given], prepare=lambda p: (reduce(p),))
+    ours = timed(runnalls, [(p, components) for p in given])
+    return compared(plan, what, ours, library, theirs, f"same weights in {same} of {len(given)}")
 
 
 def _alike(w: np.ndarray, theirs: list[float]) -> bool:

@@ -4,9 +4,10 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
+from resource import RUSAGE_CHILDREN, getrusage
 from tempfile import TemporaryDirectory
 
-from timing import Plan, Row, Timing, interleaved, summary, timed
+from timing import Plan, Row, compared, timed
 
 COMMAND = (sys.executable, "-c", "from gmr_gym.cli import main; main()")
 IMPORT = (sys.executable, "-c", "import gmr_gym")
@@ -34,35 +35,37 @@ sys.exit(os.waitstatus_to_exitcode(status))
 
 
 def start_rows(plan: Plan) -> Iterator[Row]:
-    rounds = 1 if plan.quick else 5
-    timings = interleaved(
-        {
-            "list": timed(lambda: _output(*COMMAND, "list")),
-            "import": timed(lambda: _output(*IMPORT)),
-            "needed": timed(lambda: _output(*NEEDED)),
-        },
-        1,
-        rounds,
+    listing, imported, needed = (
+        timed(lambda command=command: _output(*command), clock=children)
+        for command in ((*COMMAND, "list"), IMPORT, NEEDED)
     )
-    needed = "import gymnasium, numba, scipy.stats"
-    yield Row("import gmr_gym, process included", timings["import"], needed, timings["needed"])
-    yield Row("gmr-gym list", timings["list"], "import gmr_gym", timings["import"])
-    compiling, compiled = [], []
-    for _ in range(1 if plan.quick else 3):
+    what = "import gmr_gym, process included"
+    yield compared(plan, what, imported, "import gymnasium, numba, scipy.stats", needed)
+    yield compared(plan, "gmr-gym list", listing, "import gmr_gym", imported)
+    if plan.everything:
         with TemporaryDirectory() as cache:
-            compiling.append(_first_scans(cache))
-            compiled.append(_first_scans(cache))
-    what = "first ten scans of an MHT, nothing compiled, processor time"
-    yield Row(what, summary([compiling]), "compiled before, read from disk", summary([compiled]))
+            yield compared(
+                plan, "first ten scans of an MHT, compiled before, read from disk",
+                lambda: _first_scans(cache), "nothing compiled", _compiling,
+            )  # fmt: skip
 
 
 def memory_rows(plan: Plan) -> Iterator[Row]:
-    runs = 20 if plan.quick else 100
     with TemporaryDirectory() as out:
-        table = f"reproduce dortenzio --table 1 --jobs 1 --runs {runs} --out".split()
-        most = peak(*COMMAND, *table, out)
-    what = f"peak memory, Table 1 of D'Ortenzio, {runs} runs"
-    yield Row(what, most, "import gmr_gym", peak(*IMPORT), unit="MB")
+        table = "reproduce dortenzio --table 1 --jobs 1 --runs 20 --out".split()
+        most, least = (lambda: peak(*COMMAND, *table, out)), (lambda: peak(*IMPORT))
+        what = "peak memory, Table 1 of D'Ortenzio, 20 runs"
+        yield compared(plan, what, most, "import gmr_gym", least, unit="MB")
+
+
+def children() -> float:
+    """Processor time of the processes that have ended, s."""
+    return sum(getrusage(RUSAGE_CHILDREN)[:2])
+
+
+def _compiling() -> float:
+    with TemporaryDirectory() as cache:
+        return _first_scans(cache)
 
 
 def _first_scans(cache: str) -> float:
@@ -70,10 +73,9 @@ def _first_scans(cache: str) -> float:
     return float(_output(sys.executable, "-c", FIRST_SCANS, env=environment))
 
 
-def peak(*command: str) -> Timing:
+def peak(*command: str) -> float:
     """Peak memory of a command, MB."""
-    megabytes = float(_output(sys.executable, "-c", PEAK, *command)) / 1024  # ru_maxrss is in kB on Linux
-    return Timing(megabytes, megabytes)
+    return float(_output(sys.executable, "-c", PEAK, *command)) / 1024  # ru_maxrss is in kB on Linux
 
 
 def _output(*command: str, env: Mapping[str, str] | None = None) -> str:

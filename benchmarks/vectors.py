@@ -1,23 +1,18 @@
 """Rows on many episodes at once, and on thresholds set by a network."""
 
 from collections.abc import Iterator
-from importlib.util import find_spec
+from time import perf_counter
 
 import gymnasium as gym
 import numpy as np
 from problems import scans
-from rows import MISSING, STONE_SOUP_SCANS, Tracked
-from timing import Plan, Row, Stopwatch, interleaved, timed
+from rows import MISSING, STONE_SOUP_SCANS, estimated, mean_and_number, stone_soup, tracked
+from timing import Plan, Row, Stopwatch, compared, timed
 
 from gmr_gym.envs.registry import TUNING
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.simulation.single_target import draw
-
-if find_spec("stonesoup"):
-    import stone_soup
-else:
-    stone_soup = None
 
 WIDE, TUNED = 1024, 32  # environments side by side
 STEPS = 50  # of Stone Soup's in a turn
@@ -41,18 +36,19 @@ def _tracking_rows(plan: Plan) -> Iterator[Row]:
             env.step(x)
 
     # threads are what this row is about: it is timed by the clock
-    alternatives = {
-        "ours": side_by_side(WIDE),
-        "single": _each(timed(single), len(truth)),
-    }
+    ours, theirs = (
+        side_by_side(WIDE),
+        {"of a single one": timed(single, parts=len(truth), clock=perf_counter)},
+    )
     if stone_soup:
-        alternatives["Stone Soup"] = _each(timed(lambda: stone_soup.simulated(scenario, STEPS)), STEPS)
-    timings = interleaved(alternatives, 1, 3 if plan.quick else 10)
+        simulated = timed(lambda: stone_soup.simulated(scenario, STEPS), parts=STEPS, clock=perf_counter)
+        theirs[STONE_SOUP_SCANS] = simulated
     what = f"a scan of one of {WIDE} environments side by side, scored, by the clock"
-    ours = timings["ours"]
-    note = f"scans a second: {1 / ours.median:,.0f} ({1 / ours.best:,.0f})"
-    yield Row(what, ours, "of a single one", timings["single"], note)
-    yield Row(what, ours, STONE_SOUP_SCANS, timings.get("Stone Soup"), note if stone_soup else MISSING)
+    for name, watch in theirs.items():
+        row = compared(plan, what, ours, name, watch)
+        yield row._replace(note=f"scans a second: {1 / row.ours:,.0f}")
+    if not stone_soup:
+        yield Row(what, STONE_SOUP_SCANS, note=MISSING)
 
 
 def side_by_side(n: int) -> Stopwatch:
@@ -68,7 +64,7 @@ def side_by_side(n: int) -> Stopwatch:
 
     envs.reset(seed=0)
     episodes()  # compiles
-    return _each(timed(episodes), len(truth) * n)
+    return timed(episodes, parts=len(truth) * n, clock=perf_counter)
 
 
 def _tuning_rows(plan: Plan) -> Iterator[Row]:
@@ -97,32 +93,17 @@ def _tuning_rows(plan: Plan) -> Iterator[Row]:
 
     many()
     steps = single()  # both compile
-    alternatives = {"ours": _each(timed(many), steps), "single": _each(timed(single), steps)}
-    timings = interleaved(alternatives, 1, 3 if plan.quick else 20)
-    note = f"steps a second: {1 / timings['ours'].median:,.0f}"
+    ours, theirs = (timed(play, parts=steps, clock=perf_counter) for play in (many, single))
     what = f"a step of one of {TUNED} ReductionTuning side by side, by the clock"
-    yield Row(what, timings["ours"], "of a single one", timings["single"], note)
+    row = compared(plan, what, ours, "of a single one", theirs)
+    yield row._replace(note=f"steps a second: {1 / row.ours:,.0f}")
 
 
 def _learned_rows(plan: Plan) -> Iterator[Row]:
-    scenario, count = turning_target(clutter_rate=150.0), 30 if plan.quick else 100
-    seen = [scans(scenario, seed, count) for seed in range(2)]
-    names = ("learned-thresholds", "adaptive")
-    trackers = {
-        name: Tracked(make_tracker(name, scenario.model), seen, _estimate, plan.clock) for name in names
-    }
-    timings = interleaved(trackers, len(seen), 1 if plan.quick else 3)
-    kept = [f"{np.mean(list(tracker.kept.values())):.1f}" for tracker in trackers.values()]
-    yield Row(
-        "scan, learned-thresholds, clutter 150", timings[names[0]], "adaptive", timings[names[1]],
-        f"hypotheses kept: {kept[0]}, theirs {kept[1]}",
-    )  # fmt: skip
-
-
-def _estimate(belief) -> tuple[np.ndarray, int]:
-    p = getattr(belief, "mixture", belief)
-    return p.w @ p.m, len(p.w)
-
-
-def _each(stopwatch: Stopwatch, parts: int) -> Stopwatch:
-    return lambda i: stopwatch(i) / parts
+    scenario = turning_target(clutter_rate=150.0)
+    seen = scans(scenario, 0, 100)
+    learned, adaptive = (make_tracker(name, scenario.model) for name in ("learned-thresholds", "adaptive"))
+    kept = [f"{estimated(tracker, seen, mean_and_number)[1]:.1f}" for tracker in (learned, adaptive)]
+    note = f"hypotheses kept: {kept[0]}, theirs {kept[1]}"
+    watches = tracked(learned, seen), tracked(adaptive, seen)
+    yield compared(plan, "scan, learned-thresholds, clutter 150", watches[0], "adaptive", watches[1], note)
