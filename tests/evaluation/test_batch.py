@@ -120,7 +120,11 @@ def test_worlds_are_such_that_every_branch_is_taken():
 
 def test_runs_of_a_block_are_the_same_on_two_workers_together_as_on_one_alone(monkeypatch):
     world = turning_target(horizon=3, clutter_rate=20)
-    trackers = {"mht": runnalls(world.model, 5), "alone": make_tracker("nearest-neighbour", world.model)}
+    trackers = {
+        "mht": runnalls(world.model, 5),
+        "imm": imm(world.model),
+        "alone": make_tracker("nearest-neighbour", world.model),
+    }
     two = run(world, trackers, BATCH_FROM, seed=3, jobs=2)
     monkeypatch.setattr(montecarlo, "BATCH_FROM", BATCH_FROM + 1)
     one = run(world, trackers, BATCH_FROM, seed=3)
