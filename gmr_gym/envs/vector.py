@@ -29,7 +29,7 @@ from gmr_gym.simulation.single_target import (
 )
 
 SHARE = 32  # environments from which another thread pays off
-LEAST, SHARES = 128, 4  # environments that a thread takes at once, but not more than so many times
+LEAST, SHARES = 256, 4  # environments that a thread takes at once, but not more than so many times
 SEEDS = 16  # drawn at a time
 UNDRAWN = "vector environments are not rendered; make a single one to render"
 
@@ -45,8 +45,8 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
     `autoreset_mode`: what happens after an episode's end. The next step begins another ("NextStep"); the
     same step does, with the last observation in info["final_obs"] and the last info in info["final_info"]
     ("SameStep"); or it waits for `reset(options={"reset_mask": ...})` ("Disabled").
-    `copy`: whether every step makes new arrays; if not, the next one overwrites the observation and
-    info["origin"], or only what has changed of them: do not write to them.
+    `copy`: whether every step hands out arrays of its own, in memory that nobody else holds; if not, the next
+    one overwrites the observation and info["origin"]: do not write to them.
     `threads`: number of threads that make scans; by default numba's, `NUMBA_NUM_THREADS` or one per core.
     `render_mode`: only None.
     """
