@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from panels import PANELS, Panel
 from table import markdown
 from threadpoolctl import threadpool_limits
@@ -149,6 +150,10 @@ def drawing(curves: Sequence[Curve], limits: Sequence[Curve]) -> Figure:
                 if c.panel == panel.x and np.isfinite(getattr(c, field)).any():
                     ax.plot(c.x, getattr(c, field), "--", label=c.name)
             ax.set(xlabel=panel.x, ylabel=label, xscale="log", yscale="log")
+            ax.yaxis.set_minor_formatter(NullFormatter())
+            if panel.points[-1] < 10 * panel.points[0]:  # within which a logarithmic scale labels too much
+                ax.set_xticks(panel.points, [f"{x}" for x in panel.points])
+                ax.set_xticks([], minor=True)
             ax.grid(alpha=0.3)
             ax.legend(fontsize="small")
     return figure
