@@ -56,9 +56,9 @@ def ratio(row: Record) -> str:
     """The ratio and its interval, or of how few pairs it is."""
     if row["ratio"] is None:
         return "-"
-    few = row["low"] is None
-    interval = f"{row['pairs']} pairs" if few else f"{row['low']:.3g} to {row['high']:.3g}"
-    return f"{row['ratio']:.3g} ({interval})"
+    if row["low"] is None:
+        return f"{row['ratio']:.3g} ({row['pairs']} pair{'s' * (row['pairs'] > 1)})"
+    return f"{row['ratio']:.3g} ({row['low']:.3g} to {row['high']:.3g})"
 
 
 def _judged(one: Record) -> Iterator[tuple[tuple, Record]]:

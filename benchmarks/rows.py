@@ -23,7 +23,7 @@ else:
 MISSING = "stonesoup is not installed"
 # weight and density below which we prune; scans; squared distances below which Stone Soup merges, its
 # tutorial's and one at which it keeps about as many as we do
-CUTS = (("pruned", 5e-4, 1e-10, 30, (5.0, 0.1)), ("unpruned", 0.0, 0.0, 8, (5.0,)))
+CUTS = (("pruned", 5e-4, 1e-10, 30, (5.0, 0.1)), ("unpruned", 0.0, 0.0, 20, (5.0,)))
 STONE_SOUP_SCANS = "Stone Soup's simulator, scans alone"
 
 
