@@ -101,10 +101,8 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
         self._scans_off = np.zeros(num_envs, int)
         self._drawn: list[Any] = [None] * num_envs  # whole episodes, where the sensor is not linear
         self._ended = np.zeros(num_envs, bool)  # and not reset yet
-        emitted = blank((num_envs, *self._single.shape))
-        self._buffers = [Buffers(part) for part in emitted]
-        self._emitted = None if self.copy else emitted
-        self._priors: Any = None
+        self._buffers = [Buffers(part) for part in blank((num_envs, *self._single.shape))]
+        self._emitted: Any = None  # arrays that the next step may overwrite
 
     def reset(
         self,
@@ -241,16 +239,17 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
     def _emit(self, wanted: np.ndarray):
         """Observations of all environments, and infos of those in the mask `wanted`."""
         n, now = self.num_envs, self._running
-        emitted = self._emitted or tuple(buffer.take() for buffer in self._buffers)
-        if self.copy or self._priors is None:
+        if self.copy or self._emitted is None:
+            self._emitted = None  # let go, so that they may be taken again
+            self._emitted = tuple(buffer.take() for buffer in self._buffers)
             self._priors = [np.tile(part, (n, 1)) for part in self._single.prior]
-        z, mask, origin = emitted
+        z, mask, origin = self._emitted
         shown = now.t < self.scenario.horizon
-        if self._linear:
-            given = emitted, self._scene, now, self._estimates
+        if self._linear:  # threads share the environments
+            given = self._emitted, self._scene, now, self._estimates
             together(scans_into, [(*share, *given) for share in self._shares], self._threads)
         else:
-            self._scans_in_turn(emitted, shown)
+            self._scans_in_turn(shown)
         mean, covariance = self._priors
         observation = {
             "scan": z,
@@ -272,9 +271,9 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
             "_truth": wanted, "_mode": wanted.copy(), "_origin": wanted.copy(),
         }  # fmt: skip
 
-    def _scans_in_turn(self, emitted: tuple[np.ndarray, ...], shown: np.ndarray) -> None:
+    def _scans_in_turn(self, shown: np.ndarray) -> None:
         """The scans of a sensor that is not linear."""
-        (z, mask, origin), view = emitted, self._scene.field_of_view
+        (z, mask, origin), view = self._emitted, self._scene.field_of_view
         for i in range(self.num_envs):
             k, place = 0, -1
             if shown[i]:

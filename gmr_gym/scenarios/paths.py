@@ -102,6 +102,6 @@ def moving_by_model(assumed: Model, mode: np.ndarray, rng: np.random.Generator) 
 
 
 def _factor(Q: np.ndarray) -> np.ndarray:
-    """A (d, d) with A A' = Q, which may be singular; by it numpy draws, with the method "eigh"."""
+    """A (d, d) with A A' = Q, which may be singular: the one of numpy's method "eigh"."""
     values, vectors = np.linalg.eigh(Q)
     return vectors * np.sqrt(np.abs(values))
