@@ -118,7 +118,7 @@ def _all_costs(w, m, P):
 def _fastest(call: Callable[[], object]) -> float:
     call()  # compiles, and touches every page
     watch = timed(call)
-    return min(watch() for _ in range(10))
+    return min(watch() for _ in range(30))
 
 
 def bytes_limit(numbers: float) -> Limit:

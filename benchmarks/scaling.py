@@ -21,7 +21,7 @@ from timing import timed
 from gmr_gym.experiments.output import write_rows
 
 ENOUGH = 0.2  # s of repeats
-LONGEST = 12.0  # s, a curve ends before a point that would take longer
+LONGEST = 20.0  # s, a curve ends before a point that would take longer
 ALLOCATOR = ctypes.CDLL(None)
 LEAST = 0.1  # MB that a page or two more or less leave as it is
 
@@ -107,7 +107,7 @@ def _resident(what: str) -> int:
 
 def exponent(x: np.ndarray, y: np.ndarray) -> float:
     """Of the power of x that fits y in the upper half of the range of x, in logarithms."""
-    upper = (x >= np.sqrt(x[0] * x[-1])) & (y > 0)
+    upper = (x > 0.99 * np.sqrt(x[0] * x[-1])) & (y > 0)
     return float(np.polyfit(np.log(x[upper]), np.log(y[upper]), 1)[0]) if upper.sum() > 1 else np.nan
 
 
