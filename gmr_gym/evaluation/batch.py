@@ -67,7 +67,7 @@ def run_batch(
         np.empty((runs, T)), np.empty((runs, T)), np.empty((runs, T), bool), np.empty((runs, T, r)),
     )  # fmt: skip
     _loop(scan)(
-        scene_of(scenario), scenario.centre(prior.w @ prior.m), drawn, told, belief, watched, own,
+        scene_of(scenario), scenario.centre(prior.w @ prior.m), drawn, (told, belief), watched, own,
         unit_ball(drawn.z.shape[2]), out,
     )  # fmt: skip
     return x, *out
@@ -89,14 +89,16 @@ def _loop(scan: Callable) -> Callable:
 
     It is the loop of `gmr_gym.evaluation.loop` and the scoring of `montecarlo.run_once`, over the scans of
     all runs. `episodes` is an Episode of arrays over runs, and the first window of each is centred at `start`
-    (p,). `watched` (runs, T, p) is the point the loss rule looks for; where it is the target's own detection
-    (`own`), a scan without one counts as off target.
+    (p,). `tracker` is what the scan is told and the first belief. `watched` (runs, T, p) is the point the
+    loss rule looks for; where it is the target's own detection (`own`), a scan without one counts as off
+    target.
     """
 
     @kernel
-    def play(scene, start, episodes, told, first, watched, own, ball, out):
+    def play(scene, start, episodes, tracker, watched, own, ball, out):
         # element by element: slices take long to compile
         x, P, components, volume, gated, off_target, modes = out
+        told, first = tracker
         runs, T, d = x.shape
         p, buffer = len(start), buffer_for(scene.capacity)
         z, centre = np.empty((scene.capacity, p)), np.empty(p)

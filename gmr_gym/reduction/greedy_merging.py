@@ -59,18 +59,18 @@ def merge_greedily(w, m, P, components, budget):
         np.empty(wide), np.empty(wide), np.empty(n, np.int64), np.empty(n, np.int64),
     )  # fmt: skip
     into = np.arange(n)
-    left = _merge(n, d, columns, near, room, search, into, components, budget)
+    left = _merge(d, columns, near, room, search, into, components, budget)
     if left == 0:
         raise ValueError("components lie too far apart to compute the cost of merging them")
     return _by_component(left, d, columns, search.name, into)
 
 
 @leaf_kernel
-def _merge(n, d, columns, near, room, search, into, components, budget):
+def _merge(d, columns, near, room, search, into, components, budget):
     """The merges of `merge_greedily`: into[i] becomes what i was merged into. Returns the number
     of components that remain, moved to the first columns; 0 where they lie too far apart."""
     w, log_det, means, entries = columns[0], columns[1], columns[2 : 2 + d], columns[2 + d :]
-    table, least, nearest, merged, name, row, costs, listed, _ = search
+    n, (table, least, nearest, merged, name, row, costs, listed, _) = len(into), search
     largest = 0.0
     for i in range(n):
         largest = max(largest, abs(log_det[i]))

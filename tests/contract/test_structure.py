@@ -132,3 +132,10 @@ def test_the_constraints_are_of_all_that_the_tests_need_and_within_every_declare
     for requirement in PINS["declared"](PINS["EXTRAS"]):
         name = canonicalize_name(requirement.name)
         assert name not in pinned or pinned[name] in requirement.specifier, f"{name} {pinned[name]}"
+
+
+def test_no_function_takes_more_than_eight_arguments_by_position():
+    for file in [*LIBRARY, *BASELINES, *(ROOT / "agents").glob("*.py")]:
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef):
+                assert len(node.args.posonlyargs + node.args.args) <= 8, f"{file}: {node.name}"
