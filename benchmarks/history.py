@@ -39,8 +39,8 @@ def append(file: Path, one: Record) -> None:
 
 
 def regressions(now: Record, earlier: Sequence[Record]) -> list[str]:
-    """A line for each ratio more than a tenth below that of the last record of the same row, rival and kind
-    of machine, where the intervals of the two lie apart."""
+    """A line for each ratio whose interval lies more than a tenth below that of the last record of the same
+    row, rival and kind of machine."""
     before: dict[tuple, tuple[str, Record]] = {}
     for one in earlier:
         before |= {key: (one["date"], row) for key, row in _judged(one)}
@@ -48,7 +48,7 @@ def regressions(now: Record, earlier: Sequence[Record]) -> list[str]:
         f"{row['what']}, against {row['against']}: {ratio(row)}, {ratio(was)} on {date}"
         for key, row in _judged(now)
         for date, was in [before.get(key, ("", row))]
-        if row["ratio"] < (1 - SLOWER) * was["ratio"] and row["high"] < was["low"]
+        if row["high"] < (1 - SLOWER) * was["low"]
     ]
 
 
