@@ -1,7 +1,7 @@
 """Draws the tables in `gmr_gym/data/instances/`; `python -m agents.draw_instances` writes them again.
 
-An instance that nobody can follow teaches nothing: one is kept if a tracker that prunes little loses no more
-than seven runs of ten on it.
+An instance that no tracker can follow teaches nothing: one is kept if a tracker that prunes little loses no
+more than seven runs of ten on it.
 """
 
 import csv

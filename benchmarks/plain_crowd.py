@@ -17,7 +17,7 @@ def phd_scan(
     merging: float = 4.0,
     prune: float = 1e-5,
 ) -> Mixture:
-    """The intensity after one scan of the GM-PHD filter, where nobody is born or spawned."""
+    """The intensity after one scan of the GM-PHD filter, without births and spawning."""
     (F, Q, offset), (H, R) = told.motion, told.sensor
     w, m, P = told.survival_probability * p.w, p.m @ F.T + offset, F @ p.P @ F.T + Q
     S = H @ P @ H.T + R

@@ -147,7 +147,7 @@ def reduction(components: int):
 
 
 class Phd:
-    """The Gaussian-mixture PHD filter as in its tutorial, where nobody is born. The intensity is a list of
+    """The Gaussian-mixture PHD filter as in its tutorial, without births. The intensity is a list of
     components."""
 
     def __init__(self, told: MultiTargetModel, components: int, gate: float, merging=4.0, prune_weight=1e-5):

@@ -10,7 +10,7 @@ KEPT = 4  # arrays, those handed out last: who steps holds an observation or two
 
 
 class Buffers:
-    """Arrays like an example. The memory of one is used again once nobody holds it.
+    """Arrays like an example. The memory of one is used again once no reference to it is left.
 
     Parameters
     ----------

@@ -45,8 +45,8 @@ class TrackingVectorEnv(gym.vector.VectorEnv):
     `autoreset_mode`: what happens after an episode's end. The next step begins another ("NextStep"); the
     same step does, with the last observation in info["final_obs"] and the last info in info["final_info"]
     ("SameStep"); or it waits for `reset(options={"reset_mask": ...})` ("Disabled").
-    `copy`: whether every step hands out arrays of its own, in memory that nobody else holds; if not, the next
-    one overwrites the observation and info["origin"]: do not write to them.
+    `copy`: whether every step hands out arrays of its own; if not, the next one overwrites the observation
+    and info["origin"]: do not write to them.
     `threads`: number of threads that make scans; by default numba's, `NUMBA_NUM_THREADS` or one per core.
     `render_mode`: only None.
     """
