@@ -1,11 +1,8 @@
 """How kernels are compiled: numba with a cache on disk, which processes fill together."""
 
-import atexit
 import gc
 import multiprocessing
 import os
-import subprocess
-import sys
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -19,6 +16,8 @@ from filelock import BaseFileLock, FileLock, Timeout
 from numba import config, njit
 from numba.core.caching import FunctionCache
 from numba.core.sigutils import normalize_signature
+
+from gmr_gym.first_calls import Compiler, PlainFirst
 
 # Arguments for kernels: numba compiles a kernel once more for an integer literal. A kernel goes through LLVM
 # again, with all that it calls, in every kernel that calls it; so intermediate kernels are inlined where that
@@ -60,6 +59,22 @@ class KernelCache(FunctionCache):
             self.flush()  # otherwise the new code could not be saved either
             return None
 
+    def stamp(self) -> tuple[int, int] | None:
+        """Time and size of the list of what is saved for the function; None if there is none."""
+        try:
+            file = os.stat(self._cache_file._index_path)
+        except OSError:
+            return None
+        return file.st_mtime_ns, file.st_size
+
+    def has_saved(self, signature: Any, target_context: Any) -> bool:
+        """Whether compiled code for the signature is saved."""
+        key = self._index_key(normalize_signature(signature)[0], target_context.codegen())
+        try:
+            return key in self._cache_file._load_index()
+        except Exception:  # unpickling may raise anything
+            return False
+
     def _claim(self) -> bool:
         """Whether this process alone may compile the kernel now; False where no files can be locked."""
         try:
@@ -94,18 +109,21 @@ class KernelCache(FunctionCache):
             warn_uncached()
 
 
-def kernel(function: Callable | None = None, **options) -> Any:
+def kernel(function: Callable | None = None, plain_first: bool = False, **options) -> Any:
     """Compiles a function when it is first called, and saves the code on disk where that is possible.
 
-    A decorator: `@kernel`, or with options of numba's, `@kernel(inline="always")`.
+    A decorator: `@kernel`, or with options of numba's, `@kernel(inline="always")`. With `plain_first` it is
+    compiled in another process, and called in plain Python meanwhile.
     """
     if function is None:
-        return partial(kernel, **options)
+        return partial(kernel, plain_first=plain_first, **options)
     compiled = njit(**{**OPTIONS, **options})(function)
     if not config.DISABLE_JIT:  # type: ignore[attr-defined]
         try:
             compiled._cache = KernelCache(function)
             compiled.compile = partial(_compile, compiled.compile, compiled._cache)
+            if plain_first:
+                compiled._compile_for_args = PlainFirst(compiled)
         except (RuntimeError, OSError):  # no writable folder
             warn_uncached()
     return compiled
@@ -158,32 +176,7 @@ def compile_ahead(compiled: Any, signature: str) -> None:
     cache = getattr(compiled, "_cache", None)  # under NUMBA_DISABLE_JIT a plain function, without one
     if not isinstance(cache, KernelCache) or os.path.exists(cache._cache_file._index_path):
         return
-    if not _has_room_beside():
-        return
-    function = compiled.py_func
-    code = f"from {function.__module__} import {function.__name__} as k; k.compile({signature!r})"
-    folders = [entry for entry in sys.path if isinstance(entry, str)]  # Python ignores others
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}
-    quiet = subprocess.DEVNULL
-    try:
-        child = subprocess.Popen(  # -P: modules of the current folder only if the caller would import them
-            [sys.executable, "-P", "-c", code], env=environment, stdin=quiet, stdout=quiet, stderr=quiet
-        )
-    except OSError:  # no more processes: the kernel is compiled when it is called
-        return
-    atexit.register(_stop, child)
-
-
-def _has_room_beside() -> bool:
-    """Whether another Python can be started beside this one, and helps: not by a worker, on a single core, or
-    by a program with Python inside, which would start itself again."""
-    is_python = os.path.basename(sys.executable or "").lower().startswith("python")
-    return is_python and (os.cpu_count() or 1) > 1 and multiprocessing.parent_process() is None
-
-
-def _stop(child: subprocess.Popen) -> None:
-    child.kill()
-    child.wait()
+    Compiler().request(compiled.py_func, signature)
 
 
 def together(call: Callable[..., object], shares: Sequence[tuple], threads: int) -> None:

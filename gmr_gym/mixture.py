@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.checks import doubles, refuse_unsound, sound
+from gmr_gym.first_calls import for_few_calls
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, log_gaussian_scale, mahalanobis_squared, pairwise_sum
 
@@ -57,7 +58,7 @@ def mixture(w, m, P) -> Mixture:
     w, m, P = (doubles(name, a).copy() for name, a in (("w", w), ("m", m), ("P", P)))
     if w.ndim != 1 or len(w) == 0:
         raise ValueError(f"w must have shape (n,) with n >= 1, got {w.shape}")
-    p = checked(Mixture(w, m, P), at="")
+    p = checked(Mixture(w, m, P), at="", often=False)
     if not w.sum() > 0:
         raise ValueError("w must be finite and non-negative with a positive sum")
     return p
@@ -81,7 +82,7 @@ def gaussian(m, P) -> Mixture:
     return mixture([1.0], [m], [P])
 
 
-def checked(p: Mixture, at: str = "p.") -> Mixture:
+def checked(p: Mixture, at: str = "p.", often: bool = True) -> Mixture:
     """The mixture, validated, in arrays that kernels take.
 
     It may have no component, and components of weight zero. It is returned as it is where its arrays are
@@ -92,6 +93,8 @@ def checked(p: Mixture, at: str = "p.") -> Mixture:
     p : Mixture
     at : str
         Prefix of the names w, m and P in error messages.
+    often : bool
+        False where most programs come once, and need not wait for the compiler.
 
     Raises
     ------
@@ -101,7 +104,7 @@ def checked(p: Mixture, at: str = "p.") -> Mixture:
         definite.
     """
     w, m, P = arrays_of(p, at)
-    if not sound(w, m, P):
+    if not (sound if often else _sound_once)(w, m, P):
         refuse_unsound(at, w, m, P)
     return p if type(p) is Mixture and w is p.w and m is p.m and P is p.P else Mixture(w, m, P)
 
@@ -177,7 +180,7 @@ def moments(p: Mixture) -> tuple[np.ndarray, np.ndarray]:
     >>> mean.tolist(), covariance.tolist()
     ([3.0], [[4.0]])
     """
-    return mean_and_covariance(checked(p))
+    return mean_and_covariance(checked(p, often=False), often=False)
 
 
 def collapsed(p: Mixture) -> Mixture:
@@ -198,11 +201,11 @@ def match_all(p: Mixture) -> Mixture:
     return Mixture(np.array([p.w.sum()]), mean[None], covariance[None])
 
 
-def mean_and_covariance(p: Mixture) -> tuple[np.ndarray, np.ndarray]:
-    """`moments` without checks, for a mixture already checked."""
+def mean_and_covariance(p: Mixture, often: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    """`moments` without checks, for a mixture already checked; `often` as in `checked`."""
     if len(p.w) == 0:
         raise ValueError("p has no component, so it has no moments")
-    _, m, P = match(*p, np.zeros(len(p.w), np.int64), 1)
+    _, m, P = (match if often else _match_once)(*p, np.zeros(len(p.w), np.int64), 1)
     return m[0], P[0]
 
 
@@ -321,6 +324,9 @@ def match(w, m, P, group, count):
             for c in range(r):
                 P_out[g, c, r] = P_out[g, r, c]
     return w_out, m_out, P_out
+
+
+_sound_once, _match_once = for_few_calls(sound), for_few_calls(match)
 
 
 @kernel(inline="always")

@@ -12,6 +12,7 @@ from gmr_gym.evaluation.batch import can_batch, run_batch
 from gmr_gym.evaluation.montecarlo import run_once
 from gmr_gym.evaluation.workers import check_workers, results
 from gmr_gym.experiments.specs import scenario_of, tracker_of
+from gmr_gym.first_calls import compiled_at_once
 from gmr_gym.simulation.single_target import draw
 
 SCANS = 3  # from the second on there are several hypotheses
@@ -57,8 +58,9 @@ def warm(
                 fits, calls[env_id, name] = True, (_play, env_id, name)
         if name in trackers and not fits:
             raise ValueError(f"tracker {name!r} fits none of {', '.join(env_ids)}: {reason}")
-    for done, _ in enumerate(results(calls, jobs), start=1):
-        tell(done, len(calls))
+    with compiled_at_once():
+        for done, _ in enumerate(results(calls, jobs), start=1):
+            tell(done, len(calls))
     return len(calls) - len(env_ids)
 
 

@@ -86,7 +86,7 @@ def points_into(z, low, high, centre, key, stream, at, buffer):
                 flat[p * i + c + 1] = start + side * uniform(np.uint64(w2[i]), np.uint64(w3[i]))
 
 
-@kernel
+@kernel(plain_first=True)
 def buffer_for(n):
     """Buffer for the words of n points, which `points_into` writes to; it may be used again."""
     return np.empty((4, n + LANES), np.uint32)

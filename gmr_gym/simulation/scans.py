@@ -59,7 +59,7 @@ class TargetDetection(NamedTuple):
     slot: float  # in [0, 1): decides its place among the clutter
 
 
-@kernel
+@kernel(plain_first=True)
 def measure_all(z, key, R):
     """Adds measurement noise of covariance R (p, p), drawn by the key (2,), to the measurements z (T, p).
 
@@ -93,7 +93,7 @@ def factor(R):
     return L
 
 
-@kernel
+@kernel(plain_first=True)
 def scan_into(z, view, key, t, centre, target, detected, slot):
     """Writes the k detections of scan t to the first rows of z (capacity, p), for a linear sensor.
 
@@ -168,7 +168,7 @@ def _scans_into(first, last, scratch, emitted, scene, running, estimates):
         label_into(z[i], mask[i], origin[i], k, place)
 
 
-@leaf_kernel
+@leaf_kernel(plain_first=True)
 def label_into(z, mask, origin, k, place):
     """Writes mask and origin (capacity,) of a scan of k detections in the first rows of z (capacity, p).
 
@@ -182,7 +182,7 @@ def label_into(z, mask, origin, k, place):
         origin[place] = 0
 
 
-@leaf_kernel
+@leaf_kernel(plain_first=True)
 def centre_into(centre, window_motion, estimate):
     """Writes the centre (p,) of the next scan's window after the estimate (d,): zeros for an empty motion."""
     F, offset, H = window_motion
@@ -196,7 +196,7 @@ def centre_into(centre, window_motion, estimate):
             centre[c] += H[c, i] * moved
 
 
-@leaf_kernel
+@leaf_kernel(plain_first=True)
 def insert_into(z, k, place, target):
     """Writes the target (p,) to row `place` of the first k rows of z; the row there before becomes the last.
 
@@ -208,7 +208,7 @@ def insert_into(z, k, place, target):
     return k + 1, place
 
 
-@leaf_kernel
+@leaf_kernel(plain_first=True)
 def clutter_into(z, view, key, t, centre, buffer):
     """Writes the clutter of scan t, uniform in the window at centre (p,), to the first rows of z (capacity,
     p).
