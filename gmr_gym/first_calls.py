@@ -136,6 +136,8 @@ def _has_room_beside() -> bool:
 def _stop(process: subprocess.Popen) -> None:
     process.kill()
     process.wait()
+    with suppress(OSError):  # of a request that it did not read
+        process.stdin.close()  # type: ignore[union-attr]
 
 
 def serve(niceness: int) -> None:

@@ -15,7 +15,7 @@ from numba import config
 from numba.core.dispatcher import Dispatcher
 
 import gmr_gym
-from gmr_gym import first_calls
+from gmr_gym import first_calls, kernels
 from gmr_gym.checks import sound
 from gmr_gym.envs.registry import TRACKING
 from gmr_gym.envs.tracking import blank
@@ -127,14 +127,16 @@ def twice(tmp_path, monkeypatch):
     """A kernel that no process has compiled yet, in a module of its own."""
     (tmp_path / "first_kernels.py").write_text(SOURCE)
     monkeypatch.setattr(config, "CACHE_DIR", "")
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)  # for other processes
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(multiprocessing, "parent_process", lambda: None)
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     monkeypatch.setattr(PlainForm, "seconds", 1.0)
     monkeypatch.setattr(first_calls, "_compiler", first_calls.Compiler())
+    kernels.warn_uncached.cache_clear()
     yield import_module("first_kernels").twice
-    del sys.modules["first_kernels"]
+    kernels.warn_uncached.cache_clear()
+    sys.modules.pop("first_kernels")
 
 
 @pytest.fixture
@@ -181,14 +183,14 @@ def test_a_kernel_is_compiled_at_once_where_waiting_would_not_help(twice, monkey
 
 
 def test_plain_calls_end_when_they_have_taken_as_long_as_the_compiler(twice, monkeypatch):
-    monkeypatch.setattr(first_calls._compiler.__class__, "request", lambda *_: True)
-    monkeypatch.setattr(first_calls._compiler.__class__, "is_running", lambda _: True)
+    monkeypatch.setattr(first_calls.Compiler, "request", lambda *_: True)
+    monkeypatch.setattr(first_calls.Compiler, "is_running", lambda _: True)
     assert twice(2) == 6 and not twice.overloads
     monkeypatch.setattr(PlainForm, "seconds", 1e-9)
     assert twice(2) == 6 and twice.overloads
 
 
-def test_the_first_calls_of_a_check_need_no_compiler(twice, monkeypatch):
+def test_the_first_calls_of_a_check_need_no_compiler(twice):
     few = for_few_calls(twice)
     assert few(2) == 6 and not twice.overloads
     with compiled_at_once():
@@ -211,7 +213,33 @@ def test_a_process_that_cannot_save_what_it_compiles_fails(twice, tmp_path, disk
     assert bool(list((tmp_path / "__pycache__").glob("*twice*.nbc"))) == (code == 0)
 
 
-def test_a_process_ends_with_the_one_that_started_it(twice, started, monkeypatch):
+def test_a_process_ends_when_the_one_that_started_it_was_killed(twice, started):
     assert twice(2) == 6
     started[0].stdin.close()
     assert started[0].wait(timeout=30) == 1
+
+
+PROGRAM = """
+from first_kernels import twice
+from gmr_gym.first_calls import _compiler
+print(twice(2), len(twice.overloads), _compiler._process.pid)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signal 0 would end a process there")
+def test_no_process_is_left_when_a_program_ends(twice, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(map(str, sys.path)))
+    command = [sys.executable, "-X", "dev", "-c", PROGRAM]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    *results, process = done.stdout.split()
+    assert results == ["6", "0"] and done.stderr == ""
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(process), 0)
+
+
+def test_a_kernel_that_cannot_be_saved_is_compiled_at_once(twice, tmp_path, monkeypatch):
+    monkeypatch.setattr(kernels, "KernelCache", lambda _: (_ for _ in ()).throw(RuntimeError))
+    monkeypatch.delitem(sys.modules, "first_kernels")
+    with pytest.warns(UserWarning, match="NUMBA_CACHE_DIR"):
+        again = import_module("first_kernels").twice
+    assert again(2) == 6 and len(again.overloads) == 1

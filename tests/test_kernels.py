@@ -249,10 +249,11 @@ def test_no_program_is_started_in_the_place_of_python(folder, monkeypatch, execu
     kernels.compile_ahead(imported(folder).plus, "(i8,)")
 
 
-def test_an_mht_is_made_without_a_compiler():
+def test_an_mht_and_an_environment_need_no_compiler():
     code = (
-        "from gmr_gym import make_tracker; from gmr_gym.scenarios.dortenzio import turning_target; "
-        "print(make_tracker('runnalls-5', turning_target().model).reduce.components)"
+        "import gymnasium; from gmr_gym import make_tracker; "
+        "env = gymnasium.make('gmr_gym/TurningTarget-v0'); env.reset(seed=0); "
+        "print(make_tracker('runnalls-5', env.unwrapped.scenario.model).reduce.components)"
     )
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
