@@ -111,6 +111,7 @@ class Compiler:
         return True
 
     def is_running(self) -> bool:
+        """Whether the process has been started and has not ended."""
         return self._process is not None and self._process.poll() is None
 
     def _start(self) -> None:

@@ -19,6 +19,7 @@ from gmr_gym import first_calls, kernels
 from gmr_gym.checks import sound
 from gmr_gym.envs.registry import TRACKING
 from gmr_gym.envs.tracking import blank
+from gmr_gym.experiments import warming
 from gmr_gym.first_calls import PlainFirst, PlainForm, compiled_at_once, for_few_calls, plain
 from gmr_gym.mixture import match
 from gmr_gym.simulation import scans
@@ -243,3 +244,16 @@ def test_a_kernel_that_cannot_be_saved_is_compiled_at_once(twice, tmp_path, monk
     with pytest.warns(UserWarning, match="NUMBA_CACHE_DIR"):
         again = import_module("first_kernels").twice
     assert again(2) == 6 and len(again.overloads) == 1
+
+
+def test_warming_leaves_nothing_to_another_process(monkeypatch):
+    seconds = []
+
+    def results(calls, jobs):
+        for call in calls:
+            seconds.append(PlainForm.seconds)
+            yield call
+
+    monkeypatch.setattr(warming, "results", results)
+    warming.warm(["gmr_gym/TurningTarget-v0"], ["pda"], 1, lambda done, of: None)
+    assert seconds == [0.0, 0.0] and PlainForm.seconds > 0.0
