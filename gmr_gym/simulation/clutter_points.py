@@ -51,49 +51,67 @@ def scans_of(parts, measured, detected, ranks, rng):
     and of each scan (T + 1,) the first of its detections.
     """
     scans, m, p = measured.shape
-    first, seen = np.zeros(scans + 1, np.int64), np.empty(m, np.int64)
-    z, origin = np.empty((int(parts.w.sum()), p)), np.empty(int(parts.w.sum()), np.int64)
+    first, seen, expected = np.zeros(scans + 1, np.int64), np.empty(m, np.int64), parts.w.sum()
+    room = scans * m + int(expected + 5 * math.sqrt(expected))  # seldom too little
+    z, origin = np.empty((room, p)), np.empty(room, np.int64)
     for t in range(scans):
         false, count, start = false_alarms(parts, t, rng), 0, first[t]
         for i in range(m):
             if detected[t, i] and within(measured[t, i], parts.low[t], parts.high[t]):
                 seen[count] = i
                 count += 1
-        rank = np.empty(count + len(false))
+        end = first[t + 1] = start + count + len(false)
+        z, origin = with_room(z, end), with_room(origin, end)
+        rank = np.empty(end - start)
         for row in range(len(rank)):
             rank[row] = ranks[t, seen[row]] if row < count else rng.random()
-        first[t + 1] = start + len(rank)
-        z, origin = with_room(z, first[t + 1]), with_room(origin, first[t + 1])
-        for place, row in enumerate(np.argsort(rank)):
-            if row < count:
-                z[start + place], origin[start + place] = measured[t, seen[row]], seen[row]
-            else:
-                z[start + place], origin[start + place] = false[row - count], -1
-    return z[: first[scans]], origin[: first[scans]], first
+        order_into(z[start:end], origin[start:end], np.argsort(rank), seen[:count], measured[t], false)
+    return z[:end], origin[:end], first
+
+
+@leaf_kernel
+def order_into(z, origin, order, seen, measured, false):
+    """Writes the measurements of the targets seen and the false alarms (k, p), one after the other, to z
+    (n, p) in the order (n,) given, and their origins (n,)."""
+    for place in range(len(order)):
+        row = order[place] - len(seen)
+        origin[place] = seen[row] if row < 0 else -1
+        for c in range(z.shape[1]):
+            z[place, c] = measured[seen[row], c] if row < 0 else false[row, c]
 
 
 @kernel
 def false_alarms(parts, t, rng):
     """The false alarms (k, p) of scan t: the points of its parts that fall in the box."""
-    p, k = parts.low.shape[1], 0
-    z = np.empty((0, p))
-    for i in range(parts.first[t], parts.first[t + 1]):
-        count, L, centre = rng.poisson(parts.w[i]), parts.L[i], parts.centre[i]
+    here, k = range(parts.first[t], parts.first[t + 1]), 0
+    z = np.empty((int(2 * parts.w[parts.first[t] : parts.first[t + 1]].sum()), parts.low.shape[1]))
+    for i in here:
+        count = rng.poisson(parts.w[i])
         z = with_room(z, k + count)
-        y = np.empty((count, p))
-        for j in range(count):
-            for c in range(p):
-                y[j, c] = rng.random() if parts.kind[i] == UNIFORM else rng.standard_normal()
-        for j in range(count):
-            if parts.kind[i] == ELLIPTIC:
-                scale_to_ball(y[j], rng.random())
-            for r in range(p):
-                total = 0.0
-                for c in range(r + 1):
-                    total += L[r, c] * y[j, c]
-                z[k, r] = centre[r] + total
-            k += within(z[k], parts.low[t], parts.high[t])
+        k += part_into(z[k : k + count], parts, i, t, rng)
     return z[:k]
+
+
+@leaf_kernel
+def part_into(z, parts, i, t, rng):
+    """Writes points of part i to the rows of z (n, p); returns how many are in the box of scan t, which come
+    first.
+    """
+    n, p = z.shape
+    for j in range(n):
+        for c in range(p):
+            z[j, c] = rng.random() if parts.kind[i] == UNIFORM else rng.standard_normal()
+    k = 0
+    for j in range(n):
+        if parts.kind[i] == ELLIPTIC:
+            scale_to_ball(z[j], rng.random())
+        for r in range(p - 1, -1, -1):  # from the last on, as row k may be row j
+            total = 0.0
+            for c in range(r + 1):
+                total += parts.L[i, r, c] * z[j, c]
+            z[k, r] = parts.centre[i, r] + total
+        k += within(z[k], parts.low[t], parts.high[t])
+    return k
 
 
 @leaf_kernel
