@@ -22,7 +22,6 @@ from gmr_gym.kernels import kernel, leaf_kernel, together
 from gmr_gym.points import absent
 from gmr_gym.simulation.multi_target import draw
 from gmr_gym.simulation.scans import label_into
-from gmr_gym.simulation.single_target import capacity
 
 
 class Episodes(NamedTuple):
@@ -66,7 +65,7 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
         self._rule = rule_of(self.scenario.cutoff, self.scenario.order)
         n, scans, m = self.num_envs, self.scenario.horizon, self.scenario.targets
         p, d = self.scenario.sensor.H.shape
-        rows = capacity(float(self.scenario.parts.w.sum())) + scans * m
+        rows = self.scenario.most
         self._episodes = Episodes(
             np.empty((n, scans, m, d)), np.empty((n, rows, p)), np.empty((n, rows), ORIGIN),
             np.zeros((n, scans + 1), int), self._t,
@@ -149,8 +148,9 @@ def score_sets_into(first, last, scores, episodes, actions, passed, position, ru
     targets, m, p = actions.shape[1], episodes.x.shape[2], len(position)
     at, truth, work = np.empty((targets, p)), np.empty((m, p)), workspace(max(targets, m))
     for i in range(first, last):
-        scores[:, i] = 0.0
         if passed[i]:
+            for part in range(len(scores)):
+                scores[part, i] = 0.0
             continue
         j, k = 0, 0
         for row in range(targets):
@@ -173,7 +173,7 @@ def take_into(point, state, position):
     return there
 
 
-@kernel(nogil=True)
+@leaf_kernel
 def show_into(first, last, emitted, episodes):
     """Writes the scans shown of the episodes first, ..., last - 1 to `emitted`, empty past the last scan.
 
@@ -181,11 +181,12 @@ def show_into(first, last, emitted, episodes):
     """
     z, mask, origin = emitted
     for i in range(first, last):
-        k, t = 0, episodes.t[i]
+        k, start, t = 0, 0, episodes.t[i]
         if t < episodes.x.shape[1]:
             start = episodes.first[i, t]
             k = min(episodes.first[i, t + 1] - start, z.shape[1])
-            z[i, :k] = episodes.z[i, start : start + k]
         label_into(z[i], mask[i], origin[i], k, -1)
-        if k:
-            origin[i, :k] = episodes.origin[i, start : start + k]
+        for row in range(k):
+            origin[i, row] = episodes.origin[i, start + row]
+            for c in range(z.shape[2]):
+                z[i, row, c] = episodes.z[i, start + row, c]

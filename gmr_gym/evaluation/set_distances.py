@@ -155,7 +155,9 @@ def assign(few, most, work):
     `linear_sum_assignment` finds.
     """
     dual, match = work.dual, work.match
-    dual[:, :most], match[:, :most] = 0.0, -1
+    for i in range(most):
+        dual[0, i] = dual[1, i] = 0.0
+        match[0, i] = match[1, i] = -1
     for row in range(few):
         sink, length, left = shortest_path(row, most, work)
         dual[0, row] += length

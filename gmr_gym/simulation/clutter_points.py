@@ -9,7 +9,7 @@ import numpy as np
 from gmr_gym.kernels import kernel, leaf_kernel
 from gmr_gym.models.clutter import Clutter
 
-UNIFORM, GAUSSIAN, ELLIPTIC = map(np.int64, range(3))
+KINDS = UNIFORM, GAUSSIAN, ELLIPTIC = 0, 1, 2
 
 
 class Parts(NamedTuple):
@@ -29,67 +29,85 @@ class Parts(NamedTuple):
 
 def parts_of(clutter: Sequence[Clutter]) -> Parts:
     """The parts of the clutter of each scan."""
-    parts: list[tuple] = []
-    first = [0]
-    for one in clutter:
-        parts.append((UNIFORM, one.uniform, one.low, np.diag(one.high - one.low)))
-        for kind, mixture in ((GAUSSIAN, one.gaussians), (ELLIPTIC, one.ellipses)):
-            parts += [(kind, w, m, np.linalg.cholesky(P)) for w, m, P in zip(*mixture, strict=True)]
-        first.append(len(parts))
-    kind, *numbers = (np.array(column) for column in zip(*parts, strict=True))
     low, high = (np.array([getattr(one, side) for one in clutter], float) for side in ("low", "high"))
-    return Parts(low, high, np.array(first), kind, *(one.astype(float) for one in numbers))
+    counts = [(1, len(one.gaussians.w), len(one.ellipses.w)) for one in clutter]
+    boxes = (high - low)[:, :, None] * np.eye(low.shape[1])
+    rows = [
+        (
+            [one.uniform, *one.gaussians.w, *one.ellipses.w],
+            [one.low, *one.gaussians.m, *one.ellipses.m],
+            [box, *np.linalg.cholesky(one.gaussians.P), *np.linalg.cholesky(one.ellipses.P)],
+        )
+        for one, box in zip(clutter, boxes, strict=True)
+    ]
+    w, centre, L = (
+        np.array([row for each in column for row in each], float) for column in zip(*rows, strict=True)
+    )
+    first = np.concatenate(([0], np.cumsum(np.sum(counts, axis=1))))
+    return Parts(low, high, first, np.repeat(np.tile(KINDS, len(clutter)), np.ravel(counts)), w, centre, L)
 
 
 @kernel(nogil=True)
-def scans_of(parts, measured, detected, ranks, rng):
-    """The detections of T scans of m targets, among clutter that the generator draws.
+def scans_into(z, origin, parts, measured, detected, ranks, rng):
+    """Writes the detections of T scans of m targets, among clutter that the generator draws, to z (N, p).
 
     `measured` (T, m, p) are reported where `detected` (T, m) and in the box. Detections are ordered by ranks:
     those of the targets are given (T, m), and the clutter has its own, so that its order does not depend on
-    the targets detected. Returns the detections (N, p), the index of the target of each (N,), -1 for clutter,
-    and of each scan (T + 1,) the first of its detections.
+    the targets detected. `origin` (N,) receives the index of the target of each, -1 for clutter. Returns the
+    first detection of each scan (T + 1,). Clutter for which no room is left is dropped.
     """
     scans, m, p = measured.shape
-    first, seen, expected = np.zeros(scans + 1, np.int64), np.empty(m, np.int64), parts.w.sum()
-    room = scans * m + int(expected + 5 * math.sqrt(expected))  # seldom too little
-    z, origin = np.empty((room, p)), np.empty(room, np.int64)
+    first, seen, false = np.zeros(scans + 1, np.int64), np.empty(m, np.int64), np.empty(z.shape)
+    rank, order = np.empty(len(z)), np.empty(len(z), np.int64)
     for t in range(scans):
-        false, count, start = false_alarms(parts, t, rng), 0, first[t]
+        start, count = first[t], 0
         for i in range(m):
             if detected[t, i] and within(measured[t, i], parts.low[t], parts.high[t]):
                 seen[count] = i
                 count += 1
-        end = first[t + 1] = start + count + len(false)
-        z, origin = with_room(z, end), with_room(origin, end)
-        rank = np.empty(end - start)
-        for row in range(len(rank)):
+        room = len(z) - start - m * (scans - t)  # the targets of all scans to come have theirs
+        n = count + false_alarms_into(false[:room], parts, t, rng)
+        for row in range(n):
             rank[row] = ranks[t, seen[row]] if row < count else rng.random()
-        order_into(z[start:end], origin[start:end], np.argsort(rank), seen[:count], measured[t], false)
-    return z[:end], origin[:end], first
-
-
-@leaf_kernel
-def order_into(z, origin, order, seen, measured, false):
-    """Writes the measurements of the targets seen and the false alarms (k, p), one after the other, to z
-    (n, p) in the order (n,) given, and their origins (n,)."""
-    for place in range(len(order)):
-        row = order[place] - len(seen)
-        origin[place] = seen[row] if row < 0 else -1
-        for c in range(z.shape[1]):
-            z[place, c] = measured[seen[row], c] if row < 0 else false[row, c]
+        order_into(order[:n], rank)
+        for place in range(n):
+            row = order[place]
+            origin[start + place] = seen[row] if row < count else -1
+            for c in range(p):
+                value = measured[t, seen[row], c] if row < count else false[row - count, c]
+                z[start + place, c] = value
+        first[t + 1] = start + n
+    return first
 
 
 @kernel
-def false_alarms(parts, t, rng):
-    """The false alarms (k, p) of scan t: the points of its parts that fall in the box."""
-    here, k = range(parts.first[t], parts.first[t + 1]), 0
-    z = np.empty((int(2 * parts.w[parts.first[t] : parts.first[t + 1]].sum()), parts.low.shape[1]))
-    for i in here:
-        count = rng.poisson(parts.w[i])
-        z = with_room(z, k + count)
+def false_alarms_into(z, parts, t, rng):
+    """Writes the false alarms of scan t, the points of its parts that fall in the box, to the first rows of z
+    (n, p); returns how many.
+
+    Points for which no room is left are dropped.
+    """
+    k = 0
+    for i in range(parts.first[t], parts.first[t + 1]):
+        count = min(rng.poisson(parts.w[i]), len(z) - k)
         k += part_into(z[k : k + count], parts, i, t, rng)
-    return z[:k]
+    return k
+
+
+@leaf_kernel
+def order_into(order, rank):
+    """Writes the rows of the first of the ranks to `order` (n,), the lowest first (Shell 1959)."""
+    gap = len(order)
+    for i in range(gap):
+        order[i] = i
+    while gap > 1:
+        gap = max(1, int(gap / 2.25))
+        for i in range(gap, len(order)):
+            row, j = order[i], i
+            while j >= gap and rank[order[j - gap]] > rank[row]:
+                order[j] = order[j - gap]
+                j -= gap
+            order[j] = row
 
 
 @leaf_kernel
@@ -131,13 +149,3 @@ def within(z, low, high):
         if not (low[c] <= z[c] and z[c] <= high[c]):
             return False
     return True
-
-
-@kernel
-def with_room(z, rows):
-    """z (n, ...), or its rows at the head of a longer array, with room for so many rows."""
-    if rows <= len(z):
-        return z
-    longer = np.empty((2 * rows, *z.shape[1:]), z.dtype)
-    longer[: len(z)] = z
-    return longer

@@ -10,8 +10,8 @@ import numpy as np
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.multi_target import MultiTargetModel
-from gmr_gym.simulation.clutter_points import Parts, false_alarms, parts_of, scans_of
-from gmr_gym.simulation.single_target import Scan, stream
+from gmr_gym.simulation.clutter_points import Parts, false_alarms_into, parts_of, scans_into
+from gmr_gym.simulation.single_target import Scan, capacity, stream
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,13 @@ class MultiTargetScenario:
 
     @cached_property
     def parts(self) -> Parts:
-        """The true clutter of all scans, as `scans_of` draws it."""
+        """The true clutter of all scans, as `scans_into` draws it."""
         return parts_of([self.clutter(t) for t in range(self.horizon)])
+
+    @property
+    def most(self) -> int:
+        """Detections that an array for a whole episode has room for, see `capacity`."""
+        return capacity(float(self.parts.w.sum())) + self.horizon * self.targets
 
 
 class MultiTargetEpisode(NamedTuple):
@@ -94,7 +99,10 @@ def draw(scenario: MultiTargetScenario, seed: int | np.random.SeedSequence) -> M
     measured = scenario.sensor.measure(x) + noise  # nan where a target is absent: in no box
     detected = for_detection.random(shape) < scenario.detection_probability
     ranks = for_detection.random(shape)
-    return MultiTargetEpisode(x, *scans_of(scenario.parts, measured, detected, ranks, for_clutter))
+    z = np.empty((scenario.most, len(R)))
+    origin = np.empty(scenario.most, int)
+    first = scans_into(z, origin, scenario.parts, measured, detected, ranks, for_clutter)
+    return MultiTargetEpisode(x, z[: first[-1]], origin[: first[-1]], first)
 
 
 def scan(episode: MultiTargetEpisode, t: int) -> Scan:
@@ -131,4 +139,5 @@ def draw_clutter(clutter: Clutter, rng: np.random.Generator) -> np.ndarray:
     ndarray (k, p)
         False alarms, m.
     """
-    return false_alarms(parts_of([clutter]), 0, rng)
+    z = np.empty((capacity(clutter.expected), len(clutter.low)))
+    return z[: false_alarms_into(z, parts_of([clutter]), 0, rng)]
