@@ -54,8 +54,7 @@ class EpisodicVectorEnv(gym.vector.VectorEnv):
         self._seeds: list[list[int]] = [[] for _ in range(num_envs)]  # of the streams, the next one last
         self._t = np.full(num_envs, self.scenario.horizon)  # the scan shown, the horizon for none
         self._ended = np.zeros(num_envs, bool)  # and not reset yet
-        shape = self.single_observation_space["scan"].shape
-        self._buffers = [Buffers(part) for part in blank((num_envs, *shape))]
+        self._buffers = [Buffers(part) for part in blank((num_envs, *single.shape))]
         self._emitted: Any = None  # arrays that the next step may overwrite
 
     def reset(
@@ -63,7 +62,7 @@ class EpisodicVectorEnv(gym.vector.VectorEnv):
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ):
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Begin new episodes.
 
         Parameters
@@ -88,7 +87,7 @@ class EpisodicVectorEnv(gym.vector.VectorEnv):
         self._begin(np.flatnonzero(chosen), seeds)
         return self._emit(chosen)
 
-    def step(self, actions):
+    def step(self, actions: Any) -> tuple[dict[str, Any], Any, Any, Any, dict[str, Any]]:
         """Score the estimates of the current scans, and emit the next.
 
         Where an episode has ended, `autoreset_mode` decides.
@@ -129,7 +128,7 @@ class EpisodicVectorEnv(gym.vector.VectorEnv):
             infos |= _with_masks(scores, scored)
         return observation, rewards, terminated, truncated, infos | final
 
-    def render(self):
+    def render(self) -> None:
         """Raises NotImplementedError."""
         raise NotImplementedError(UNDRAWN)
 
@@ -162,7 +161,7 @@ class EpisodicVectorEnv(gym.vector.VectorEnv):
             "final_info": _with_masks(scores, ended.copy()), "_final_info": ended.copy(),
         }  # fmt: skip
 
-    def _checked(self, actions, passed: np.ndarray) -> np.ndarray:
+    def _checked(self, actions: Any, passed: np.ndarray) -> np.ndarray:
         """The actions as floats; ValueError for a wrong shape. A subclass checks their range, except where
         `passed`.
         """

@@ -66,6 +66,7 @@ class MultiTargetEnv(EpisodicEnv):
 
     scenario: MultiTargetScenario
     metric: str
+    shape: tuple[int, int]  # of a scan, padded
 
     def __init__(
         self,
@@ -83,9 +84,10 @@ class MultiTargetEnv(EpisodicEnv):
         self.metric = metric
         p, d = self.scenario.sensor.H.shape
         self._capacity = capacity(self.scenario.busiest) - 1 + self.scenario.targets
+        self.shape = self._capacity, p
         end = (self.scenario.horizon + 1) * self.scenario.period
         self.observation_space = gym.spaces.Dict({
-            "scan": gym.spaces.Box(-EXTENT, EXTENT, (self._capacity, p), np.float64),
+            "scan": gym.spaces.Box(-EXTENT, EXTENT, self.shape, np.float64),
             "mask": gym.spaces.Box(0, 1, (self._capacity,), np.int8),
             "time": gym.spaces.Box(0.0, end, (1,), np.float64),
         })  # fmt: skip
@@ -138,9 +140,12 @@ class MultiTargetEnv(EpisodicEnv):
 
     def nothing_more(self) -> dict[str, np.ndarray]:
         """The observation past the last scan."""
-        shape = self.observation_space["scan"].shape
         end = (self.scenario.horizon + 1) * self.scenario.period
-        return {"scan": np.zeros(shape), "mask": np.zeros(shape[0], np.int8), "time": np.array([end])}
+        return {
+            "scan": np.zeros(self.shape),
+            "mask": np.zeros(self._capacity, np.int8),
+            "time": np.array([end]),
+        }
 
     def _checked(self, action) -> np.ndarray:
         if (hidden := absent(action)) is not None:
@@ -158,12 +163,12 @@ class MultiTargetEnv(EpisodicEnv):
         return MultiTargetCanvas(self.scenario, on_screen)
 
 
-def estimates(rows: np.ndarray, position: Sequence[int]) -> np.ndarray:
+def estimates(rows: np.ndarray, position: Sequence[int] | np.ndarray) -> np.ndarray:
     """Positions (j, p) of the rows of an action (targets, 1 + d) that count as estimates."""
     return rows[rows[:, 0] >= EXISTENCE_THRESHOLD, 1:][:, position]
 
 
-def targets_at(x: np.ndarray, position: Sequence[int]) -> np.ndarray:
+def targets_at(x: np.ndarray, position: Sequence[int] | np.ndarray) -> np.ndarray:
     """Positions (k, p) of the states x (m, d) of the targets that are there."""
     truth = x[:, position]
     return truth[~np.isnan(truth).any(axis=1)]
