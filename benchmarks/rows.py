@@ -109,8 +109,6 @@ def environment_rows(plan: Plan) -> Iterator[Row]:
 
 
 def worker_rows(plan: Plan) -> Iterator[Row]:
-    if not plan.everything:
-        return
     scenario = turning_target()
     trackers = {"runnalls-30": make_tracker("runnalls-30", scenario.model)}
     runs = 400  # fewer than those that are played by compiled calls, block by block

@@ -1,7 +1,7 @@
 """Rows on many episodes at once, and on thresholds set by a network."""
 
 from collections.abc import Iterator
-from time import perf_counter
+from time import perf_counter, process_time
 
 import gymnasium as gym
 import numpy as np
@@ -12,15 +12,18 @@ from timing import Plan, Row, Stopwatch, compared, timed
 from gmr_gym.envs.registry import TUNING
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.dortenzio import turning_target
+from gmr_gym.simulation import multi_target
 from gmr_gym.simulation.single_target import draw
 
-WIDE, TUNED = 1024, 32  # environments side by side
+WIDE, MANY, TUNED = (1024, 4096), 64, 32  # environments side by side
+CLUTTER = "gmr_gym/UnknownClutter-v0"
 STEPS = 50  # of Stone Soup's in a turn
 VECTOR = {"vectorization_mode": "vector_entry_point"}
 
 
 def vector_rows(plan: Plan) -> Iterator[Row]:
     yield from _tracking_rows(plan)
+    yield from _multi_target_rows(plan)
     yield from _tuning_rows(plan)
     yield from _learned_rows(plan)
 
@@ -35,20 +38,18 @@ def _tracking_rows(plan: Plan) -> Iterator[Row]:
         for x in truth:
             env.step(x)
 
-    # threads are what this row is about: it is timed by the clock
-    ours, theirs = (
-        side_by_side(WIDE),
-        {"of a single one": timed(single, parts=len(truth), clock=perf_counter)},
-    )
+    # threads are what these rows are about: they are timed by the clock
+    alone = timed(single, parts=len(truth), clock=perf_counter)
+    rivals = [(n, "of a single one", alone) for n in WIDE]
     if stone_soup:
         simulated = timed(lambda: stone_soup.simulated(scenario, STEPS), parts=STEPS, clock=perf_counter)
-        theirs[STONE_SOUP_SCANS] = simulated
-    what = f"a scan of one of {WIDE} environments side by side, scored, by the clock"
-    for name, watch in theirs.items():
-        row = compared(plan, what, ours, name, watch)
+        rivals.append((WIDE[0], STONE_SOUP_SCANS, simulated))
+    what = "a scan of one of {} environments side by side, scored, by the clock"
+    for n, name, watch in rivals:
+        row = compared(plan, what.format(n), side_by_side(n), name, watch)
         yield row._replace(note=f"scans a second: {1 / row.ours:,.0f}")
     if not stone_soup:
-        yield Row(what, STONE_SOUP_SCANS, note=MISSING)
+        yield Row(what.format(WIDE[0]), STONE_SOUP_SCANS, note=MISSING)
 
 
 def side_by_side(n: int) -> Stopwatch:
@@ -65,6 +66,32 @@ def side_by_side(n: int) -> Stopwatch:
     envs.reset(seed=0)
     episodes()  # compiles
     return timed(episodes, parts=len(truth) * n, clock=perf_counter)
+
+
+def _multi_target_rows(plan: Plan) -> Iterator[Row]:
+    env = gym.make(CLUTTER).unwrapped
+    envs = gym.make_vec(CLUTTER, MANY, **VECTOR, copy=False)
+    x = multi_target.draw(env.scenario, 0).x  # submitted, about right in every episode
+    actions = np.zeros((len(x), *env.action_space.shape))
+    actions[:, : x.shape[1], 0], actions[:, : x.shape[1], 1:] = ~np.isnan(x[..., 0]), np.nan_to_num(x)
+
+    def single() -> None:
+        env.reset(seed=0)
+        for action in actions:
+            env.step(action)
+
+    def many() -> None:
+        envs.reset(seed=0)
+        for action in actions:
+            envs.step(np.broadcast_to(action, envs.action_space.shape))
+
+    many(), single()  # both compile
+    what = f"a scan of one of {MANY} UnknownClutter side by side, scored"
+    for clock, by in ((process_time, ""), (perf_counter, ", by the clock")):
+        ours = timed(many, parts=MANY * len(x), clock=clock)
+        theirs = timed(single, parts=len(x), clock=clock)
+        row = compared(plan, what + by, ours, "of a single one", theirs)
+        yield row._replace(note=f"scans a second: {1 / row.ours:,.0f}")
 
 
 def _tuning_rows(plan: Plan) -> Iterator[Row]:

@@ -479,3 +479,30 @@ def runs_of(error, off=None, claimed=None, seed=0):
         np.ones((n, scans)), np.zeros((n, scans), bool) if off is None else off, np.ones((n, scans, 1)),
         rng.exponential(1e-3, (n, scans)),
     )  # fmt: skip
+
+
+def false_alarms(clutter, rng):
+    """The false alarms (k, p) of one scan, part by part."""
+    low, high = clutter.low, clutter.high
+    p = len(low)
+    parts = [low + (high - low) * rng.random((rng.poisson(clutter.uniform), p))]
+    for w, m, P in zip(*clutter.gaussians, strict=True):
+        parts.append(m + rng.standard_normal((rng.poisson(w), p)) @ np.linalg.cholesky(P).T)
+    for w, m, P in zip(*clutter.ellipses, strict=True):
+        ball = rng.standard_normal((rng.poisson(w), p))
+        ball *= (rng.random(len(ball)) ** (1 / p) / np.linalg.norm(ball, axis=1))[:, None]
+        parts.append(m + ball @ np.linalg.cholesky(P).T)
+    z = np.concatenate(parts)
+    return z[np.all((low <= z) & (z <= high), axis=1)]
+
+
+def scans_of_many(clutter, measured, detected, ranks, rng):
+    """Detections (k, p) and origins (k,) of each scan, the targets' and the false alarms by their ranks."""
+    for t, one in enumerate(clutter):
+        seen = [
+            i for i, z in enumerate(measured[t]) if detected[t, i] and all((one.low <= z) & (z <= one.high))
+        ]
+        false = false_alarms(one, rng)
+        order = np.argsort([*ranks[t, seen], *rng.random(len(false))])
+        origin = np.array([*seen, *np.full(len(false), -1)], int)
+        yield np.concatenate((measured[t, seen], false))[order], origin[order]

@@ -1,18 +1,20 @@
 """One environment for every scenario of many targets."""
 
+from collections.abc import Sequence
 from numbers import Integral
 
 import gymnasium as gym
 import numpy as np
 
 from gmr_gym.envs.episodic import EXTENT, EpisodicEnv
-from gmr_gym.evaluation.metrics import gospa, ospa
+from gmr_gym.evaluation.set_distances import set_distances
 from gmr_gym.points import absent
 from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario, draw, scan
 from gmr_gym.simulation.single_target import Scan, capacity
 
 EXISTENCE_THRESHOLD = 0.5  # existence from which a row counts as an estimate
-METRICS = ("gospa", "ospa")
+PARTS = "localisation", "missed", "false"  # of GOSPA, as in info
+COLUMN = {"gospa": 0, "ospa": 4}  # of what `set_distances` returns
 
 
 class MultiTargetEnv(EpisodicEnv):
@@ -64,6 +66,7 @@ class MultiTargetEnv(EpisodicEnv):
 
     scenario: MultiTargetScenario
     metric: str
+    shape: tuple[int, int]  # of a scan, padded
 
     def __init__(
         self,
@@ -73,17 +76,18 @@ class MultiTargetEnv(EpisodicEnv):
         render_mode: str | None = None,
         **arguments,
     ):
-        if metric not in METRICS:
-            raise ValueError(f"metric must be one of {', '.join(METRICS)}, got {metric!r}")
+        if metric not in COLUMN:
+            raise ValueError(f"metric must be one of {', '.join(COLUMN)}, got {metric!r}")
         if isinstance(targets, bool) or not (isinstance(targets, Integral) and 1 <= targets <= 1000):
             raise ValueError(f"targets must be a whole number of rows between 1 and 1000, got {targets!r}")
         super().__init__(scenario, render_mode, arguments)
         self.metric = metric
         p, d = self.scenario.sensor.H.shape
         self._capacity = capacity(self.scenario.busiest) - 1 + self.scenario.targets
+        self.shape = self._capacity, p
         end = (self.scenario.horizon + 1) * self.scenario.period
         self.observation_space = gym.spaces.Dict({
-            "scan": gym.spaces.Box(-EXTENT, EXTENT, (self._capacity, p), np.float64),
+            "scan": gym.spaces.Box(-EXTENT, EXTENT, self.shape, np.float64),
             "mask": gym.spaces.Box(0, 1, (self._capacity,), np.int8),
             "time": gym.spaces.Box(0.0, end, (1,), np.float64),
         })  # fmt: skip
@@ -112,17 +116,14 @@ class MultiTargetEnv(EpisodicEnv):
             For another shape, an existence outside [0, 1], or a state that is not finite.
         """
         rows = self._checked(action)
-        at = rows[rows[:, 0] >= EXISTENCE_THRESHOLD, 1:][:, self._position]
-        x = self._episode.x[self._t][:, self._position]
-        truth = x[~np.isnan(x).any(axis=1)]
-        cutoff, order = self.scenario.cutoff, self.scenario.order
-        parts = gospa(at, truth, cutoff, order)
-        error = parts.total if self.metric == "gospa" else ospa(at, truth, cutoff, order)
+        at = estimates(rows, self._position)
+        truth = targets_at(self._episode.x[self._t], self._position)
+        scores = set_distances(at, truth, self.scenario.cutoff, self.scenario.order)
         self._estimates.append(at)
         self._t += 1
         observation, info = self._emit()
-        info |= {"error": error}
-        info |= {"localisation": parts.localisation, "missed": parts.missed, "false": parts.false}
+        error = scores[COLUMN[self.metric]]
+        info |= {"error": error, **dict(zip(PARTS, scores[1:4], strict=True))}
         return observation, -error, False, self._t >= self.scenario.horizon, info
 
     def _drawn(self, seed: int) -> MultiTargetEpisode:
@@ -136,6 +137,15 @@ class MultiTargetEnv(EpisodicEnv):
         present = ~np.isnan(x).any(axis=1)
         # zeros, as nan is not equal to nan where two copies are compared
         return {"truth": np.where(present[:, None], x, 0.0), "present": present}
+
+    def nothing_more(self) -> dict[str, np.ndarray]:
+        """The observation past the last scan."""
+        end = (self.scenario.horizon + 1) * self.scenario.period
+        return {
+            "scan": np.zeros(self.shape),
+            "mask": np.zeros(self._capacity, np.int8),
+            "time": np.array([end]),
+        }
 
     def _checked(self, action) -> np.ndarray:
         if (hidden := absent(action)) is not None:
@@ -151,3 +161,14 @@ class MultiTargetEnv(EpisodicEnv):
         from gmr_gym.envs.render_multi_target import MultiTargetCanvas
 
         return MultiTargetCanvas(self.scenario, on_screen)
+
+
+def estimates(rows: np.ndarray, position: Sequence[int] | np.ndarray) -> np.ndarray:
+    """Positions (j, p) of the rows of an action (targets, 1 + d) that count as estimates."""
+    return rows[rows[:, 0] >= EXISTENCE_THRESHOLD, 1:][:, position]
+
+
+def targets_at(x: np.ndarray, position: Sequence[int] | np.ndarray) -> np.ndarray:
+    """Positions (k, p) of the states x (m, d) of the targets that are there."""
+    truth = x[:, position]
+    return truth[~np.isnan(truth).any(axis=1)]

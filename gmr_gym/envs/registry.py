@@ -31,8 +31,8 @@ ABOUT = {
 def register_envs() -> None:
     """Register every id with Gymnasium. Calling it twice does no harm."""
     for scenarios, one, many in (
-        (TRACKING, "tracking:TrackingEnv", "gmr_gym.envs.vector:TrackingVectorEnv"),
-        (MULTI_TARGET, "multi_target:MultiTargetEnv", None),
+        (TRACKING, "tracking:TrackingEnv", "vector:TrackingVectorEnv"),
+        (MULTI_TARGET, "multi_target:MultiTargetEnv", "multi_target_vector:MultiTargetVectorEnv"),
     ):
         for env_id, scenario in scenarios.items():
             if env_id not in gym.registry:
@@ -40,7 +40,7 @@ def register_envs() -> None:
                     env_id,
                     f"gmr_gym.envs.{one}",
                     kwargs={"scenario": scenario},
-                    vector_entry_point=many,
+                    vector_entry_point=f"gmr_gym.envs.{many}",
                 )
     if TUNING not in gym.registry:
         gym.register(

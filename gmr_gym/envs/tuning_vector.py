@@ -10,8 +10,8 @@ from gymnasium.vector.utils import batch_space
 
 from gmr_gym.checks import check_count
 from gmr_gym.envs.episodic import check_keywords, keywords
+from gmr_gym.envs.episodic_vector import UNDRAWN, autoreset_of, check_not_drawn, seeds_of
 from gmr_gym.envs.tuning import PRICE, Draws, checked_price, rest_of, spaces_of
-from gmr_gym.envs.vector import UNDRAWN, autoreset_of, check_not_drawn, seeds_of
 from gmr_gym.tuning.instances import instances as table_of
 from gmr_gym.tuning.scans import EPISODE, STEP, begin, stepped
 from gmr_gym.tuning.thresholds import (

@@ -65,14 +65,13 @@ def warm(
 
 
 def _step_all(env_id: str) -> None:
-    """Steps the environment alone and, where there is a compiled form for many, two side by side."""
+    """Steps the environment alone, and two side by side."""
     env = gym.make(env_id)
     env.reset(seed=0)
     env.step(env.action_space.sample())
-    if env_id not in MULTI_TARGET:
-        envs = gym.make_vec(env_id, num_envs=2)
-        envs.reset(seed=0)
-        envs.step(envs.action_space.sample())
+    envs = gym.make_vec(env_id, num_envs=2)
+    envs.reset(seed=0)
+    envs.step(envs.action_space.sample())
 
 
 def _play(env_id: str, name: str) -> None:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.checks import check_probability
+from gmr_gym.kernels import leaf_kernel
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import Clutter, no_components, uniform_clutter
 from gmr_gym.models.gating import gate_threshold
@@ -25,6 +26,7 @@ SCANS = 100
 PERIOD = 1.0  # s
 SENSOR_DEVIATION = 12.5  # m
 PROCESS = 0.01  # m/s^2, of the truth
+ACCELERATING, STRAIGHT = constant_acceleration(PERIOD, PROCESS), constant_velocity(PERIOD, PROCESS)
 SURVIVAL = 0.99  # P_S
 UNIFORM_SHARE = 0.3
 # share of the clutter, centre and semi-axes, m (Table 1)
@@ -195,13 +197,12 @@ def three_targets(rng: np.random.Generator) -> np.ndarray:
         m and s; nan where a target is absent.
     """
     x = np.full((SCANS, 3, 6), np.nan)
-    accelerating, straight = constant_acceleration(PERIOD, PROCESS), constant_velocity(PERIOD, PROCESS)
     for i, (born, last, state) in enumerate((FIRST, SECOND)):
-        x[born - 1 : last, i] = _flown(accelerating, np.array(state), last - born + 1, rng)
+        x[born - 1 : last, i] = _flown(ACCELERATING, np.array(state), last - born + 1, rng)
     born, last, velocity = THIRD
     parent = x[born - 1, 1, :2]
     x[born - 1 : last, 2] = 0.0
-    x[born - 1 : last, 2, :4] = _flown(straight, np.array([*parent, *velocity]), last - born + 1, rng)
+    x[born - 1 : last, 2, :4] = _flown(STRAIGHT, np.array([*parent, *velocity]), last - born + 1, rng)
     return x
 
 
@@ -219,10 +220,20 @@ def _flown(motion: Motion, state: np.ndarray, scans: int, rng: np.random.Generat
     x[0] = state
     x[0, :2] += NEW[0] * rng.standard_normal(2)
     # the noise is singular
-    noise = rng.multivariate_normal(np.zeros(len(state)), motion.Q, scans, method="eigh")
-    for t in range(1, scans):
-        x[t] = motion.F @ x[t - 1] + noise[t]
+    noise = rng.multivariate_normal(np.zeros(len(state)), motion.Q, scans, "ignore", method="eigh")
+    _fly(x, motion.F, noise)
     return x
+
+
+@leaf_kernel
+def _fly(x, F, noise):
+    """Writes the states x[1], x[2], ... after x[0], each F times the one before plus its noise."""
+    for t in range(1, len(x)):
+        for r in range(len(F)):
+            moved = 0.0
+            for c in range(len(F)):
+                moved += F[r, c] * x[t - 1, c]
+            x[t, r] = moved + noise[t, r]
 
 
 def _intensity(groups: list[Group], uniform: float, rate: float, t: int) -> Clutter:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,8 @@ import numpy as np
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.multi_target import MultiTargetModel
-from gmr_gym.simulation.single_target import Scan, stream
+from gmr_gym.simulation.clutter_points import Parts, false_alarms_into, parts_of, scans_into
+from gmr_gym.simulation.single_target import Scan, capacity, stream
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,16 @@ class MultiTargetScenario:
     def busiest(self) -> float:
         """Expected number of false alarms in the scan that has most of them."""
         return max(self.clutter(t).expected for t in range(self.horizon))
+
+    @cached_property
+    def parts(self) -> Parts:
+        """The true clutter of all scans, as `scans_into` draws it."""
+        return parts_of([self.clutter(t) for t in range(self.horizon)])
+
+    @property
+    def most(self) -> int:
+        """Detections that an array for a whole episode has room for, see `capacity`."""
+        return capacity(float(self.parts.w.sum())) + self.horizon * self.targets
 
 
 class MultiTargetEpisode(NamedTuple):
@@ -87,17 +99,10 @@ def draw(scenario: MultiTargetScenario, seed: int | np.random.SeedSequence) -> M
     measured = scenario.sensor.measure(x) + noise  # nan where a target is absent: in no box
     detected = for_detection.random(shape) < scenario.detection_probability
     ranks = for_detection.random(shape)
-    scans = []
-    for t in range(scenario.horizon):
-        clutter = scenario.clutter(t)
-        seen = np.flatnonzero(detected[t] & inside(clutter, measured[t]))
-        false = draw_clutter(clutter, for_clutter)
-        # clutter has ranks of its own: its order does not depend on the targets detected
-        order = np.argsort(np.concatenate((ranks[t, seen], for_clutter.random(len(false)))))
-        origin = np.concatenate((seen, np.full(len(false), -1)))
-        scans.append(Scan(np.concatenate((measured[t, seen], false))[order], origin[order]))
-    z, origin = map(np.concatenate, zip(*scans, strict=True))
-    return MultiTargetEpisode(x, z, origin, np.cumsum([0, *(len(one.z) for one in scans)]))
+    z = np.empty((scenario.most, len(R)))
+    origin = np.empty(scenario.most, int)
+    first = scans_into(z, origin, scenario.parts, measured, detected, ranks, for_clutter)
+    return MultiTargetEpisode(x, z[: first[-1]], origin[: first[-1]], first)
 
 
 def scan(episode: MultiTargetEpisode, t: int) -> Scan:
@@ -134,19 +139,5 @@ def draw_clutter(clutter: Clutter, rng: np.random.Generator) -> np.ndarray:
     ndarray (k, p)
         False alarms, m.
     """
-    low, high = clutter.low, clutter.high
-    p = len(low)
-    parts = [low + (high - low) * rng.random((rng.poisson(clutter.uniform), p))]
-    for w, m, P in zip(*clutter.gaussians, strict=True):
-        parts.append(m + rng.standard_normal((rng.poisson(w), p)) @ np.linalg.cholesky(P).T)
-    for w, m, P in zip(*clutter.ellipses, strict=True):
-        ball = rng.standard_normal((rng.poisson(w), p))
-        ball *= (rng.random(len(ball)) ** (1 / p) / np.linalg.norm(ball, axis=1))[:, None]
-        parts.append(m + ball @ np.linalg.cholesky(P).T)
-    z = np.concatenate(parts)
-    return z[inside(clutter, z)]
-
-
-def inside(clutter: Clutter, z: np.ndarray) -> np.ndarray:
-    """Mask (k,) of the points z (k, p) that lie in the box of the clutter."""
-    return np.all((clutter.low <= z) & (z <= clutter.high), axis=1)
+    z = np.empty((capacity(clutter.expected), len(clutter.low)))
+    return z[: false_alarms_into(z, parts_of([clutter]), 0, rng)]

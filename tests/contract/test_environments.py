@@ -579,6 +579,7 @@ def test_bad_argument_is_refused_by_name(env_id, world, error, message):
 @pytest.mark.parametrize("env_id", IDS)
 def test_two_copies_in_a_vector_environment_are_two_single_ones(env_id):
     vector = gym.make_vec(env_id, num_envs=2)
+    assert not isinstance(vector, gym.vector.SyncVectorEnv)  # but one of its own
     observations, _ = vector.reset(seed=5)
     actions = observations.get("prior_mean")
     if actions is None:

@@ -12,11 +12,11 @@ from scipy.stats import chisquare, poisson
 
 import gmr_gym  # noqa: F401  registers the environments
 from gmr_gym.evaluation.metrics import gospa, ospa
-from gmr_gym.mixture import Mixture, mixture
+from gmr_gym.mixture import mixture
 from gmr_gym.models.clutter import Clutter, no_components, uniform_clutter
 from gmr_gym.models.motions import constant_acceleration
 from gmr_gym.scenarios.lv import GROUPS, three_targets, unknown_clutter
-from gmr_gym.simulation.multi_target import draw, draw_clutter, inside, scan
+from gmr_gym.simulation.multi_target import draw, draw_clutter, scan
 
 ID = "gmr_gym/UnknownClutter-v0"
 BOX = np.array([[-100.0, -60.0], [140.0, 100.0]])
@@ -555,8 +555,3 @@ def test_picture_shows_detections_truth_estimates_and_groups(world):
     if not world:
         np.testing.assert_array_equal(axes.collections[0].get_offsets()[3:], [g[1] for g in GROUPS])
     env.close()
-
-
-def test_the_corner_of_the_box_is_inside():
-    clutter = Clutter(*BOX, 1.0, no_components(2), Mixture(*no_components(2)))
-    assert inside(clutter, np.array([BOX[0], BOX[1], BOX[1] + 1e-9])).tolist() == [True, True, False]
