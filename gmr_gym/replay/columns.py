@@ -8,6 +8,8 @@ import numpy as np
 
 from gmr_gym.mixture import Mixture
 
+LARGEST = float(np.finfo(np.float32).max)
+
 
 class Reported:
     """Checks what one tracker reports: shapes that do not fit are refused, and numbers that are not finite
@@ -25,7 +27,7 @@ class Reported:
         self._unsound: set[int] = set()
 
     def array(self, what: str, value: Any, *shape: int | None) -> np.ndarray:
-        """The value as floats, nan where it is not finite.
+        """The value as floats, nan where it is not finite, or no float of 32 bits.
 
         Parameters
         ----------
@@ -48,7 +50,7 @@ class Reported:
         if numbers.ndim != len(shape) or any(want not in (None, got) for got, want in sizes):
             wanted = ", ".join("n" if size is None else str(size) for size in shape)
             raise ValueError(f"{self._place(what)}: expected shape ({wanted}), got {numbers.shape}")
-        sound = np.isfinite(numbers)
+        sound = np.abs(numbers) <= LARGEST  # nan is not
         if not sound.all():
             self._unsound.add(self.scan)
             numbers[~sound] = np.nan
