@@ -65,6 +65,17 @@ class Reported:
         w = self.array(f"{what}.w", w, None)
         return Mixture(w, self.array(f"{what}.m", m, len(w), d), self.array(f"{what}.P", P, len(w), d, d))
 
+    def rows(self, what: str, value: Any, length: int, below: int) -> np.ndarray:
+        """The value as integers (length,) from -1 to `below` - 1; ValueError for anything else."""
+        rows = np.asarray(value)
+        if (
+            rows.shape != (length,)
+            or rows.dtype.kind not in "iu"
+            or not ((rows >= -1) & (rows < below)).all()
+        ):
+            raise ValueError(f"{self._place(what)}: expected {length} whole numbers from -1 to {below - 1}")
+        return rows
+
     def warn(self) -> None:
         """Warns, if there was any, of scans with numbers that were not finite."""
         if self._unsound:
