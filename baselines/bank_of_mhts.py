@@ -13,9 +13,9 @@ import numpy as np
 
 from gmr_gym.filters.association import Expansion, expand
 from gmr_gym.filters.filter_bank import diverging, floored, mmae_weights
-from gmr_gym.filters.joint_gating import Limits, gate_jointly, give_up_limit, scan_rows
+from gmr_gym.filters.joint_gating import Limits, gate_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrow_into, borrowed_states
-from gmr_gym.filters.trace import Trace
+from gmr_gym.filters.trace import Trace, rows_of_scan
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, joined, mean_and_covariance, normalised, take
 from gmr_gym.models.gating import Gates
@@ -111,19 +111,20 @@ class BankOfMhts:
         hypothesis is predicted from several. An MHT that is reset to the others leaves its hypotheses pruned,
         and nothing goes into its new ones.
         """
-        after, report, expansions, origins = self._scan(belief, z)
+        after, report, expansions, near, origins = self._scan(belief, z)
         full = weighed(after.w, [expansion.mixture for expansion in expansions])
         mode = np.repeat(np.arange(len(expansions)), [len(e.parent) for e in expansions])
         parent = _pooled_rows(belief, [e.parent for e in expansions])
         if self.mixing is not None:
             parent = np.full_like(parent, -1)
-        detection = np.concatenate([e.detection for e in expansions])
+        detection = rows_of_scan(np.concatenate([e.detection for e in expansions]), near)
         return after, report, Trace(full, parent, detection, _pooled_rows(after, origins), mode)
 
     def _scan(
         self, belief: Mixtures, z: np.ndarray
-    ) -> tuple[Mixtures, Report, list[Expansion], list[np.ndarray]]:
-        """Belief and report; the full posterior of each MHT, and the origin of its reduction."""
+    ) -> tuple[Mixtures, Report, list[Expansion], np.ndarray, list[np.ndarray]]:
+        """Belief and report; the full posterior of each MHT, the mask (k,) of the detections in them, and the
+        origins of the reductions."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         w, each = belief if self.mixing is None else self._mixed(belief)
@@ -140,7 +141,7 @@ class BankOfMhts:
             log_density[i] = equivalent_residual(
                 p, expansion, model.sensor.predict_detections(p, gates.z, gates.S, listed)
             )
-            expansions.append(expansion._replace(detection=scan_rows(expansion.detection, near)))
+            expansions.append(expansion)
         w = mmae_weights(w, log_density)
         reduced = self._restarted(w, [self._reduced(e.mixture) for e in expansions], log_density)
         belief = Mixtures(floored(w, self.floor), tuple(p for p, _ in reduced))
@@ -148,7 +149,7 @@ class BankOfMhts:
         pooled = take(pooled, pooled.w > 0)  # the likelihood of a motion may underflow
         mean, covariance = mean_and_covariance(pooled)
         report = Report(mean[None], covariance[None], gates_used, pooled, alive, belief.w)
-        return belief, report, expansions, [origin for _, origin in reduced]
+        return belief, report, expansions, near, [origin for _, origin in reduced]
 
     def _mixed(self, belief: Mixtures) -> Mixtures:
         """Mix the MHTs before the prediction.

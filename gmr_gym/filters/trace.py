@@ -69,6 +69,11 @@ def trace_of(posterior: Expansion, into: np.ndarray) -> Trace:
     return Trace(full, parent, detection, into, np.zeros(len(parent), np.int64))
 
 
+def rows_of_scan(detection: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Rows of the scan of detections (N,) that are counted among the `near` ones (k,) alone; -1 stays."""
+    return np.append(np.flatnonzero(near), -1)[detection]
+
+
 def origin_of_reduction(
     posterior: Mixture,
     reduce: Callable[[Mixture], Reduced],
