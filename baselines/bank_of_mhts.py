@@ -27,6 +27,8 @@ from gmr_gym.reduction.pruning import entering
 from gmr_gym.reduction.registry import reducer
 from gmr_gym.reduction.runnalls import runnalls
 
+Origins = tuple[np.ndarray, np.ndarray]  # of the pruning, and of the reduction after it
+
 
 class Mixtures(NamedTuple):
     """Belief of a bank of MHTs.
@@ -118,13 +120,14 @@ class BankOfMhts:
         if self.mixing is not None:
             parent = np.full_like(parent, -1)
         detection = rows_of_scan(np.concatenate([e.detection for e in expansions]), near)
-        return after, report, Trace(full, parent, detection, _pooled_rows(after, origins), mode)
+        into = _pooled_rows(after, [through(*pair) for pair in origins])
+        return after, report, Trace(full, parent, detection, into, mode)
 
     def _scan(
         self, belief: Mixtures, z: np.ndarray
-    ) -> tuple[Mixtures, Report, list[Expansion], np.ndarray, list[np.ndarray]]:
+    ) -> tuple[Mixtures, Report, list[Expansion], np.ndarray, list[Origins]]:
         """Belief and report; the full posterior of each MHT, the mask (k,) of the detections in them, and the
-        origins of the reductions."""
+        origins of their hypotheses."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         w, each = belief if self.mixing is None else self._mixed(belief)
@@ -149,7 +152,7 @@ class BankOfMhts:
         pooled = take(pooled, pooled.w > 0)  # the likelihood of a motion may underflow
         mean, covariance = mean_and_covariance(pooled)
         report = Report(mean[None], covariance[None], gates_used, pooled, alive, belief.w)
-        return belief, report, expansions, near, [origin for _, origin in reduced]
+        return belief, report, expansions, near, [origins for _, origins in reduced]
 
     def _mixed(self, belief: Mixtures) -> Mixtures:
         """Mix the MHTs before the prediction.
@@ -176,12 +179,14 @@ class BankOfMhts:
             borrow_into(p.m, p.P, np.tile(mean, (n, 1)), np.tile(covariance, (n, 1, 1)), states)
         return lent
 
-    def _reduced(self, p: Mixture) -> Reduced:
+    def _reduced(self, p: Mixture) -> tuple[Mixture, Origins]:
         lighter, kept = entering(p, self.work_limits.prune_weight, self.work_limits.max_hypotheses)
         reduced, origin = self.reduce(lighter)
-        return normalised(reduced), through(kept, origin)
+        return normalised(reduced), (kept, origin)
 
-    def _restarted(self, w: np.ndarray, each: list[Reduced], log_density: np.ndarray) -> list[Reduced]:
+    def _restarted(
+        self, w: np.ndarray, each: list[tuple[Mixture, Origins]], log_density: np.ndarray
+    ) -> list[tuple[Mixture, Origins]]:
         """The MHTs, those that diverge reset to the mixture of the others; where all diverge, none."""
         diverged = diverging(log_density, self.restart)
         if not diverged.any():
@@ -190,8 +195,8 @@ class BankOfMhts:
         share = rest if rest.any() else 1.0 - diverged  # where the others have probability 0
         restarted, _ = self._reduced(normalised(weighed(share, [p for p, _ in each])))
         return [
-            (restarted, np.full_like(origin, -1)) if lost else (p, origin)
-            for lost, (p, origin) in zip(diverged, each, strict=True)
+            (restarted, (kept, np.full_like(origin, -1))) if lost else (p, (kept, origin))
+            for lost, (p, (kept, origin)) in zip(diverged, each, strict=True)
         ]
 
 
