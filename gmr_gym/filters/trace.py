@@ -22,8 +22,8 @@ class Trace(NamedTuple):
     full : Mixture
         N hypotheses; weights sum to 1.
     parent : ndarray of int, shape (N,)
-        Row of the `report.mixture` of the scan before that each came from, at the first scan of the prior;
-        -1 where it came from no single one.
+        Row of the `report.mixture` of the scan before that each came from, at the first scan of the mixture
+        that the tracker starts with; -1 where it came from no single one.
     detection : ndarray of int, shape (N,)
         Row of the scan that each was updated with, -1 for a missed detection.
     into : ndarray of int, shape (N,)
