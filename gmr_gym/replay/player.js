@@ -390,7 +390,7 @@ var GmrPlayer = (function () {
       arc(plane, i * step, box.from, box.to);
       labelRing(plane, i * step, box);
     }
-    const turn = niceAngle(90 / plane.scale / Math.max(box.far, 1e-9) / RADIANS);
+    const turn = box.near ? niceAngle(90 / plane.scale / box.far / RADIANS) : 30;
     for (let i = Math.ceil(box.from / RADIANS / turn); i * turn * RADIANS < box.to; i++) {
       const angle = i * turn * RADIANS, x = Math.cos(angle), y = Math.sin(angle);
       plane.line(box.near * x, box.near * y, box.far * x, box.far * y);
@@ -439,7 +439,7 @@ var GmrPlayer = (function () {
     for (const part of [0.3, 0.4, 0.5, 0.6, 0.7]) {
       const angle = mix(from, to, part);
       const X = plane.X(radius * Math.cos(angle)), Y = plane.Y(radius * Math.sin(angle));
-      if (inView(plane, X, Y)) return plane.ctx.fillText(metres(radius, radius / 10), X + 4, Y);
+      if (inView(plane, X, Y)) return plane.ctx.fillText(metres(radius, radius), X + 4, Y);
     }
   }
 
@@ -448,24 +448,26 @@ var GmrPlayer = (function () {
     const { width, height } = plane, X = plane.X(0), Y = plane.Y(0);
     const dX = Math.cos(angle), dY = -Math.sin(angle);
     const far = Math.min(((dX > 0 ? width - 34 : 6) - X) / dX, ((dY > 0 ? height - 8 : 16) - Y) / dY);
-    if (far > 0 && inView(plane, X + far * dX, Math.max(41, Math.min(height - 7, Y + far * dY)) )) plane.ctx.fillText(text, X + far * dX + 3, Y + far * dY);
+    if (far > 0) plane.ctx.fillText(text, X + far * dX + 3, Y + far * dY);
   }
 
-  const OVERVIEW = 96; // px, the longer side of the small map of the whole path
+  const OVERVIEW = 84; // px, the longer side of the small map of the whole path
 
   /** The whole path in a corner, with what is in view framed, where that is a small part of it. */
   function drawOverview({ plane, ink, episode, tracker }, { t, truth }) {
     const [left, low, right, high] = episode.box, { ctx, width } = plane;
     const scale = OVERVIEW / Math.max(right - left, high - low, 1e-9);
-    if (plane.scale < 3 * Math.min(width / (right - left), plane.height / (high - low)) / 2 || width < 300) return;
+    if (plane.scale < 3 * Math.min(width / (right - left), plane.height / (high - low)) / 2 || plane.height < 260) return;
     const X = width - 12 - (right - left) * scale, Y = 12;
     const look = { left: plane.left, top: plane.top, scale: plane.scale };
     Object.assign(plane, { left: X - left * scale, top: Y + high * scale, scale });
     ctx.globalAlpha = 0.85;
     ctx.fillStyle = ink.paper;
     ctx.fillRect(X - 8, Y - 8, (right - left) * scale + 16, (high - low) * scale + 16);
-    ctx.globalAlpha = 0.9;
+    ctx.globalAlpha = 1;
     ctx.lineWidth = 1;
+    ctx.strokeStyle = ink.gates;
+    ctx.strokeRect(X - 8, Y - 8, (right - left) * scale + 16, (high - low) * scale + 16);
     ctx.strokeStyle = truth ? ink.truth : ink.estimate;
     plane.path(truth ? episode.truth : tracker.estimate, truth ? episode.last : t);
     ctx.globalAlpha = 0.35;
@@ -508,7 +510,7 @@ var GmrPlayer = (function () {
     if (!gates) return;
     ctx.strokeStyle = ink.gates;
     ctx.lineWidth = 1;
-    ctx.globalAlpha = alpha;
+    ctx.globalAlpha = alpha * Math.min(1, 3.2 / Math.sqrt(size(gates, t))); // many of them stay in the background
     for (let i = gates.start[t]; i < gates.start[t + 1]; i++)
       if (ellipseOf(plane, gates, i, 1)) ctx.stroke();
   }
