@@ -22,6 +22,7 @@ from gmr_gym.catalogue import BACKENDS, REDUCTIONS
 from gmr_gym.cli import PAPERS, main
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.episodic import settings
+from gmr_gym.envs.lookup import key_value, scenario_of, tracker_of
 from gmr_gym.envs.registry import ABOUT, ENVIRONMENTS, MULTI_TARGET, TRACKING
 from gmr_gym.evaluation import recordings as detections
 from gmr_gym.evaluation import workers
@@ -30,7 +31,6 @@ from gmr_gym.evaluation.loop import play
 from gmr_gym.evaluation.montecarlo import run
 from gmr_gym.evaluation.summary import FEWEST, summary
 from gmr_gym.experiments.output import RUN_COLUMNS, write_runs
-from gmr_gym.experiments.specs import key_value, scenario_of, tracker_of
 from gmr_gym.filters.registry import GROUP, MULTI_TARGET_GROUP, make_tracker, trackers
 from gmr_gym.reduction.registry import REDUCERS
 from gmr_gym.scenarios.dortenzio import turning_target

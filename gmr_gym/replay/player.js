@@ -104,6 +104,7 @@ var GmrPlayer = (function () {
     if (!full) return null;
     for (const key of ["parent", "detection", "into", "mode"]) full[key] = column(`full_${key}`);
     full.restCount = column("full_rest_count");
+    full.restMerged = column("full_rest_merged");
     full.restWeight = column("full_rest_w");
     return full;
   }
@@ -129,7 +130,7 @@ var GmrPlayer = (function () {
     const left = size(kept, t);
     if (!full) return { kept: left };
     let pruned = full.restCount ? full.restCount[t] : 0;
-    const all = size(full, t) + pruned;
+    const all = size(full, t) + pruned + (full.restMerged ? full.restMerged[t] : 0);
     for (let i = full.start[t]; i < full.start[t + 1]; i++) pruned += full.into[i] < 0;
     return { all, pruned, merged: all - pruned, kept: left };
   }
