@@ -103,9 +103,9 @@ var GmrPlayer = (function () {
     const full = cloud(column, "full");
     if (!full) return null;
     for (const key of ["parent", "detection", "into", "mode"]) full[key] = column(`full_${key}`);
-    full.restCount = column("full_rest_count");
+    // of negligible weight: counted, not kept
+    full.restPruned = column("full_rest_count");
     full.restMerged = column("full_rest_merged");
-    full.restWeight = column("full_rest_w");
     return full;
   }
 
@@ -129,7 +129,7 @@ var GmrPlayer = (function () {
     const { full, kept } = tracker;
     const left = size(kept, t);
     if (!full) return { kept: left };
-    let pruned = full.restCount ? full.restCount[t] : 0;
+    let pruned = full.restPruned ? full.restPruned[t] : 0;
     const all = size(full, t) + pruned + (full.restMerged ? full.restMerged[t] : 0);
     for (let i = full.start[t]; i < full.start[t + 1]; i++) pruned += full.into[i] < 0;
     return { all, pruned, merged: all - pruned, kept: left };
@@ -609,7 +609,7 @@ var GmrPlayer = (function () {
       // what is pruned weighs little: it is drawn stronger while it goes, so that it is seen to go
       ctx.globalAlpha = alpha * born * (pruned ? mix(strength, Math.max(strength, 0.45), marked) * (1 - gone) : strength);
       if (ctx.globalAlpha < 0.004) continue;
-      if (traceFull(plane, full, kept, t, i, born, pruned ? 0 : moved, startX(tracker, t, i), startY(tracker, t, i)))
+      if (traceFull(plane, full, kept, t, i, born, pruned ? 0 : moved, originOf(tracker, t, i, 0), originOf(tracker, t, i, 1)))
         ctx.stroke();
     }
   }
@@ -630,14 +630,11 @@ var GmrPlayer = (function () {
     return gates && size(gates, t) === parents ? gates.start[t] + full.parent[i] : -1;
   }
 
-  function startX(tracker, t, i) {
-    const gate = gateOf(tracker, t, i);
-    return gate < 0 ? tracker.full.m[2 * i] : tracker.gates.m[2 * gate];
-  }
-
-  function startY(tracker, t, i) {
-    const gate = gateOf(tracker, t, i);
-    return gate < 0 ? tracker.full.m[2 * i + 1] : tracker.gates.m[2 * gate + 1];
+  /** Coordinate `axis` of the place that a hypothesis comes from: its parent's gate, else its parent. */
+  function originOf(tracker, t, i, axis) {
+    const { full, gates, kept } = tracker, gate = gateOf(tracker, t, i);
+    if (gate >= 0) return gates.m[2 * gate + axis];
+    return t > 0 ? kept.m[2 * (kept.start[t - 1] + full.parent[i]) + axis] : full.m[2 * i + axis];
   }
 
   /** From each hypothesis back to its parent before the scan. */
@@ -1397,7 +1394,7 @@ var GmrPlayer = (function () {
 
     header() {
       const { title, environment, seed } = this.episode;
-      const about = [environment, seed === undefined || seed === null ? "" : `seed ${seed}`].filter(Boolean).join(", ");
+      const about = title && environment && title.includes(environment) ? "" : `${environment}, seed ${seed}`;
       return make(
         "header", {}, make("h2", {}, title || environment || ""), make("span", {}, about),
         button("plain", "Light or dark", () => this.theme(), icon("theme")),
