@@ -103,9 +103,9 @@ var GmrPlayer = (function () {
     const full = cloud(column, "full");
     if (!full) return null;
     for (const key of ["parent", "detection", "into", "mode"]) full[key] = column(`full_${key}`);
-    full.restCount = column("full_rest_count");
+    // of negligible weight: counted, not kept
+    full.restPruned = column("full_rest_count");
     full.restMerged = column("full_rest_merged");
-    full.restWeight = column("full_rest_w");
     return full;
   }
 
@@ -129,7 +129,7 @@ var GmrPlayer = (function () {
     const { full, kept } = tracker;
     const left = size(kept, t);
     if (!full) return { kept: left };
-    let pruned = full.restCount ? full.restCount[t] : 0;
+    let pruned = full.restPruned ? full.restPruned[t] : 0;
     const all = size(full, t) + pruned + (full.restMerged ? full.restMerged[t] : 0);
     for (let i = full.start[t]; i < full.start[t + 1]; i++) pruned += full.into[i] < 0;
     return { all, pruned, merged: all - pruned, kept: left };
@@ -156,7 +156,7 @@ var GmrPlayer = (function () {
       return `Predicted: ${plural(gates, "gate")}, ${plural(size(tracker.z, t), "detection")}`;
     if (stage === "update")
       return `${plural(now.all, "hypothesis")}: each one missed, and with each detection in its gate`;
-    if (stage === "prune") return `${plural(now.all, "hypothesis")}: ${now.pruned} pruned for their low weight`;
+    if (stage === "prune") return `${plural(now.all, "hypothesis")}: ${now.pruned || "none"} pruned for low weight`;
     return reductionInWords(now);
   }
 
@@ -389,14 +389,14 @@ var GmrPlayer = (function () {
     const step = niceStep(90 / plane.scale);
     for (let i = Math.max(1, Math.ceil(box.near / step)); i * step <= box.far; i++) {
       arc(plane, i * step, box.from, box.to);
-      writeAt(plane, i * step, box.middle, metres(i * step, step));
+      labelRing(plane, i * step, box);
     }
-    const turn = niceAngle((90 / plane.scale / Math.max(box.far, 1e-9)) / RADIANS);
-    for (let i = Math.ceil(box.from / RADIANS / turn); i * turn * RADIANS <= box.to; i++) {
+    const turn = box.near ? niceAngle(90 / plane.scale / box.far / RADIANS) : 30;
+    for (let i = Math.ceil(box.from / RADIANS / turn); i * turn * RADIANS < box.to; i++) {
       const angle = i * turn * RADIANS, x = Math.cos(angle), y = Math.sin(angle);
       plane.line(box.near * x, box.near * y, box.far * x, box.far * y);
       ctx.stroke();
-      writeAt(plane, mix(box.near, box.far, box.near ? 0.5 : 0.33), angle, `${+(i * turn).toFixed(3)}°`);
+      labelRay(plane, angle, `${+(i * turn).toFixed(3)}°`);
     }
     ctx.fillStyle = ink.ink;
     plane.dot(0, 0, 4);
@@ -433,9 +433,52 @@ var GmrPlayer = (function () {
     plane.ctx.stroke();
   }
 
-  function writeAt(plane, radius, angle, text) {
-    const X = plane.X(radius * Math.cos(angle)), Y = plane.Y(radius * Math.sin(angle));
-    if (X > 0 && X < plane.width - 40 && Y > 24 && Y < plane.height - 4) plane.ctx.fillText(text, X + 3, Y - 3);
+  const inView = ({ width, height }, X, Y) => X > 4 && X < width - 44 && Y > 40 && Y < height - 6;
+
+  /** A ring's range beside it, off the middle of the view where it can be. */
+  function labelRing(plane, radius, { from, to }) {
+    for (const part of [0.3, 0.4, 0.5, 0.6, 0.7]) {
+      const angle = mix(from, to, part);
+      const X = plane.X(radius * Math.cos(angle)), Y = plane.Y(radius * Math.sin(angle));
+      if (inView(plane, X, Y)) return plane.ctx.fillText(metres(radius, radius), X + 4, Y);
+    }
+  }
+
+  /** A bearing where its ray leaves the view. */
+  function labelRay(plane, angle, text) {
+    const { width, height } = plane, X = plane.X(0), Y = plane.Y(0);
+    const dX = Math.cos(angle), dY = -Math.sin(angle);
+    const far = Math.min(((dX > 0 ? width - 34 : 6) - X) / dX, ((dY > 0 ? height - 8 : 16) - Y) / dY);
+    if (far > 0) plane.ctx.fillText(text, X + far * dX + 3, Y + far * dY);
+  }
+
+  const OVERVIEW = 84; // px, the longer side of the small map of the whole path
+
+  /** The whole path in a corner, with what is in view framed, where that is a small part of it. */
+  function drawOverview({ plane, ink, episode, tracker }, { t, truth }) {
+    const [left, low, right, high] = episode.box, { ctx, width } = plane;
+    const scale = OVERVIEW / Math.max(right - left, high - low, 1e-9);
+    if (plane.scale < 3 * Math.min(width / (right - left), plane.height / (high - low)) / 2 || plane.height < 260) return;
+    const X = width - 12 - (right - left) * scale, Y = 12;
+    const look = { left: plane.left, top: plane.top, scale: plane.scale };
+    Object.assign(plane, { left: X - left * scale, top: Y + high * scale, scale });
+    ctx.globalAlpha = 0.85;
+    ctx.fillStyle = ink.paper;
+    ctx.fillRect(X - 8, Y - 8, (right - left) * scale + 16, (high - low) * scale + 16);
+    ctx.globalAlpha = 1;
+    ctx.lineWidth = 1;
+    ctx.strokeStyle = ink.gates;
+    ctx.strokeRect(X - 8, Y - 8, (right - left) * scale + 16, (high - low) * scale + 16);
+    ctx.strokeStyle = truth ? ink.truth : ink.estimate;
+    plane.path(truth ? episode.truth : tracker.estimate, truth ? episode.last : t);
+    ctx.globalAlpha = 0.35;
+    ctx.stroke();
+    ctx.globalAlpha = 1;
+    plane.path(truth ? episode.truth : tracker.estimate, t);
+    ctx.stroke();
+    ctx.strokeStyle = ink.ink;
+    ctx.strokeRect(plane.X(-look.left / look.scale), plane.Y(look.top / look.scale), (width / look.scale) * scale, (plane.height / look.scale) * scale);
+    Object.assign(plane, look);
   }
 
   // ---------------------------------------------------------------------------- drawing: one target
@@ -454,11 +497,11 @@ var GmrPlayer = (function () {
     const { t, phase } = show;
     const whole = phase >= 1 || !panel.tracker.full;
     drawGates(panel, t, whole ? 1 : during(phase, 0, 0.16));
-    if (show.truth) drawTruth(panel, show, t, whole ? 1 : during(phase, 0, 0.22));
     drawEstimatePath(panel, whole ? t : t - 1);
     drawDetections(panel, show, whole ? 1 : during(phase, 0.1, 0.2));
     if (whole) drawKept(panel, t, 1);
     else drawTransition(panel, show);
+    if (show.truth) drawTruth(panel, t, whole ? 1 : during(phase, 0, 0.22));
     drawEstimate(panel, t, whole ? 1 : during(phase, 0.86, 1));
     drawChosen(panel, show, whole);
   }
@@ -468,7 +511,7 @@ var GmrPlayer = (function () {
     if (!gates) return;
     ctx.strokeStyle = ink.gates;
     ctx.lineWidth = 1;
-    ctx.globalAlpha = alpha;
+    ctx.globalAlpha = alpha * Math.min(1, 3.2 / Math.sqrt(size(gates, t))); // many of them stay in the background
     for (let i = gates.start[t]; i < gates.start[t + 1]; i++)
       if (ellipseOf(plane, gates, i, 1)) ctx.stroke();
   }
@@ -476,7 +519,7 @@ var GmrPlayer = (function () {
   const ellipseOf = (plane, { m, P }, i, k) =>
     plane.ellipse(m[2 * i], m[2 * i + 1], P[3 * i], P[3 * i + 1], P[3 * i + 2], k);
 
-  function drawTruth({ plane, ink, episode }, show, t, u) {
+  function drawTruth({ plane, ink, episode }, t, u) {
     const { ctx } = plane, { truth } = episode;
     ctx.strokeStyle = ctx.fillStyle = ink.truth;
     ctx.globalAlpha = 0.9;
@@ -566,7 +609,7 @@ var GmrPlayer = (function () {
       // what is pruned weighs little: it is drawn stronger while it goes, so that it is seen to go
       ctx.globalAlpha = alpha * born * (pruned ? mix(strength, Math.max(strength, 0.45), marked) * (1 - gone) : strength);
       if (ctx.globalAlpha < 0.004) continue;
-      if (traceFull(plane, full, kept, t, i, born, pruned ? 0 : moved, startX(tracker, t, i), startY(tracker, t, i)))
+      if (traceFull(plane, full, kept, t, i, born, pruned ? 0 : moved, originOf(tracker, t, i, 0), originOf(tracker, t, i, 1)))
         ctx.stroke();
     }
   }
@@ -587,14 +630,11 @@ var GmrPlayer = (function () {
     return gates && size(gates, t) === parents ? gates.start[t] + full.parent[i] : -1;
   }
 
-  function startX(tracker, t, i) {
-    const gate = gateOf(tracker, t, i);
-    return gate < 0 ? tracker.full.m[2 * i] : tracker.gates.m[2 * gate];
-  }
-
-  function startY(tracker, t, i) {
-    const gate = gateOf(tracker, t, i);
-    return gate < 0 ? tracker.full.m[2 * i + 1] : tracker.gates.m[2 * gate + 1];
+  /** Coordinate `axis` of the place that a hypothesis comes from: its parent's gate, else its parent. */
+  function originOf(tracker, t, i, axis) {
+    const { full, gates, kept } = tracker, gate = gateOf(tracker, t, i);
+    if (gate >= 0) return gates.m[2 * gate + axis];
+    return t > 0 ? kept.m[2 * (kept.start[t - 1] + full.parent[i]) + axis] : full.m[2 * i + axis];
   }
 
   /** From each hypothesis back to its parent before the scan. */
@@ -886,7 +926,7 @@ var GmrPlayer = (function () {
     nodes.push(bars("Associations", sums(rows, full.w, (row) => associationName(full.detection[row]))));
     if (t > 0) nodes.push(parentLine(tracker, t, rows, go));
     if (episode.modes.length > 1)
-      nodes.push(bars("Motion models", sums(rows, full.w, (row) => episode.modes[full.mode[row]])));
+      nodes.push(bars("Motion models", sums(rows, full.w, (row) => modeName(episode, full.mode[row]))));
     return nodes;
   }
 
@@ -896,7 +936,7 @@ var GmrPlayer = (function () {
       heading(`Hypothesis ${i - full.start[t] + 1} of ${counts(tracker, t).all}`, `before the reduction of scan ${t + 1}`),
       line(`Weight ${share(full.w[i])}, ${associationName(full.detection[i])}`),
     ];
-    if (episode.modes.length > 1) nodes.push(line(`Motion model: ${episode.modes[full.mode[i]]}`));
+    if (episode.modes.length > 1) nodes.push(line(`Motion model: ${modeName(episode, full.mode[i])}`));
     if (t > 0) nodes.push(parentLine(tracker, t, [i], go));
     const kept = tracker.kept.start[t] + into;
     nodes.push(into < 0 ? line("Pruned") : line("Went into ", link(`hypothesis ${into + 1}`, () => go(t, kept))));
@@ -1007,7 +1047,7 @@ var GmrPlayer = (function () {
     const { trackers, many } = episode;
     const series = (key) =>
       trackers.flatMap((tracker, i) =>
-        tracker[key] ? [{ name: tracker.name, values: tracker[key], colour: `tracker${i}`, lost: tracker.lost }] : [],
+        tracker[key] ? [{ name: tracker.name, values: tracker[key], colour: `tracker${i}`, lost: tracker.lost, tracker }] : [],
       );
     const charts = many ? manyCharts(trackers, series) : oneCharts(series);
     if (!many)
@@ -1020,9 +1060,16 @@ var GmrPlayer = (function () {
   function oneCharts(series) {
     return [
       { title: "Error", unit: " m", series: series("error"), scales: true },
-      { title: "Hypotheses kept", unit: "", series: series("count"), integers: true },
+      {
+        title: "Hypotheses", unit: "", integers: true,
+        series: series("count").map((one) => ({ ...one, before: sizesBefore(one.tracker, one.values.length) })),
+      },
     ];
   }
+
+  /** Number of hypotheses before the reduction of every scan; null where that is not known. */
+  const sizesBefore = (tracker, scans) =>
+    tracker.full && Float32Array.from({ length: scans }, (_, t) => counts(tracker, t).all);
 
   function manyCharts(trackers, series) {
     const present = trackers[0].present;
@@ -1042,8 +1089,9 @@ var GmrPlayer = (function () {
       this.canvas = make("canvas", { role: "img", "aria-label": `${chart.title} over scans` });
       this.values = this.series.map(({ name, colour }) => this.legend(name, colour));
       this.said = make("span");
+      this.bandValues = this.bands && this.bands.length / episode.scans <= 5 ? this.bandLegends() : [];
       this.log = Boolean(this.scales) && spread(this.series) > 40;
-      const head = make("div", { class: "gmr-strip-head" }, make("strong", {}, this.title), this.of || "", ...this.values, this.said);
+      const head = make("div", { class: "gmr-strip-head" }, make("strong", {}, this.title), this.of || "", ...this.values, ...this.bandValues, this.said);
       if (this.scales) head.append(this.scaleButton());
       this.node = make("div", { class: "gmr-strip" }, head, this.canvas);
       listenToScrub(this.canvas, (X) => scrub(this.scanAt(X)));
@@ -1053,6 +1101,11 @@ var GmrPlayer = (function () {
       const swatch = make("i", { class: "gmr-swatch" });
       swatch.style.background = `var(--gmr-${colour})`;
       return make("span", { class: "gmr-value" }, swatch, this.episode.trackers.length > 1 || colour === "truth" ? `${name} ` : "", make("b"));
+    }
+
+    bandLegends() {
+      return Array.from({ length: this.bands.length / this.episode.scans }, (_, k) =>
+        make("span", { class: "gmr-value" }, make("i", { class: "gmr-swatch" }), `${modeName(this.episode, k)} `, make("b")));
     }
 
     scaleButton() {
@@ -1068,10 +1121,10 @@ var GmrPlayer = (function () {
     }
 
     scanAt(X) {
-      return Math.max(0, Math.min(this.episode.last, Math.round(((X - INSET) / (this.width - 2 * INSET)) * this.episode.last)));
+      return Math.max(0, Math.min(this.episode.last, Math.round(((X - GUTTER) / (this.width - GUTTER - INSET)) * this.episode.last)));
     }
 
-    X(t) { return INSET + (t / Math.max(1, this.episode.last)) * (this.width - 2 * INSET); }
+    X(t) { return GUTTER + (t / Math.max(1, this.episode.last)) * (this.width - GUTTER - INSET); }
 
     Y(value) {
       const u = this.log ? Math.log(Math.max(value, this.low) / this.low) / Math.log(this.high / this.low) : value / this.high;
@@ -1097,11 +1150,12 @@ var GmrPlayer = (function () {
 
     range() {
       let high = 0, low = Infinity;
-      for (const { values } of this.series)
-        for (const value of values) {
-          if (value > high) high = value;
-          if (value > 0 && value < low) low = value;
-        }
+      for (const { values, before } of this.series)
+        for (const list of before ? [values, before] : [values])
+          for (const value of list) {
+            if (value > high) high = value;
+            if (value > 0 && value < low) low = value;
+          }
       this.high = (this.log ? 1.1 : 1.05) * (high || 1);
       this.low = Math.max(low, this.high / 1e5);
     }
@@ -1116,20 +1170,31 @@ var GmrPlayer = (function () {
     paintLines(ctx) {
       ctx.font = this.ink.small;
       ctx.lineWidth = 1;
-      ctx.textBaseline = "bottom";
+      ctx.textBaseline = "middle";
       for (const value of [...this.ticks(), ...(this.log ? [] : [0])]) {
         const Y = Math.round(this.Y(value)) + 0.5;
         ctx.strokeStyle = value === 0 ? this.ink.gates : this.ink.grid;
-        stroke(ctx, INSET, Y, this.width - INSET, Y);
+        stroke(ctx, GUTTER, Y, this.width - INSET, Y);
         ctx.fillStyle = this.ink.faint;
-        if (value && Y > 12) ctx.fillText(`${+value.toPrecision(3)}${this.unit}`, INSET, Y - 1);
+        ctx.textAlign = "right";
+        if (value && Y > 6) ctx.fillText(`${+value.toPrecision(3)}${this.unit}`, GUTTER - 6, Y);
+        ctx.textAlign = "left";
       }
       this.series.forEach((one, i) => this.paintSeries(ctx, one, i));
     }
 
-    paintSeries(ctx, { values, colour, lost }, i) {
+    paintSeries(ctx, { values, before, colour, lost }, i) {
       ctx.strokeStyle = ctx.fillStyle = this.ink[colour];
+      ctx.lineWidth = 1;
+      ctx.globalAlpha = 0.45;
+      if (before) this.paintLine(ctx, before);
       ctx.lineWidth = 1.5;
+      ctx.globalAlpha = 1;
+      this.paintLine(ctx, values);
+      if (lost >= 0 && this.scales) this.paintLost(ctx, lost, i);
+    }
+
+    paintLine(ctx, values) {
       ctx.beginPath();
       let down = false;
       for (let t = 0; t < values.length; t++) {
@@ -1139,7 +1204,6 @@ var GmrPlayer = (function () {
         down = there;
       }
       ctx.stroke();
-      if (lost >= 0 && this.scales) this.paintLost(ctx, lost, i);
     }
 
     paintLost(ctx, lost, i) {
@@ -1158,7 +1222,8 @@ var GmrPlayer = (function () {
       const r = this.bands.length / this.episode.scans, base = new Float32Array(this.episode.scans);
       this.high = 1;
       for (let k = 0; k < r; k++) {
-        ctx.fillStyle = this.ink.band(k, r);
+        ctx.fillStyle = this.ink.band(k);
+        if (this.bandValues[k]) this.bandValues[k].firstChild.style.background = ctx.fillStyle;
         ctx.beginPath();
         for (let t = 0; t < base.length; t++) ctx.lineTo(this.X(t), this.Y(base[t]));
         for (let t = 0; t < base.length; t++) base[t] += this.bands[t * r + k] || 0;
@@ -1172,6 +1237,7 @@ var GmrPlayer = (function () {
       const ctx = this.canvas.getContext("2d");
       this.shown = t;
       ctx.clearRect(0, 0, this.width, this.height);
+      if (!this.width) return; // hidden
       ctx.drawImage(this.back, 0, 0, this.width, this.height);
       ctx.fillStyle = this.ink.ink;
       ctx.fillRect(Math.round(this.X(t)), 0, 1, this.height);
@@ -1186,17 +1252,21 @@ var GmrPlayer = (function () {
 
     /** Say the numbers of scan t. */
     say(t) {
-      this.series.forEach(({ values }, i) => {
-        this.values[i].lastChild.textContent = this.integers ? String(values[t]) : figures(values[t], this.unit);
+      this.series.forEach(({ values, before }, i) => {
+        this.values[i].lastChild.textContent = this.integers ? countInWords(values[t], before && before[t]) : figures(values[t], this.unit);
       });
       if (!this.bands) return;
       const r = this.bands.length / this.episode.scans, now = this.bands.slice(t * r, (t + 1) * r);
+      this.bandValues.forEach((node, k) => { node.lastChild.textContent = figures(now[k]); });
       const best = now.indexOf(Math.max(...now));
-      this.said.textContent = best < 0 ? "none" : ` ${this.episode.modes[best] || `model ${best + 1}`} ${share(now[best])}`;
+      if (!this.bandValues.length) this.said.textContent = best < 0 ? "none" : `${modeName(this.episode, best)} ${figures(now[best])}`;
     }
   }
 
-  const INSET = 8; // px from the edge of a strip to its first scan, half a slider's thumb
+  const GUTTER = 46, INSET = 8; // px left and right of a strip's scans; the style sheet has them too
+
+  const modeName = ({ modes }, k) => modes[k] || `model ${k + 1}`;
+  const countInWords = (kept, before) => (before ? `${kept} of ${before}` : String(kept));
 
   /** Ratio of the greatest to the middle value of a chart. */
   function spread(series) {
@@ -1242,7 +1312,10 @@ var GmrPlayer = (function () {
       plane.ctx.clearRect(0, 0, plane.width, plane.height);
       drawGround(plane, ink, this.episode.radar);
       if (this.episode.many) drawManyScan(this, show);
-      else drawScan(this, show);
+      else {
+        drawScan(this, show);
+        drawOverview(this, show);
+      }
       plane.ctx.globalAlpha = 1;
     }
 
@@ -1311,17 +1384,17 @@ var GmrPlayer = (function () {
       const panels = make("div", { class: "gmr-panels", "data-count": this.panels.length }, ...this.panels.map((panel) => panel.node));
       this.time = this.slider();
       this.aside = make("div", { class: "gmr-chosen", "aria-live": "polite" });
-      const strips = make("div", { class: "gmr-strips" }, this.time, ...this.strips.map((strip) => strip.node));
+      this.charts = make("div", { class: "gmr-strips" }, this.time, ...this.strips.map((strip) => strip.node));
       root.replaceChildren(
         this.header(), panels, this.transport(),
-        make("div", { class: "gmr-below" }, strips, make("aside", {}, this.aside, keyOf(episode))),
+        make("div", { class: "gmr-below" }, this.charts, make("aside", {}, this.aside, keyOf(episode))),
         this.help(),
       );
     }
 
     header() {
       const { title, environment, seed } = this.episode;
-      const about = [environment, seed === undefined || seed === null ? "" : `seed ${seed}`].filter(Boolean).join(", ");
+      const about = title && environment && title.includes(environment) ? "" : `${environment}, seed ${seed}`;
       return make(
         "header", {}, make("h2", {}, title || environment || ""), make("span", {}, about),
         button("plain", "Light or dark", () => this.theme(), icon("theme")),
@@ -1341,11 +1414,13 @@ var GmrPlayer = (function () {
       this.playButton = button("play", "Play", () => this.toggle(), icon("play"));
       this.clock = make("span", { class: "gmr-clock" });
       const speeds = SPEEDS.map((speed) => [speed, `${speed} scan${speed === 1 ? "" : "s"}/s`]);
-      return make(
-        "div", { class: "gmr-transport", role: "group", "aria-label": "Playback and view" },
-        make("div", {}, button("step", "Scan back", () => this.go(this.show.t - 1), icon("back")), this.playButton,
-          button("step", "Scan forward", () => this.go(this.show.t + 1), icon("forward")), this.clock),
+      this.bar = make(
+        "div", { class: "gmr-bar" }, button("step", "Scan back", () => this.go(this.show.t - 1), icon("back")), this.playButton,
+        button("step", "Scan forward", () => this.go(this.show.t + 1), icon("forward")), this.clock,
         choice("Speed", speeds, this.speed, (value) => { this.speed = Number(value); }),
+      );
+      return make(
+        "div", { class: "gmr-transport", role: "group", "aria-label": "Playback and view" }, this.bar,
         ...(this.episode.traced ? [this.stages()] : []),
         this.toggles(), this.viewControls(),
       );
@@ -1421,7 +1496,7 @@ var GmrPlayer = (function () {
         if (!labels.has(label)) labels.set(label, labelColour(label, dark));
         return labels.get(label);
       };
-      ink.band = (k, r) => `hsl(${mix(205, 330, r > 1 ? k / (r - 1) : 0)} 45% ${dark ? mix(36, 62, (k % 2)) : mix(58, 78, k % 2)}%)`;
+      ink.band = (k) => `hsl(${(212 + 137.5 * k) % 360} 34% ${dark ? 46 : 70}%)`;
       ink.small = `11px ${style.fontFamily}`;
       ink.text = `12px ${style.fontFamily}`;
       this.ink = ink;
@@ -1430,6 +1505,9 @@ var GmrPlayer = (function () {
     }
 
     resize() {
+      // on a phone the slider stays in sight with the buttons; else it lies over the charts
+      const bar = this.root.clientWidth < 760 ? this.bar : this.charts;
+      if (this.time.parentNode !== bar) bar.prepend(this.time);
       this.panels.forEach(({ plane }) => plane.resize());
       this.dye();
     }
@@ -1692,7 +1770,7 @@ var GmrPlayer = (function () {
     for (let i = 0; i < set.m.length / 2; i++) reach.push(Math.sqrt(set.P[3 * i] + set.P[3 * i + 2]));
     reach.sort((a, b) => a - b);
     const typical = reach.length ? reach[reach.length >> 1] : 1;
-    return Math.min(plane.width, plane.height) / (5 * (set === gates ? 1 : SIGMAS) * typical);
+    return Math.min(plane.width, plane.height) / (3.4 * (set === gates ? 1 : SIGMAS) * typical);
   }
 
   /** What the marks of the panels mean. */
@@ -1714,6 +1792,7 @@ var GmrPlayer = (function () {
   async function start(element, data) {
     try {
       const episode = recording(data, await unpack(data));
+      episode.box = boundsOf(episode.truth);
       episode.lives = livesOf(episode.truth, episode.targets, data.scans);
       return new Player(element, episode);
     } catch (error) {
