@@ -161,10 +161,10 @@ class EpisodicEnv(DrawnEnv):
         return self._shown >= 0
 
     def _drawn_on(self, canvas: Any) -> np.ndarray | None:
-        from gmr_gym.envs.render import Shown
+        from gmr_gym.envs.render import Tracked
 
         t = self._shown
-        return canvas.draw(self._episode, t, [Shown(self._seen(t), self._estimates)])
+        return canvas.draw(self._episode, t, [Tracked(self._seen(t), self._estimates)])
 
 
 def make_scenario(scenario: str, arguments: Mapping[str, Any]) -> Any:

@@ -32,7 +32,7 @@ LATEST = slice(-1, None)  # of a path, the point that has a marker
 MARGIN = 0.06  # of a side of what is seen, around it
 
 
-class Shown(NamedTuple):
+class Tracked(NamedTuple):
     """What a panel shows of a scan.
 
     Attributes
@@ -88,7 +88,7 @@ class Panel:
             *plot([], [], "x-", color=ESTIMATE, lw=1.4, ms=6, markevery=LATEST, label="estimate"),
         ]
 
-    def marks(self, shown: Shown) -> list[Line2D]:
+    def marks(self, shown: Tracked) -> list[Line2D]:
         """What the legend names: all that is drawn."""
         found = [self.detections, self.own, self.truth, self.estimate]
         if shown.report is not None:
@@ -96,7 +96,7 @@ class Panel:
             found += [ring(GATES, "gates")] * gated + [ring(HYPOTHESIS, "hypotheses, faint: of low weight")]
         return found
 
-    def draw(self, episode: Any, t: int, shown: Shown) -> None:
+    def draw(self, episode: Any, t: int, shown: Tracked) -> None:
         """Draw scan t (from 0) of an episode."""
         at = list(self.scenario.position[:2])
         z = self.scenario.model.sensor.to_gate_space(shown.scan.z)[:, :2]
@@ -172,7 +172,7 @@ class Canvas:
                 style_strip(strip, scans or scenario.horizon, labelled=not self.panels)
             self.panels.append(self.panel(scenario, plane, below, title))
 
-    def draw(self, episode: Any, t: int, shown: Sequence[Shown]) -> np.ndarray | None:
+    def draw(self, episode: Any, t: int, shown: Sequence[Tracked]) -> np.ndarray | None:
         """Draw one scan.
 
         Parameters
@@ -180,7 +180,7 @@ class Canvas:
         episode : Episode
         t : int
             Number of the scan, from 0.
-        shown : sequence of Shown
+        shown : sequence of Tracked
             What each panel shows.
 
         Returns
@@ -191,7 +191,7 @@ class Canvas:
         self.place(episode, t, shown)
         return self._sheet.shown()
 
-    def place(self, episode: Any, t: int, shown: Sequence[Shown]) -> None:
+    def place(self, episode: Any, t: int, shown: Sequence[Tracked]) -> None:
         """As `draw`, without an image: for `save`."""
         for panel, each in zip(self.panels, shown, strict=True):
             panel.draw(episode, t, each)
@@ -222,7 +222,7 @@ class Canvas:
             return 1.0
         return float(np.clip((high[1] - low[1]) / (high[0] - low[0]), 0.4, 1.2))
 
-    def _view(self, episode: Any, t: int, shown: Sequence[Shown]) -> tuple[np.ndarray, np.ndarray]:
+    def _view(self, episode: Any, t: int, shown: Sequence[Tracked]) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper corner (2,), m, of the window: one that follows is about the estimate, or about the
         target where there is none, or several."""
         about = shown[0].estimates[-1:] if len(shown) == 1 else ()

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.lines import Line2D
 
-from gmr_gym.envs.render import Canvas, Panel, Shown, add_ellipses, over_scans, ring
+from gmr_gym.envs.render import Canvas, Panel, Tracked, add_ellipses, over_scans, ring
 from gmr_gym.envs.render_sheet import CLUTTER, EDGE, ESTIMATE, HYPOTHESIS, INK, TRUTH
 from gmr_gym.mixture import joined
 from gmr_gym.models.clutter import Clutter
@@ -25,7 +25,7 @@ class MultiTargetPanel(Panel):
         (self.latest,) = plot([], [], "x", color=ESTIMATE, ms=7)
         return [detections, truth, own, estimates]
 
-    def marks(self, shown: Shown) -> list[Line2D]:
+    def marks(self, shown: Tracked) -> list[Line2D]:
         """What the legend names: all that is drawn."""
         latest = Line2D([], [], ls="", marker="x", color=ESTIMATE, ms=6, label="estimates")
         found = [self.detections, self.own, self.truth, latest]
@@ -36,7 +36,7 @@ class MultiTargetPanel(Panel):
             found.append(ring(HYPOTHESIS, "hypotheses, faint: of low weight"))
         return found
 
-    def draw(self, episode: Any, t: int, shown: Shown) -> None:
+    def draw(self, episode: Any, t: int, shown: Tracked) -> None:
         """Draw scan t (from 0) of an episode."""
         z, origin = shown.scan
         self.detections.set_data(*z[:, :2].T)
@@ -85,7 +85,7 @@ class MultiTargetCanvas(Canvas):
         width, height = (clutter.high - clutter.low)[:2]
         return float(np.clip(height / width, 0.4, 1.2))
 
-    def _view(self, episode: Any, t: int, shown: Sequence[Shown]) -> tuple[np.ndarray, np.ndarray]:
+    def _view(self, episode: Any, t: int, shown: Sequence[Tracked]) -> tuple[np.ndarray, np.ndarray]:
         clutter = self.scenario.clutter(t)
         return clutter.low[:2], clutter.high[:2]
 

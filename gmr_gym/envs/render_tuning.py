@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gmr_gym.envs.render import Panel, Shown, style_plane, style_strip
+from gmr_gym.envs.render import Panel, Tracked, style_plane, style_strip
 from gmr_gym.envs.render_sheet import HYPOTHESIS, INK, SIZE, Sheet
 from gmr_gym.filters.mht import MAX_HYPOTHESES, ScanUpdate, predict_and_update, prune_and_reduce
 from gmr_gym.filters.tracker import Report
@@ -113,10 +113,12 @@ class TuningCanvas:
         titles = "before the reduction", "after it" if after else "not reduced yet"
         for panel, report, title in zip(self.panels, (before, after), titles, strict=True):
             panel.scenario, panel.title = scenario, title
-            panel.draw(episode, t, Shown(seen, self._estimates, report))
+            panel.draw(episode, t, Tracked(seen, self._estimates, report))
             panel.plane.set(**self._near(before))
         if not self.figure.legends:
-            self._sheet.name([*self.panels[0].marks(Shown(seen, (), before)), *self._counts, *self._actions])
+            self._sheet.name(
+                [*self.panels[0].marks(Tracked(seen, (), before)), *self._counts, *self._actions]
+            )
 
     def _near(self, report: Report) -> dict[str, Any]:
         """Limits about the estimate within which all gates lie, of sides that double from scan to scan, if

@@ -4,7 +4,8 @@ Stands on everything but `experiments`. Open `recording.py` for what is kept of 
 it is written.
 """
 
+from gmr_gym.replay.notebook import Shown, show
 from gmr_gym.replay.page import page, write_page
 from gmr_gym.replay.recording import Recording, record
 
-__all__ = ["Recording", "page", "record", "write_page"]
+__all__ = ["Recording", "Shown", "page", "record", "show", "write_page"]

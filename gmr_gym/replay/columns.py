@@ -8,6 +8,8 @@ import numpy as np
 
 from gmr_gym.mixture import Mixture
 
+LARGEST = float(np.finfo(np.float32).max)
+
 
 class Reported:
     """Checks what one tracker reports: shapes that do not fit are refused, and numbers that are not finite
@@ -25,7 +27,7 @@ class Reported:
         self._unsound: set[int] = set()
 
     def array(self, what: str, value: Any, *shape: int | None) -> np.ndarray:
-        """The value as floats, nan where it is not finite.
+        """The value as floats, nan where it is not finite, or no float of 32 bits.
 
         Parameters
         ----------
@@ -48,7 +50,7 @@ class Reported:
         if numbers.ndim != len(shape) or any(want not in (None, got) for got, want in sizes):
             wanted = ", ".join("n" if size is None else str(size) for size in shape)
             raise ValueError(f"{self._place(what)}: expected shape ({wanted}), got {numbers.shape}")
-        sound = np.isfinite(numbers)
+        sound = np.abs(numbers) <= LARGEST  # nan is not
         if not sound.all():
             self._unsound.add(self.scan)
             numbers[~sound] = np.nan
@@ -62,6 +64,17 @@ class Reported:
             raise ValueError(f"{self._place(what)}: expected a Mixture, got {p!r:.60}") from None
         w = self.array(f"{what}.w", w, None)
         return Mixture(w, self.array(f"{what}.m", m, len(w), d), self.array(f"{what}.P", P, len(w), d, d))
+
+    def rows(self, what: str, value: Any, length: int, below: int) -> np.ndarray:
+        """The value as integers (length,) from -1 to `below` - 1; ValueError for anything else."""
+        rows = np.asarray(value)
+        if (
+            rows.shape != (length,)
+            or rows.dtype.kind not in "iu"
+            or not ((rows >= -1) & (rows < below)).all()
+        ):
+            raise ValueError(f"{self._place(what)}: expected {length} whole numbers from -1 to {below - 1}")
+        return rows
 
     def warn(self) -> None:
         """Warns, if there was any, of scans with numbers that were not finite."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gmr_gym.envs.render import Canvas, Shown
+from gmr_gym.envs.render import Canvas, Tracked
 from gmr_gym.envs.render_multi_target import MultiTargetCanvas
 from gmr_gym.envs.render_sheet import INKS, PAPER, check_size
 from gmr_gym.evaluation.loop import is_off_target, play
@@ -106,7 +106,7 @@ def check_film(out: Path, trackers: int, frame: int | None, size: tuple[int, int
     if ending not in (*FILMS, *PICTURES):
         raise ValueError(f"out must end in {', '.join(FILMS)}, {' or '.join(PICTURES)}, got {out.name!r}")
     if ending in PICTURES and frame is None:
-        raise ValueError(f"{out.name} is one picture: give its scan, from 1, as frame")
+        raise ValueError(f"{out.name} is one picture: say of which scan by frame (--frame K), from 1")
     if ending in FILMS and frame is not None:
         raise ValueError(f"frame is for one picture, .png or .svg, got {out.name!r}")
     if not 1 <= trackers <= MOST_TRACKERS:
@@ -147,7 +147,7 @@ def _total(there: int, frame: int | None, scans: int | None) -> int:
     return frame or there
 
 
-def _single(scenario: Scenario, tracker: Any, episode: Any) -> Iterator[Shown]:
+def _single(scenario: Scenario, tracker: Any, episode: Any) -> Iterator[Tracked]:
     """Every scan of an episode of one target, as a tracker has it."""
     estimates, counts, off, lost_at = [], [], 0, -1
     for t, seen, report, _ in play(scenario, tracker, episode):
@@ -156,15 +156,15 @@ def _single(scenario: Scenario, tracker: Any, episode: Any) -> Iterator[Shown]:
         points = tracker.model.sensor.to_gate_space(seen.z)
         off = off + 1 if is_off_target(scenario, report, episode.x[t], points, seen.origin) else 0
         lost_at = t if lost_at < 0 and off >= scenario.patience else lost_at
-        yield Shown(seen, estimates, report, counts, lost_at)
+        yield Tracked(seen, estimates, report, counts, lost_at)
 
 
-def _many(scenario: MultiTargetScenario, tracker: Any, episode: Any) -> Iterator[Shown]:
+def _many(scenario: MultiTargetScenario, tracker: Any, episode: Any) -> Iterator[Tracked]:
     """The same of many targets."""
     estimates: list[np.ndarray] = []
     for t, (report, _) in enumerate(play_multi_target(tracker, episode)):
         estimates.append(report.x[:, list(scenario.position)])
-        yield Shown(multi_target.scan(episode, t), estimates, report)
+        yield Tracked(multi_target.scan(episode, t), estimates, report)
 
 
 class Palette:

@@ -1,6 +1,6 @@
 """Columns of numbers as compact text: quantised, one after the other, deflated, in base64.
 
-Integers are exact. Positions are multiples of a step, all other real numbers floats of 13 significant bits:
+Integers are exact. Positions are multiples of a step, all other real numbers floats of 10 significant bits:
 weights and covariances span many orders of magnitude.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 POSITIONS = "truth", "z", "gate", "kept", "full", "estimate", "declared", "guess", "clutter"
 COARSEST = 0.5  # m, the largest step of a position
-KEPT_BITS = 0xFFFFF800  # of a float32: sign, exponent and 12 bits after the leading one
+DROPPED_BITS = 14  # of the 23 that a float32 has after the leading one
 INTEGERS = "u1", "i1", "u2", "i2", "u4", "i4"
 ALIGNMENT = 4  # bytes: a typed array begins at a multiple of its element
 
@@ -67,8 +67,8 @@ def _coded(name: str, column: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
         return _integers(name, column), {"low": 0, "step": 1}
     if name.rpartition("/")[2] in POSITIONS:
         return _steps(column)
-    rounded = column.astype("<f4").view("<u4") + np.uint32(~KEPT_BITS + 1 & 0xFFFFFFFF) // 2
-    stored = (rounded & np.uint32(KEPT_BITS)).view("<f4")
+    bits = column.astype("<f4").view("<u4") + np.uint32(1 << DROPPED_BITS - 1)
+    stored = (bits >> DROPPED_BITS << DROPPED_BITS).view("<f4")
     stored[np.isnan(column)] = np.nan
     return stored, {}
 

@@ -79,8 +79,9 @@ def _data(recording: Recording) -> dict:
     told = recording._asdict()
     entries, blob = pack(told.pop("columns"))
     names = told.pop("trackers")
+    where = f" in {recording.environment}" if recording.environment else ""
     return {
-        "title": f"{', '.join(names)} in {recording.environment}, seed {recording.seed}",
+        "title": f"{', '.join(names)}{where}, seed {recording.seed}",
         **told,
         "axes": ["x, m", "y, m"],
         "trackers": [{"name": name} for name in names],

@@ -8,10 +8,11 @@ import numpy as np
 from gmr_gym.models.model import Model
 from gmr_gym.models.radar import Radar
 from gmr_gym.replay import multi_target, single_target
+from gmr_gym.replay.lineup import check_fits
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
 
-MOST_TRACKERS = 4  # that a page shows side by side
+MOST_TRACKERS = 4  # that are shown side by side
 
 
 class Recording(NamedTuple):
@@ -82,7 +83,8 @@ def record(
     Raises
     ------
     ValueError
-        For another number of trackers, fewer than 1 scan or more than there are, and reports of wrong shapes.
+        For another number of trackers or one that does not fit, fewer than 1 scan or more than there are, and
+        reports of wrong shapes.
 
     Warns
     -----
@@ -104,6 +106,8 @@ def record(
     kind: Any = multi_target if many else single_target
     if not 1 <= len(trackers) <= MOST_TRACKERS:
         raise ValueError(f"trackers must be from 1 to {MOST_TRACKERS}, got {len(trackers)}")
+    for name, tracker in trackers.items():
+        check_fits(name, tracker, scenario, environment)
     episode = kind.draw(world, seed)
     total = len(episode.x) if scans is None else scans
     if not 1 <= total <= len(episode.x):

@@ -20,7 +20,7 @@ GROUPS = {
     "kept": ("kept_w", "kept", "kept_P"),
     "full": ("full_w", "full", "full_P", "full_parent", "full_detection", "full_into", "full_mode"),
 }
-NEGLIGIBLE = 1e-4  # weight, below which a hypothesis that was pruned is left out
+NEGLIGIBLE = 1e-4  # weight, below which a hypothesis is left out, unless it is the heaviest of a merge
 
 
 def truth_of(scenario: Scenario, episode: Episode, scans: int) -> dict[str, np.ndarray]:
@@ -60,12 +60,14 @@ def columns_of(
         For numbers that are not finite.
     """
     traced, reported, rows = _Traced(tracker), Reported(name), []
+    before = len(scenario.model.prior.w)
     for played in islice(play(scenario, traced, episode), scans):
         reported.scan = played.t + 1
         row = _row(scenario, tracker, reported, played, episode.x[played.t])
         if traced.trace is not None:
-            row |= _full(scenario, reported, traced, played)
+            row |= _full(scenario, reported, traced, played, before)
         rows.append(row)
+        before = row["count"]
         tell(reported.scan)
     reported.warn()
     columns = gathered(rows, GROUPS)
@@ -127,22 +129,36 @@ def _gates(reported: Reported, gates: Gates, scenario: Scenario) -> Gates:
     return Gates(z[sound], S[sound], float(gates.threshold))
 
 
-def _full(scenario: Scenario, reported: Reported, traced: _Traced, played: Played) -> dict[str, Any]:
-    """The hypotheses before the reduction, and what became of each."""
-    full, parent, detection, into, mode = traced.trace
-    full = reported.mixture("trace.full", full, len(scenario.model.prior.m[0]))
-    if traced.knows_origin:  # rows of what it was given
-        detection = np.append(np.flatnonzero(played.scan.origin >= 0), -1)[detection]
-    shown = (into >= 0) | (full.w >= NEGLIGIBLE)
+def _full(
+    scenario: Scenario, reported: Reported, traced: _Traced, played: Played, before: int
+) -> dict[str, Any]:
+    """The hypotheses before the reduction, and what became of each; `before` were kept of the scan before."""
+    full = reported.mixture("trace.full", traced.trace.full, scenario.model.prior.m.shape[1])
+    given = np.append(np.flatnonzero((played.scan.origin >= 0) | (not traced.knows_origin)), -1)
+    kept = len(played.report.mixture.w)
+    limits = {
+        "parent": before,
+        "detection": len(given) - 1,
+        "into": kept,
+        "mode": len(scenario.model.motions),
+    }
+    told = {
+        field: reported.rows(f"trace.{field}", getattr(traced.trace, field), len(full.w), below)
+        for field, below in limits.items()
+    }
+    told["detection"] = given[told["detection"]]
+    into, heaviest = told["into"], np.zeros(kept)
+    merged = into >= 0
+    np.maximum.at(heaviest, into[merged], full.w[merged])
+    shown = full.w >= NEGLIGIBLE
+    shown[merged] |= full.w[merged] == heaviest[into[merged]]
     at = scenario.position[:2]
     return {
         "full_w": full.w[shown],
         "full": full.m[shown][:, at],
         "full_P": upper(full.P[shown], at),
-        "full_parent": parent[shown],
-        "full_detection": detection[shown],
-        "full_into": into[shown],
-        "full_mode": mode[shown],
-        "full_rest_count": (~shown).sum(),
+        **{f"full_{field}": rows[shown] for field, rows in told.items()},
+        "full_rest_count": (~shown & ~merged).sum(),
+        "full_rest_merged": (~shown & merged).sum(),
         "full_rest_w": full.w[~shown].sum(),
     }

@@ -19,7 +19,7 @@ from baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.envs.episodic import EXTENT
 from gmr_gym.envs.policy import MultiTargetPolicy, Policy
 from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
-from gmr_gym.envs.render import Canvas, Shown
+from gmr_gym.envs.render import Canvas, Tracked
 from gmr_gym.envs.tracking import TrackingEnv
 from gmr_gym.evaluation.loop import play as play_scans
 from gmr_gym.evaluation.montecarlo import run_once
@@ -505,7 +505,7 @@ def test_a_radars_gates_and_hypotheses_are_drawn_as_their_shadows_on_the_plane()
     tracker = make_tracker("mmg-5", scenario.model)
     episode, canvas = draw(scenario, 0), Canvas(scenario, tracked=True)
     _, seen, report, _ = next(iter(play_scans(scenario, tracker, episode)))
-    canvas.draw(episode, 0, [Shown(seen, [report.x[0]], report)])
+    canvas.draw(episode, 0, [Tracked(seen, [report.x[0]], report)])
     gates, p = report.gates, report.mixture
     drawn = (gates.z, gates.S * gates.threshold), (p.m, 5.99 * p.P)
     axes = next(axes for axes in canvas.figure.axes if axes.collections)

@@ -14,10 +14,10 @@ from gymnasium.utils.env_checker import check_env
 import gmr_gym  # noqa: F401  registers the environments
 from agents.draw_instances import SEED, SEEN, UNSEEN, drawn, followed
 from baselines.mht import adaptive
+from gmr_gym.envs.lookup import scenario_of
 from gmr_gym.envs.registry import TUNING
 from gmr_gym.envs.tuning import ReductionTuningEnv, ThresholdSchedule
 from gmr_gym.evaluation.loop import play
-from gmr_gym.experiments.specs import scenario_of
 from gmr_gym.simulation.reward import SCANS_OFF
 from gmr_gym.simulation.single_target import draw
 from gmr_gym.tuning.features import BOUND

@@ -164,7 +164,7 @@ def test_a_scan_as_pixels_is_of_the_size_that_is_asked_for(one, tmp_path):
     ("out", "number", "how", "message"),
     [
         ("f.avi", 1, {}, "out must end in .gif, .mp4, .png or .svg, got 'f.avi'"),
-        ("f.png", 1, {}, "f.png is one picture: give its scan, from 1, as frame"),
+        ("f.png", 1, {}, "f.png is one picture: say of which scan by frame (--frame K), from 1"),
         ("f.gif", 1, {"frame": 1}, "frame is for one picture, .png or .svg, got 'f.gif'"),
         ("f.png", 1, {"frame": 4}, "frame must be from 1 to the 3 scans of the episode, got 4"),
         ("f.png", 1, {"frame": 3, "scans": 2}, "frame must be from 1 to the 2 scans of the episode, got 3"),
