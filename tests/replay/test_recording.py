@@ -177,7 +177,7 @@ def test_what_is_no_number_is_missing_and_told(wrong):
 def test_a_window_cannot_follow_what_is_no_number():
     scenario = turning_target(clutter_rate=20, window=(300.0, 300.0))
     spoilt = Reporting(partial(replaced, x=lambda x: x * np.nan))
-    with pytest.raises(ValueError, match="^tracker 'mine', x at scan 3: the window follows the estimate"):
+    with pytest.raises(ValueError, match=r"^tracker 'mine', x at scan 3: the window follows the estimate"):
         record(scenario, {"mine": spoilt}, 1)
 
 
