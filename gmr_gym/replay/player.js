@@ -9,6 +9,7 @@ var GmrPlayer = (function () {
   const SIGMAS = 2; // of the ellipses of hypotheses and estimates
   const SLOW = 2; // scans a second up to which the reduction is animated
   const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 40];
+  const WIDEST = 4; // how far the view widens to keep target and estimate in it
   const HIT = 10; // px within which a click finds a point
   // the parts of a scan's transition, each up to its share of the scan's time
   const STAGES = [
@@ -141,11 +142,9 @@ var GmrPlayer = (function () {
     `${n} ${n === 1 ? word : many === word ? `${word}s` : many}`;
 
   function reductionInWords({ all, pruned, merged, kept }) {
-    if (all === undefined) return plural(kept, "hypothesis");
-    const parts = [];
-    if (pruned) parts.push(`${pruned} pruned`);
-    if (merged > kept) parts.push(`${merged} merged into ${kept}`);
-    else parts.push(pruned ? `${kept} kept` : "all kept");
+    if (all === undefined || all === kept) return plural(kept, "hypothesis");
+    const parts = [merged > kept ? `${merged} merged into ${kept}` : `${kept} kept`];
+    if (pruned) parts.unshift(`${pruned} pruned`);
     return `${plural(all, "hypothesis")}: ${parts.join(", ")}`;
   }
 
@@ -274,40 +273,53 @@ var GmrPlayer = (function () {
 
   // -------------------------------------------------------------------------------------------- camera
 
-  /** Where all panels look: a scale they share, and a centre that is free or goes with the target or each
-      tracker's own estimate. What changes at once is shown gliding: `slip` is what is left of the way. */
+  /** Where all panels look: a scale they share, and a centre that is free, or goes with the target, with each
+      tracker's own estimate, or with both. What changes at once is shown gliding: `slip` is the way left. */
   class Camera {
     constructor(episode) {
       this.episode = episode;
-      this.scale = 1;
+      this.scale = this.side = 1;
       this.x = this.y = 0;
       this.slip = { x: 0, y: 0, zoom: 0 };
-      this.mode = episode.many ? "free" : "target";
+      this.mode = "free";
     }
 
-    /** Centre for the panel of a tracker into `out`, at scan t with the share `u` of the way from the last. */
-    centre(out, tracker, t, u) {
-      const points = this.mode === "estimate" ? tracker.estimate : this.episode.truth;
-      out.x = this.x;
-      out.y = this.y;
-      if (this.mode !== "free") {
-        const now = seenUntil(points, t), before = seenUntil(points, Math.max(t - 1, 0));
-        out.x = this.x = mix(points[2 * before], points[2 * now], u);
-        out.y = this.y = mix(points[2 * before + 1], points[2 * now + 1], u);
-      }
-      out.scale = this.scale * Math.exp(this.slip.zoom);
+    /** Centre and scale for a tracker's panel into `out`, at scan t with the share `u` of the way from the last. */
+    look(out, tracker, t, u) {
+      const before = Math.max(t - 1, 0);
+      const scale = this.mode === "both" ? mix(this.wide(before), this.wide(t), u) : this.scale;
+      out.x = this.mode === "free" ? this.x : mix(this.at(tracker, before, 0, scale), this.at(tracker, t, 0, scale), u);
+      out.y = this.mode === "free" ? this.y : mix(this.at(tracker, before, 1, scale), this.at(tracker, t, 1, scale), u);
+      out.scale = scale * Math.exp(this.slip.zoom);
       out.x += this.slip.x;
       out.y += this.slip.y;
+    }
+
+    /** Coordinate `axis` of what is followed at scan t. */
+    at(tracker, t, axis, scale) {
+      const { truth } = this.episode, { estimate } = tracker;
+      const target = truth[2 * seenUntil(truth, t) + axis], own = estimate[2 * seenUntil(estimate, t) + axis];
+      if (this.mode === "target" || !Number.isFinite(own)) return target;
+      if (this.mode === "estimate") return own;
+      const far = distance(truth, estimate, t);
+      return target + (own - target) * Math.min(0.5, (0.36 * this.side) / scale / Math.max(far, 1e-9));
+    }
+
+    /** The scale at which target and estimates are in view, within a limit. */
+    wide(t) {
+      let far = 1e-9;
+      for (const { estimate } of this.episode.trackers) far = Math.max(far, distance(this.episode.truth, estimate, t) || 0);
+      return Math.max(this.scale / WIDEST, Math.min(this.scale, (0.64 * this.side) / far));
     }
 
     /** Glide to what `change` makes of the view, from where it is now. */
     glide(change, tracker, t, calm) {
       const old = {}, now = {};
-      this.centre(old, tracker, t, 1);
+      this.look(old, tracker, t, 1);
       change();
       this.slip.x = this.slip.y = this.slip.zoom = 0;
       if (calm) return;
-      this.centre(now, tracker, t, 1);
+      this.look(now, tracker, t, 1);
       this.slip.x = old.x - now.x;
       this.slip.y = old.y - now.y;
       this.slip.zoom = Math.log(old.scale / now.scale);
@@ -333,6 +345,8 @@ var GmrPlayer = (function () {
     }
   }
 
+  const distance = (a, b, t) => Math.hypot(a[2 * t] - b[2 * t], a[2 * t + 1] - b[2 * t + 1]);
+
   /** Latest row up to t with a value; t where there is none. */
   function seenUntil(points, t) {
     for (let i = t; i >= 0; i--) if (Number.isFinite(points[2 * i])) return i;
@@ -349,18 +363,18 @@ var GmrPlayer = (function () {
     ctx.strokeStyle = ink.grid;
     ctx.fillStyle = ink.faint;
     ctx.font = ink.small;
+    ctx.textAlign = "left";
+    ctx.textBaseline = "bottom";
     if (radar) drawRings(plane, ink);
     else drawGrid(plane);
   }
 
   const metres = (value, step) =>
-    step >= 1000 ? `${+(value / 1000).toFixed(3)} km` : `${+value.toFixed(Math.max(0, -Math.floor(Math.log10(step))))} m`;
+    value === 0 ? "0" : step >= 1000 ? `${+(value / 1000).toFixed(3)} km` : `${+value.toFixed(Math.max(0, -Math.floor(Math.log10(step))))} m`;
 
   function drawGrid(plane) {
     const { ctx, width, height } = plane;
     const step = niceStep(90 / plane.scale);
-    ctx.textAlign = "left";
-    ctx.textBaseline = "bottom";
     for (let i = Math.ceil(plane.x(0) / step); i * step < plane.x(width); i++) {
       const X = Math.round(plane.X(i * step)) + 0.5;
       stroke(ctx, X, 0, X, height);
@@ -437,7 +451,7 @@ var GmrPlayer = (function () {
 
   /** A ring's range beside it, off the middle of the view where it can be. */
   function labelRing(plane, radius, { from, to }) {
-    for (const part of [0.3, 0.4, 0.5, 0.6, 0.7]) {
+    for (const part of [0.25, 0.75, 0.35, 0.65, 0.5]) {
       const angle = mix(from, to, part);
       const X = plane.X(radius * Math.cos(angle)), Y = plane.Y(radius * Math.sin(angle));
       if (inView(plane, X, Y)) return plane.ctx.fillText(metres(radius, radius), X + 4, Y);
@@ -448,7 +462,7 @@ var GmrPlayer = (function () {
   function labelRay(plane, angle, text) {
     const { width, height } = plane, X = plane.X(0), Y = plane.Y(0);
     const dX = Math.cos(angle), dY = -Math.sin(angle);
-    const far = Math.min(((dX > 0 ? width - 34 : 6) - X) / dX, ((dY > 0 ? height - 8 : 16) - Y) / dY);
+    const far = Math.min(((dX > 0 ? width - 34 : 6) - X) / dX, ((dY > 0 ? height - 4 : 18) - Y) / dY);
     if (far > 0) plane.ctx.fillText(text, X + far * dX + 3, Y + far * dY);
   }
 
@@ -542,7 +556,7 @@ var GmrPlayer = (function () {
       plane.dot(z.m[2 * i], z.m[2 * i + 1], 2.4);
       ctx.fill();
     }
-    if (!show.truth) return;
+    if (!show.origin) return;
     ctx.strokeStyle = ink.truth;
     ctx.lineWidth = 1.4;
     for (let i = from; i < z.start[show.t + 1]; i++) {
@@ -671,11 +685,11 @@ var GmrPlayer = (function () {
     ctx.lineWidth = 2;
     plane.cross(x, y, 4);
     ctx.stroke();
-    pointTo(plane, x, y, "estimate", ink.estimate);
+    pointTo(plane, x, y, `estimate, ${metres(tracker.error[t], niceStep(tracker.error[t] / 20))} off`, ink.estimate);
   }
 
-  /** A mark at the edge that points to what lies out of view, with its distance from the centre. */
-  function pointTo(plane, x, y, name, colour) {
+  /** A mark at the edge that points to what lies out of view. */
+  function pointTo(plane, x, y, text, colour) {
     const { ctx, width, height } = plane, margin = 14;
     const X = plane.X(x), Y = plane.Y(y);
     if (X >= 0 && X <= width && Y >= 0 && Y <= height) return;
@@ -688,9 +702,8 @@ var GmrPlayer = (function () {
     for (const turn of [0, 2.5, -2.5])
       ctx.lineTo(atX + 8 * Math.cos(angle + turn), atY + 8 * Math.sin(angle + turn));
     ctx.fill();
-    const far = Math.hypot(dX, dY) / plane.scale;
     ctx.textAlign = dX > 0 ? "right" : "left";
-    ctx.fillText(`${name}, ${metres(far, niceStep(far / 20))}`, atX - 14 * Math.sign(dX), atY + (dY > 0 ? -8 : 12));
+    ctx.fillText(text, atX - 14 * Math.sign(dX), atY + (dY > 0 ? -8 : 12));
     ctx.textAlign = "left";
   }
 
@@ -1163,7 +1176,9 @@ var GmrPlayer = (function () {
     ticks() {
       if (!this.log) return [niceStep(this.high / 2.01), 2 * niceStep(this.high / 2.01)].filter((value) => value < this.high);
       const ticks = [];
-      for (let power = Math.ceil(Math.log10(this.low)); 10 ** power < this.high; power++) ticks.push(10 ** power);
+      const lowest = Math.ceil(Math.log10(this.low)), highest = Math.floor(Math.log10(this.high));
+      const every = Math.ceil((highest - lowest + 1) / 3);
+      for (let power = highest; power >= lowest; power -= every) ticks.push(10 ** power);
       return ticks;
     }
 
@@ -1177,7 +1192,7 @@ var GmrPlayer = (function () {
         stroke(ctx, GUTTER, Y, this.width - INSET, Y);
         ctx.fillStyle = this.ink.faint;
         ctx.textAlign = "right";
-        if (value && Y > 6) ctx.fillText(`${+value.toPrecision(3)}${this.unit}`, GUTTER - 6, Y);
+        if (value && Y > 6) ctx.fillText(this.unit ? metres(value, value) : String(+value.toPrecision(3)), GUTTER - 6, Y);
         ctx.textAlign = "left";
       }
       this.series.forEach((one, i) => this.paintSeries(ctx, one, i));
@@ -1268,10 +1283,10 @@ var GmrPlayer = (function () {
   const modeName = ({ modes }, k) => modes[k] || `model ${k + 1}`;
   const countInWords = (kept, before) => (before ? `${kept} of ${before}` : String(kept));
 
-  /** Ratio of the greatest to the middle value of a chart. */
+  /** Ratio of the greatest value of a chart to one that a quarter of them do not reach. */
   function spread(series) {
     const values = series.flatMap(({ values }) => [...values]).filter((value) => value > 0).sort((a, b) => a - b);
-    return values.length ? values[values.length - 1] / values[values.length >> 1] : 1;
+    return values.length ? values[values.length - 1] / values[values.length >> 2] : 1;
   }
 
   function listenToScrub(canvas, scrub) {
@@ -1307,7 +1322,7 @@ var GmrPlayer = (function () {
     draw(show, camera, ink) {
       const { plane, where } = this;
       this.ink = ink;
-      camera.centre(where, this.tracker, show.t, show.way);
+      camera.look(where, this.tracker, show.t, show.way);
       plane.look(where.x, where.y, where.scale);
       plane.ctx.clearRect(0, 0, plane.width, plane.height);
       drawGround(plane, ink, this.episode.radar);
@@ -1349,7 +1364,7 @@ var GmrPlayer = (function () {
 
   const KEYS = [
     ["space", "play or pause"], ["← →", "scan back, forward"], [", .", "stage back, forward within a scan"],
-    ["home end", "first, last scan"], ["+ −", "zoom"], ["f", "fit the view"], ["t", "truth"], ["m", "animate the merges"],
+    ["home end", "first, last scan"], ["+ −", "zoom"], ["f", "fit the view"], ["t", "true path"], ["o", "ring the target's own detection"], ["m", "animate the merges"],
     ["l", "lines to the parents"], ["esc", "end a selection"], ["?", "this help"],
   ];
 
@@ -1359,7 +1374,7 @@ var GmrPlayer = (function () {
       Object.assign(this, { root, episode });
       this.calm = window.matchMedia("(prefers-reduced-motion: reduce)");
       this.dark = window.matchMedia("(prefers-color-scheme: dark)");
-      this.show = { t: 0, phase: 1, way: 1, truth: true, lines: false, merges: episode.traced, chosen: null };
+      this.show = { t: 0, phase: 1, way: 1, truth: true, origin: false, lines: false, merges: episode.traced, chosen: null };
       this.speed = episode.traced ? 0.5 : 5;
       this.playing = false;
       this.camera = new Camera(episode);
@@ -1372,7 +1387,7 @@ var GmrPlayer = (function () {
       document.addEventListener("keydown", (event) => this.key(event));
       new ResizeObserver(() => this.resize()).observe(root);
       this.resize();
-      this.look(episode.many ? "whole" : "target", true);
+      this.look(episode.many ? "whole" : "both", true);
     }
 
     // -- page
@@ -1380,7 +1395,7 @@ var GmrPlayer = (function () {
     build() {
       const { episode, root } = this;
       root.classList.add("gmr");
-      root.tabIndex = 0;
+      root.tabIndex = -1; // a click gives it the keys
       const panels = make("div", { class: "gmr-panels", "data-count": this.panels.length }, ...this.panels.map((panel) => panel.node));
       this.time = this.slider();
       this.aside = make("div", { class: "gmr-chosen", "aria-live": "polite" });
@@ -1396,7 +1411,7 @@ var GmrPlayer = (function () {
       const { title, environment, seed } = this.episode;
       const about = title && environment && title.includes(environment) ? "" : `${environment}, seed ${seed}`;
       return make(
-        "header", {}, make("h2", {}, title || environment || ""), make("span", {}, about),
+        "header", {}, make("div", {}, make("h2", {}, title || environment || ""), make("span", {}, about)),
         button("plain", "Light or dark", () => this.theme(), icon("theme")),
         button("plain", "Keys and help", () => this.toggleHelp(), "?"),
       );
@@ -1442,9 +1457,12 @@ var GmrPlayer = (function () {
     toggles() {
       const traced = this.episode.traced;
       this.switches = {};
-      const names = { truth: "truth", ...(traced && { merges: "merges", lines: "lines" }) };
-      const nodes = Object.entries(names).map(([key, name]) => {
-        this.switches[key] = button("toggle", `Show ${name}`, () => this.turn(key), name);
+      const titles = {
+        truth: "The true path", origin: "Ring the target's own detection",
+        ...(traced && { merges: "Animate the reduction", lines: "Lines to the parents" }),
+      };
+      const nodes = Object.entries(titles).map(([key, title]) => {
+        this.switches[key] = button("toggle", title, () => this.turn(key), key);
         this.switches[key].setAttribute("aria-pressed", this.show[key]);
         return this.switches[key];
       });
@@ -1454,13 +1472,13 @@ var GmrPlayer = (function () {
     viewControls() {
       const { many, radar } = this.episode;
       const views = [
-        ...(many ? [] : [["target", "follow target"], ["estimate", "follow estimate"]]),
+        ...(many ? [] : [["both", "follow both"], ["target", "follow target"], ["estimate", "follow estimate"]]),
         ["whole", many ? "whole area" : "whole path"], ["scan", "this scan"],
         ...(radar ? [["radar", "from the radar"]] : []), ["free", "free view"],
       ];
       this.views = choice("View", views, "whole", (value) => this.look(value));
       return make(
-        "div", {}, this.views, button("plain", "Zoom out", () => this.zoom(1 / 1.4), icon("minus")),
+        "div", {}, this.views, button("toggle", "Fit the view", () => this.look("whole"), "fit"), button("plain", "Zoom out", () => this.zoom(1 / 1.4), icon("minus")),
         button("plain", "Zoom in", () => this.zoom(1.4), icon("plus")),
       );
     }
@@ -1505,10 +1523,12 @@ var GmrPlayer = (function () {
     }
 
     resize() {
+      const { plane } = this.panels[0];
       // on a phone the slider stays in sight with the buttons; else it lies over the charts
       const bar = this.root.clientWidth < 760 ? this.bar : this.charts;
       if (this.time.parentNode !== bar) bar.prepend(this.time);
-      this.panels.forEach(({ plane }) => plane.resize());
+      this.panels.forEach(({ plane: each }) => each.resize());
+      this.camera.side = Math.min(plane.width, plane.height);
       this.dye();
     }
 
@@ -1525,6 +1545,7 @@ var GmrPlayer = (function () {
       const change = () => {
         if (boxes[mode]) return camera.fit(boxes[mode](), plane.width, plane.height);
         if (mode !== "free" && camera.mode === "free") camera.scale = closeScale(tracker, plane);
+        if (mode === "free") this.stay(panels[0]);
         camera.mode = mode;
       };
       if (atOnce) camera.scale = closeScale(tracker, plane);
@@ -1547,11 +1568,16 @@ var GmrPlayer = (function () {
 
     pan(panel, dX, dY) {
       const { camera } = this;
-      if (camera.mode !== "free") Object.assign(camera, { mode: "free", x: panel.where.x, y: panel.where.y });
+      if (camera.mode !== "free") this.stay(panel);
       camera.x -= dX / camera.scale;
       camera.y += dY / camera.scale;
       this.views.value = "free";
       this.wake();
+    }
+
+    /** From here on look where this panel looks. */
+    stay({ where }) {
+      Object.assign(this.camera, { mode: "free", ...where });
     }
 
     /** Drag moves, two fingers and the wheel zoom, a click selects. */
@@ -1757,7 +1783,7 @@ var GmrPlayer = (function () {
         Home: () => this.go(0), End: () => this.go(this.episode.last),
         ",": () => this.stageStep(-1), ".": () => this.stageStep(1),
         "+": () => this.zoom(1.4), "=": () => this.zoom(1.4), "-": () => this.zoom(1 / 1.4),
-        f: () => this.look("whole"), t: () => this.turn("truth"), "?": () => this.toggleHelp(),
+        f: () => this.look("whole"), t: () => this.turn("truth"), o: () => this.turn("origin"), "?": () => this.toggleHelp(),
         ...(this.episode.traced && { m: () => this.turn("merges"), l: () => this.turn("lines") }),
         Escape: () => { this.helpNode.hidden = true; this.choose(null); },
       };
@@ -1774,17 +1800,16 @@ var GmrPlayer = (function () {
   }
 
   /** What the marks of the panels mean. */
-  function keyOf({ many, traced, radar }) {
+  function keyOf({ many, traced }) {
     const rows = [
       ["detection", "detections"],
-      ["path truth", "true path; its detection ringed"],
+      ["path truth", "true path"],
       ...(many ? [] : [["ellipse gate", "gates"]]),
       ["ellipse hypothesis", many ? `intensity, ${SIGMAS}σ; weight as opacity` : `hypotheses, ${SIGMAS}σ; weight as opacity`],
       ...(traced ? [["ellipse dropped", "pruned"]] : []),
       many ? ["cross", "declared, by label; existence as opacity"] : ["ellipse estimate", `estimate, ${SIGMAS}σ, and its path`],
       ...(many ? [["ellipse clutter", "true clutter, 95 %"], ["ellipse guess", "clutter assumed or learned"]] : []),
     ];
-    void radar;
     return make("ul", { class: "gmr-key" }, ...rows.map(([kind, text]) => make("li", {}, make("i", { class: `gmr-mark ${kind}` }), text)));
   }
 
