@@ -222,6 +222,8 @@ def test_traces_that_name_what_is_not_there_are_refused(field):
         ({}, None, "trackers must be from 1 to 4, got 0"),
         (dict.fromkeys("abcde", PDA), None, "trackers must be from 1 to 4, got 5"),
         ({"a": PDA}, 0, "scans must be from 1 to the 6 of the episode, got 0"),
+        ({"a": PDA}, 2.5, "scans must be from 1 to the 6 of the episode, got 2.5"),
+        ({"a": PDA}, "3", "scans must be from 1 to the 6 of the episode, got 3"),
         ({"a": PDA}, 7, "scans must be from 1 to the 6 of the episode, got 7"),
         ({"a": "pda"}, None, "'a' is no tracker: it must have model, init and step"),
         (
