@@ -45,11 +45,11 @@ class Reported:
         try:
             numbers = np.array(value, float)
         except (TypeError, ValueError):
-            raise ValueError(f"{self._place(what)}: expected numbers, got {value!r:.60}") from None
+            raise ValueError(f"{self.place(what)}: expected numbers, got {value!r:.60}") from None
         sizes = zip(numbers.shape, shape, strict=False)
         if numbers.ndim != len(shape) or any(want not in (None, got) for got, want in sizes):
             wanted = ", ".join("n" if size is None else str(size) for size in shape)
-            raise ValueError(f"{self._place(what)}: expected shape ({wanted}), got {numbers.shape}")
+            raise ValueError(f"{self.place(what)}: expected shape ({wanted}), got {numbers.shape}")
         sound = np.abs(numbers) <= LARGEST  # nan is not
         if not sound.all():
             self._unsound.add(self.scan)
@@ -61,7 +61,7 @@ class Reported:
         try:
             w, m, P = p
         except (TypeError, ValueError):
-            raise ValueError(f"{self._place(what)}: expected a Mixture, got {p!r:.60}") from None
+            raise ValueError(f"{self.place(what)}: expected a Mixture, got {p!r:.60}") from None
         w = self.array(f"{what}.w", w, None)
         return Mixture(w, self.array(f"{what}.m", m, len(w), d), self.array(f"{what}.P", P, len(w), d, d))
 
@@ -73,7 +73,7 @@ class Reported:
             or rows.dtype.kind not in "iu"
             or not ((rows >= -1) & (rows < below)).all()
         ):
-            raise ValueError(f"{self._place(what)}: expected {length} whole numbers from -1 to {below - 1}")
+            raise ValueError(f"{self.place(what)}: expected {length} whole numbers from -1 to {below - 1}")
         return rows
 
     def warn(self) -> None:
@@ -85,7 +85,8 @@ class Reported:
                 stacklevel=2,
             )
 
-    def _place(self, what: str) -> str:
+    def place(self, what: str) -> str:
+        """The beginning of a message about a field."""
         return f"tracker {self.tracker!r}, {what} at scan {self.scan}"
 
 

@@ -71,7 +71,7 @@ def show(
     --------
     >>> import gmr_gym
     >>> shown = gmr_gym.show("gmr_gym/TurningTarget-v0", "pda", "nearest-neighbour", seed=1, scans=3)
-    >>> "pda, nearest-neighbour in gmr_gym/TurningTarget-v0, seed 1" in shown.page
+    >>> "pda, nearest-neighbour: gmr_gym/TurningTarget-v0 seed 1" in shown.page
     True
     """
     name, scenario = "", environment

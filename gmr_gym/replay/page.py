@@ -53,7 +53,8 @@ def page(recording: Recording) -> str:
     text = json.dumps(data, separators=(",", ":"))
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
-    return PAGE.format(title=escape(data["title"]), css=css, data=text, js=js)
+    title = f"{data['title']}: {recording.environment} seed {recording.seed}"
+    return PAGE.format(title=escape(title), css=css, data=text, js=js)
 
 
 def write_page(recording: Recording, out: Path | str) -> None:
@@ -79,9 +80,8 @@ def _data(recording: Recording) -> dict:
     told = recording._asdict()
     entries, blob = pack(told.pop("columns"))
     names = told.pop("trackers")
-    where = f" in {recording.environment}" if recording.environment else ""
     return {
-        "title": f"{', '.join(names)}{where}, seed {recording.seed}",
+        "title": ", ".join(names),
         **told,
         "axes": ["x, m", "y, m"],
         "trackers": [{"name": name} for name in names],

@@ -97,6 +97,8 @@ def _row(
     _, scan, report, _ = played
     d, at, position = len(truth), scenario.position[:2], list(scenario.position)
     x, P = reported.array("x", report.x, 1, d), reported.array("P", report.P, 1, d, d)
+    if scenario.window.follows and not np.isfinite(x).all():
+        raise ValueError(f"{reported.place('x')}: the window follows the estimate, which is not finite")
     kept, gates = reported.mixture("mixture", report.mixture, d), _gates(reported, report.gates, scenario)
     points = tracker.model.sensor.to_gate_space(scan.z)
     ends = gates if np.isfinite(gates.threshold) else Gates(gates.z[:0], gates.S[:0], 1.0)
