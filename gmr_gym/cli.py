@@ -187,24 +187,41 @@ def watch(
     tracker: Annotated[
         list[str], tracker_option("repeatable, up to 4; runnalls-30, mmg-15 or learning-pmb unless given")
     ] = [],  # noqa: B006
+    *,
     settings: Settings = [],  # noqa: B006
     seed: Seed = 0,
     scans: Annotated[int | None, typer.Option("--scans", help="the first scans; all unless given")] = None,
+    frame: Annotated[int | None, typer.Option("--frame", help="the scan, from 1, of a .png or .svg")] = None,
+    size: Annotated[
+        str, typer.Option("--size", help="pixels of a film or picture: WIDTH or WIDTHxHEIGHT")
+    ] = "",
+    fps: Annotated[
+        float | None, typer.Option("--fps", help="scans a second of a film; 10 unless given")
+    ] = None,
     out: Annotated[
-        Path, typer.Option("--out", help="a page, .html, with a player in it; or a film, .gif or .mp4")
+        Path,
+        typer.Option(
+            "--out",
+            help="a page, .html, with a player in it; a film, .gif or .mp4; or a scan of it, .png or .svg",
+        ),
     ] = Path("episode.html"),
 ) -> None:
     """One episode to watch: detections, gates, hypotheses and their merging, truth and estimates."""
     from gmr_gym.envs.lookup import key_values, scenario_of
     from gmr_gym.experiments import specs
-    from gmr_gym.experiments.film import film
     from gmr_gym.replay import record, write_page
+    from gmr_gym.replay.film import FPS, film
     from gmr_gym.replay.lineup import trackers_of
     from gmr_gym.simulation.multi_target import MultiTargetScenario
 
-    specs.check_ending("--out", out, ".html", ".gif", ".mp4")
+    specs.check_ending("--out", out, ".html", ".gif", ".mp4", ".png", ".svg")
     specs.check_writable(out)
     specs.check_once("--tracker", tracker)
+    page = out.suffix.lower() == ".html"
+    for option, value in (("--frame", frame), ("--size", size or None), ("--fps", fps)):
+        if page and value is not None:
+            raise ValueError(f"{option} is for a film or a picture, and {out.name} is a page")
+    pixels = specs.pixels("--size", size) if size else None
     scenario = scenario_of(env_id, key_values(settings))
     if isinstance(scenario, MultiTargetScenario):
         usual = "learning-pmb"
@@ -212,11 +229,21 @@ def watch(
         usual = "mmg-15" if len(scenario.model.motions) > 1 else "runnalls-30"
     trackers = trackers_of(tracker or [usual], scenario, env_id)
     with progress("tracking") as report:
-        if out.suffix.lower() == ".html":
+        if page:
             write_page(record(scenario, trackers, seed, scans, environment=env_id, progress=report), out)
         else:
-            (name, one), *_ = trackers.items()
-            film(scenario, one, seed, out, title=name, progress=report)
+            rate = FPS if fps is None else fps
+            film(
+                scenario,
+                trackers,
+                seed,
+                out,
+                frame=frame,
+                scans=scans,
+                size=pixels,
+                fps=rate,
+                progress=report,
+            )
     _show([f"written to {out}"])
 
 

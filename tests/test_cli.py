@@ -352,18 +352,12 @@ def test_one_tracker_alone_has_no_paired_differences(call):
 
 
 @pytest.mark.parametrize("settings", [(), ("--set", "case=clear")], ids=["gates", "gates without end"])
-def test_watch_films_every_scan(call, monkeypatch, settings):
-    def the_first_scans(scenario, seed):
-        episode = draw(scenario, seed)
-        return episode._replace(x=episode.x[:4])
-
-    monkeypatch.setattr(
-        "gmr_gym.experiments.film.draw", the_first_scans
-    )  # a picture takes a fifth of a second
-    code, _, errors = call("watch", JUMP, "--tracker", "mmg-10", *settings, "--out", "films/f.gif")
+def test_watch_films_every_scan(call, settings):
+    words = "watch", JUMP, "--tracker", "mmg-10", *settings, "--scans", 4, "--size", "400x420", "--fps", 5
+    code, _, errors = call(*words, "--out", "films/f.gif")
     assert code == 0 and "tracking: 4 of 4" in errors
     with Image.open("films/f.gif") as film:
-        assert film.n_frames == 4 and min(film.size) > 500
+        assert film.n_frames == 4 and film.size == (400, 420) and film.info["duration"] == 200
         assert len(film.convert("RGB").getcolors()) > 10
 
 
@@ -375,6 +369,14 @@ def test_watch_leaves_a_page_of_several_trackers_unless_it_is_told_otherwise(cal
     assert text == gmr_gym.show(TURNING, "pda", "nearest-neighbour", seed=3, scans=4).page
     assert call(*words, "--out", "again.html")[0] == 0
     assert Path("again.html").read_text(encoding="utf-8") == text
+
+
+def test_watch_pictures_one_scan_by_several_trackers(call):
+    words = "watch", JUMP, "--tracker", "mmg-5", "--tracker", "imm-pda", "--frame", 2, "--size", 600
+    code, _, errors = call(*words, "--out", "f.png")
+    assert code == 0 and "tracking: 2 of 2" in errors
+    with Image.open("f.png") as picture:
+        assert picture.width == 600
 
 
 def test_record_writes_the_detections_and_the_truth_of_the_episode(call):
@@ -548,8 +550,18 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         (("merge", "nowhere", "--into", "all"), "nowhere is no folder of results: it has no blocks"),
         (("record", "gmr_gym/UnknownClutter-v0"), "many targets; choose from gmr_gym/T"),
         (
-            ("watch", JUMP, "--tracker", "mmg", "--out", "f.avi"),
-            "--out must end in .html or .gif or .mp4, got 'f.avi'",
+            ("watch", JUMP, "--out", "f.avi"),
+            "--out must end in .html or .gif or .mp4 or .png or .svg, got 'f.avi'",
+        ),
+        (("watch", JUMP, "--out", "f.png"), "f.png is one picture: say of which scan by frame (--frame K)"),
+        (
+            ("watch", JUMP, "--out", "f.gif", "--frame", 1),
+            "frame is for one picture, .png or .svg, got 'f.gif'",
+        ),
+        (("watch", JUMP, "--out", "f.html", "--size", 9), "--size is for a film or a picture, and f.html is"),
+        (
+            ("watch", JUMP, "--out", "f.gif", "--size", "4x"),
+            "--size must be WIDTH or WIDTHxHEIGHT in pixels, as",
         ),
         (("watch", JUMP, "--scans", "0"), "scans must be from 1 to the 45 of the episode, got 0"),
         (

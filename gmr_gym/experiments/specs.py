@@ -35,6 +35,15 @@ def numbers(name: str, text: str) -> list[float]:
         raise ValueError(f"{name} must be numbers with commas between, got {text!r}") from None
 
 
+def pixels(name: str, text: str) -> tuple[int, int]:
+    """Width and height from WIDTH or WIDTHxHEIGHT, the height 0 where it is not given; ValueError naming the
+    option."""
+    width, x, height = text.lower().partition("x")
+    if not width.isdecimal() or (x and not (height.isdecimal() and int(height))):
+        raise ValueError(f"{name} must be WIDTH or WIDTHxHEIGHT in pixels, as 640 or 640x480, got {text!r}")
+    return int(width), int(height or 0)
+
+
 def check_ending(option: str, file: Path | None, *endings: str) -> None:
     """ValueError naming the option if a file to be written says by its ending that it is of another kind."""
     if file is not None and file.suffix.lower() not in endings:

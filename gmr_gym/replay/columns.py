@@ -81,8 +81,8 @@ class Reported:
         if self._unsound:
             warnings.warn(
                 f"tracker {self.tracker!r} reported numbers that are not finite in {len(self._unsound)} of "
-                f"{self.scan} scans; they are left out",
-                stacklevel=2,
+                f"{self.scan} scans; they are not shown",
+                stacklevel=4,  # at who calls `record`
             )
 
     def place(self, what: str) -> str:

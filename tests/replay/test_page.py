@@ -21,7 +21,7 @@ SCANS = 12
 SCENARIO = turning_target(clutter_rate=170, horizon=SCANS)
 TURNING = "gmr_gym/TurningTarget-v0"
 HOSTILE = """</script><script>alert(1)</script><!-- "'&amp;\u2028\u2029 ]]> \\u003c é"""
-REAL = 2.0**-10 + 1e-7  # of a real number, relative
+REAL = 1.01 * 2.0**-9  # of weights and covariances, relative
 GAMMA = "runnalls-30"  # which prunes and merges
 
 

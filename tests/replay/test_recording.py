@@ -177,7 +177,7 @@ def test_what_is_no_number_is_missing_and_told(wrong):
 def test_a_window_cannot_follow_what_is_no_number():
     scenario = turning_target(clutter_rate=20, window=(300.0, 300.0))
     spoilt = Reporting(partial(replaced, x=lambda x: x * np.nan))
-    with pytest.raises(ValueError, match="^tracker 'mine', x at scan 3: the window follows the estimate"):
+    with pytest.raises(ValueError, match=r"^tracker 'mine', x at scan 3: the window follows the estimate"):
         record(scenario, {"mine": spoilt}, 1)
 
 
@@ -222,6 +222,8 @@ def test_traces_that_name_what_is_not_there_are_refused(field):
         ({}, None, "trackers must be from 1 to 4, got 0"),
         (dict.fromkeys("abcde", PDA), None, "trackers must be from 1 to 4, got 5"),
         ({"a": PDA}, 0, "scans must be from 1 to the 6 of the episode, got 0"),
+        ({"a": PDA}, 2.5, "scans must be from 1 to the 6 of the episode, got 2.5"),
+        ({"a": PDA}, "3", "scans must be from 1 to the 6 of the episode, got 3"),
         ({"a": PDA}, 7, "scans must be from 1 to the 6 of the episode, got 7"),
         ({"a": "pda"}, None, "'a' is no tracker: it must have model, init and step"),
         (
