@@ -13,15 +13,16 @@ class Camera {
     this.mode = "free";
   }
 
-  /** Centre and scale for a tracker's panel into `out`, at scan t with the share `u` of the way from the last. */
+  /** Centre and scale for a tracker's panel into `out`, at scan t, `u` of the way from the last one. */
   look(out, tracker, t, u) {
     const before = Math.max(t - 1, 0);
     const scale = this.mode === "both" ? mix(this.wide(before), this.wide(t), u) : this.scale;
-    out.x = this.mode === "free" ? this.x : mix(this.at(tracker, before, 0, scale), this.at(tracker, t, 0, scale), u);
-    out.y = this.mode === "free" ? this.y : mix(this.at(tracker, before, 1, scale), this.at(tracker, t, 1, scale), u);
+    const goes = this.mode !== "free";
+    const x = goes ? mix(this.at(tracker, before, 0, scale), this.at(tracker, t, 0, scale), u) : this.x;
+    const y = goes ? mix(this.at(tracker, before, 1, scale), this.at(tracker, t, 1, scale), u) : this.y;
     out.scale = scale * Math.exp(this.slip.zoom);
-    out.x += this.slip.x;
-    out.y += this.slip.y;
+    out.x = x + this.slip.x;
+    out.y = y + this.slip.y;
   }
 
   /** Coordinate `axis` of what is followed at scan t. */
@@ -36,8 +37,9 @@ class Camera {
 
   /** The scale at which target and estimates are in view, within a limit. */
   wide(t) {
+    const { trackers, truth } = this.episode;
     let far = 1e-9;
-    for (const { estimate } of this.episode.trackers) far = Math.max(far, distance(this.episode.truth, estimate, t) || 0);
+    for (const { estimate } of trackers) far = Math.max(far, distance(truth, estimate, t) || 0);
     return Math.max(this.scale / WIDEST, Math.min(this.scale, (0.64 * this.side) / far));
   }
 
@@ -106,7 +108,8 @@ function boxOf({ truth, targets, many }, { z }, name, t) {
   if (name === "whole") return many ? boundsOf(truth, z.m) : boundsOf(truth);
   if (name === "radar") return boundsOf(truth, [0, 0]);
   if (name !== "scan") return null;
-  return boundsOf(z.m.subarray(2 * z.start[t], 2 * z.start[t + 1]), truth.subarray(2 * t * targets, 2 * (t + 1) * targets));
+  const seen = z.m.subarray(2 * z.start[t], 2 * z.start[t + 1]);
+  return boundsOf(seen, truth.subarray(2 * t * targets, 2 * (t + 1) * targets));
 }
 
 /** Pixels to the metre at which gates, or hypotheses, fill a good part of a panel of that many pixels. */

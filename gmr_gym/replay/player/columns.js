@@ -7,6 +7,7 @@ const TYPES = {
 
 /** The columns of the data by name, each decoded when first asked for; null for one that is not there. */
 async function unpack(data) {
+  if (!window.DecompressionStream) throw new Error("it needs Chrome 80, Firefox 113, Safari 16.4 or newer");
   const packed = Uint8Array.from(atob(data.blob), (letter) => letter.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
   const raw = await new Response(stream).arrayBuffer();

@@ -42,10 +42,10 @@ function build(player) {
 }
 
 function header(player) {
-  const { title, environment, seed } = player.episode;
+  const { title, environment, seed } = player.episode, about = `${environment} seed ${seed}`.trim();
   return make(
     "header", {},
-    make("div", {}, make("h2", {}, title || environment), make("span", {}, `${environment} seed ${seed}`.trim())),
+    make("div", {}, make("h2", {}, title || environment), make("span", {}, about)),
     button("plain", "Light or dark", () => player.turnLight(), icon("theme")),
     button("plain", "Keys and help", () => player.toggleHelp(), "?"),
   );
@@ -53,7 +53,7 @@ function header(player) {
 
 function timeSlider(player) {
   const slider = make("input", {
-    type: "range", min: 1, max: player.episode.scans, step: 1, value: 1, class: "gmr-time", "aria-label": "Scan",
+    type: "range", min: 1, max: player.episode.scans, value: 1, class: "gmr-time", "aria-label": "Scan",
     oninput: () => player.go(Number(slider.value) - 1),
   });
   return slider;

@@ -2,7 +2,8 @@
 
 /** Nodes that say what is selected; `go(t, i)` shows row i of the mixture kept at scan t. */
 function describe(episode, chosen, go) {
-  return { kept: describeKept, full: describeFull, detection: describeDetection }[chosen.kind](episode, chosen, go);
+  const describers = { kept: describeKept, full: describeFull, detection: describeDetection };
+  return describers[chosen.kind](episode, chosen, go);
 }
 
 const associationName = (detection) => (detection < 0 ? "missed" : `detection ${detection + 1}`);
@@ -23,27 +24,27 @@ function describeKept(episode, { panel, t, i, rows }, go) {
 }
 
 function describeFull(episode, { panel, t, i }, go) {
-  const { tracker } = panel, { full } = tracker, into = full.into[i];
+  const { tracker } = panel, { full } = tracker, into = full.into[i], all = counts(tracker, t).all;
   const nodes = [
-    heading(`Hypothesis ${i - full.start[t] + 1} of ${counts(tracker, t).all}`, `before the reduction of scan ${t + 1}`),
+    heading(`Hypothesis ${i - full.start[t] + 1} of ${all}`, `${tracker.name}, scan ${t + 1}, not yet reduced`),
     line(`Weight ${share(full.w[i])}, ${associationName(full.detection[i])}`),
   ];
   if (episode.modes.length > 1) nodes.push(line(`Motion model: ${modeName(episode, full.mode[i])}`));
   if (t > 0) nodes.push(parentLine(tracker, t, [i], go));
   const kept = tracker.kept.start[t] + into;
-  nodes.push(into < 0 ? line("Pruned") : line("Went into ", link(`hypothesis ${into + 1}`, () => go(t, kept))));
+  const toKept = link(`hypothesis ${into + 1}`, () => go(t, kept));
+  nodes.push(into < 0 ? line("Pruned") : line("Went into ", toKept));
   return nodes;
 }
 
 function describeDetection(episode, { panel, t, i, rows }, go) {
   const { tracker } = panel, { full, kept, z } = tracker;
-  const nodes = [heading(`Detection ${i - z.start[t] + 1} of ${size(z, t)}`, `${tracker.name}, scan ${t + 1}`)];
+  const name = `Detection ${i - z.start[t] + 1} of ${size(z, t)}`;
+  const nodes = [heading(name, `${tracker.name}, scan ${t + 1}`)];
   if (!full) return nodes;
   const sum = rows.reduce((total, row) => total + full.w[row], 0);
-  nodes.push(
-    line(rows.length ? `Used by ${plural(rows.length, "hypothesis")}, summed weight ${share(sum)}` : "In no gate, or of no weight"),
-  );
-  if (!rows.length) return nodes;
+  if (!rows.length) return [...nodes, line("In no gate, or of no weight")];
+  nodes.push(line(`Used by ${plural(rows.length, "hypothesis")}, summed weight ${share(sum)}`));
   const into = (row) => (full.into[row] < 0 ? "pruned" : `into hypothesis ${full.into[row] + 1}`);
   nodes.push(bars("Where they went", sums(rows, full.w, into)));
   const heavy = rows.find((row) => full.into[row] >= 0);
@@ -55,8 +56,8 @@ function describeDetection(episode, { panel, t, i, rows }, go) {
 function parentLine({ full, kept }, t, rows, go) {
   const parents = new Set(rows.map((row) => full.parent[row]));
   if (!rows.length) return line("");
-  const first = full.parent[rows[0]];
-  const node = line("Parent: ", link(`hypothesis ${first + 1} of scan ${t}`, () => go(t - 1, kept.start[t - 1] + first)));
+  const first = full.parent[rows[0]], show = () => go(t - 1, kept.start[t - 1] + first);
+  const node = line("Parent: ", link(`hypothesis ${first + 1} of scan ${t}`, show));
   if (parents.size > 1) node.append(`, and ${parents.size - 1} more`);
   return node;
 }

@@ -24,7 +24,8 @@ function bars(title, rows) {
     bar.style.width = `${100 * part}%`;
     list.append(make("li", {}, make("span", {}, name), make("b", {}, bar), make("span", {}, share(part))));
   }
-  if (rows.length > MOST_BARS) list.append(make("li", {}, make("span", {}, `and ${rows.length - MOST_BARS} more`)));
+  const more = rows.length - MOST_BARS;
+  if (more > 0) list.append(make("li", {}, make("span", {}, `and ${more} more`)));
   return make("div", {}, make("h4", {}, title), list);
 }
 
@@ -48,8 +49,10 @@ function icon(name) {
   return svg;
 }
 
-const button = (name, text, onclick, ...children) =>
-  make("button", { type: "button", "aria-label": text, title: text, onclick, class: `gmr-${name}` }, ...children);
+function button(name, title, onclick, ...children) {
+  const attributes = { type: "button", class: `gmr-${name}`, title, "aria-label": title, onclick };
+  return make("button", attributes, ...children);
+}
 
 function choice(text, options, value, onchange) {
   const select = make("select", { "aria-label": text, title: text, onchange: () => onchange(select.value) });

@@ -14,8 +14,12 @@ function drawGround(plane, ink, radar) {
   else drawGrid(plane);
 }
 
-const metres = (value, step) =>
-  value === 0 ? "0" : step >= 1000 ? `${+(value / 1000).toFixed(3)} km` : `${+value.toFixed(Math.max(0, -Math.floor(Math.log10(step))))} m`;
+/** A length in words, exact to the step. */
+function metres(value, step) {
+  if (value === 0) return "0";
+  if (step >= 1000) return `${+(value / 1000).toFixed(3)} km`;
+  return `${+value.toFixed(Math.max(0, -Math.floor(Math.log10(step))))} m`;
+}
 
 function drawGrid(plane) {
   const { ctx, width, height } = plane;
@@ -80,7 +84,7 @@ function polarBox(plane) {
   }
   const outX = Math.max(-X, X - width, 0), outY = Math.max(-Y, Y - height, 0);
   const near = Math.hypot(outX, outY) / plane.scale;
-  return near > 0 ? { near, far, from, to, middle: centre } : { near, far, from: -Math.PI, to: Math.PI, middle: 0.6 };
+  return near > 0 ? { near, far, from, to } : { near, far, from: -Math.PI, to: Math.PI };
 }
 
 function arc(plane, radius, from, to) {
@@ -115,9 +119,10 @@ const OVERVIEW = 84; // px, the longer side of the small map of the whole path
 
 /** The whole path in a corner, with what is in view framed, where that is a small part of it. */
 function drawOverview({ plane, ink, episode, tracker }, { t, truth }) {
-  const [left, low, right, high] = episode.box, { ctx, width } = plane;
+  const [left, low, right, high] = episode.box, { ctx, width, height } = plane;
   const scale = OVERVIEW / Math.max(right - left, high - low, 1e-9);
-  if (plane.scale < 3 * Math.min(width / (right - left), plane.height / (high - low)) / 2 || plane.height < 260) return;
+  const whole = Math.min(width / (right - left), height / (high - low));
+  if (plane.scale < 1.5 * whole || height < 260) return;
   const X = width - 12 - (right - left) * scale, Y = 12;
   const look = { left: plane.left, top: plane.top, scale: plane.scale };
   Object.assign(plane, { left: X - left * scale, top: Y + high * scale, scale });
@@ -136,6 +141,7 @@ function drawOverview({ plane, ink, episode, tracker }, { t, truth }) {
   plane.path(truth ? episode.truth : tracker.estimate, t);
   ctx.stroke();
   ctx.strokeStyle = ink.ink;
-  ctx.strokeRect(plane.X(-look.left / look.scale), plane.Y(look.top / look.scale), (width / look.scale) * scale, (plane.height / look.scale) * scale);
+  const small = scale / look.scale, corner = [plane.X(-look.left / look.scale), plane.Y(look.top / look.scale)];
+  ctx.strokeRect(...corner, width * small, height * small);
   Object.assign(plane, look);
 }

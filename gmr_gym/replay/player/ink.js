@@ -7,9 +7,10 @@ const COLOURS = [
 
 /** The style sheet's colours under their names, and those of labels and motion models. */
 function inkOf(root) {
-  const style = getComputedStyle(root);
-  const ink = Object.fromEntries(COLOURS.map((name) => [name, style.getPropertyValue(`--gmr-${name}`).trim()]));
-  const dark = style.getPropertyValue("--gmr-scheme").trim() === "dark", labels = new Map();
+  const style = getComputedStyle(root), labels = new Map();
+  const variable = (name) => style.getPropertyValue(`--gmr-${name}`).trim();
+  const ink = Object.fromEntries(COLOURS.map((name) => [name, variable(name)]));
+  const dark = variable("scheme") === "dark";
   ink.label = (label) => {
     if (!labels.has(label)) labels.set(label, labelColour(label, dark));
     return labels.get(label);

@@ -5,7 +5,7 @@ const opacity = (w, most) => Math.max(faintest, Math.min(1, Math.sqrt(w / most))
 
 function heaviest(set, t) {
   let most = 1e-300;
-  for (let i = set.start[t]; i < set.start[t + 1]; i++) most = Math.max(most, set.w[i]);
+  for (let i = set.start[t]; i < set.start[t + 1]; i++) if (set.w[i] > most) most = set.w[i];
   return most;
 }
 
@@ -18,6 +18,7 @@ function drawScan(panel, show) {
   drawDetections(panel, show, whole ? 1 : during(phase, 0.1, 0.2));
   if (whole) drawKept(panel, t, 1);
   else drawTransition(panel, show);
+  if (whole && show.lines && panel.tracker.full) drawLines(panel, t, 1, 1, 1);
   if (show.truth) drawTruth(panel, t, whole ? 1 : during(phase, 0, 0.22));
   drawEstimate(panel, t, whole ? 1 : during(phase, 0.86, 1));
   drawChosen(panel, show, whole);
@@ -28,7 +29,7 @@ function drawGates({ plane, ink, tracker }, t, alpha) {
   if (!gates) return;
   ctx.strokeStyle = ink.gates;
   ctx.lineWidth = 1;
-  ctx.globalAlpha = alpha * Math.min(1, 3.2 / Math.sqrt(size(gates, t))); // many of them stay in the background
+  ctx.globalAlpha = alpha * Math.min(1, 3.2 / Math.sqrt(size(gates, t))); // many stay in the background
   for (let i = gates.start[t]; i < gates.start[t + 1]; i++)
     if (ellipseOf(plane, gates, i, 1)) ctx.stroke();
 }
@@ -106,7 +107,7 @@ function drawEstimate({ plane, ink, tracker }, t, alpha) {
   ctx.lineWidth = 2;
   plane.cross(x, y, 4);
   ctx.stroke();
-  pointTo(plane, x, y, `estimate, ${metres(tracker.error[t], niceStep(tracker.error[t] / 20))} off`, ink.estimate);
+  pointTo(plane, x, y, `estimate, ${figures(tracker.error[t], " m")} off`, ink.estimate);
 }
 
 /** A mark at the edge that points to what lies out of view. */

@@ -14,7 +14,10 @@ class Panel {
     this.node = make(
       "figure", { class: "gmr-panel" },
       make("figcaption", {}, make("strong", {}, swatch, tracker.name), this.words),
-      make("div", { class: "gmr-stage" }, this.canvas, make("div", { class: "gmr-over" }, this.banner, this.note)),
+      make(
+        "div", { class: "gmr-stage" }, this.canvas,
+        make("div", { class: "gmr-over" }, this.banner, this.note),
+      ),
     );
     this.where = { x: 0, y: 0, scale: 1 };
   }
@@ -44,7 +47,8 @@ class Panel {
     this.banner.textContent = lost ? `target lost at scan ${tracker.lost + 1}` : "";
     this.note.textContent = this.notes(t);
     this.node.classList.toggle("gmr-lost", lost);
-    this.canvas.setAttribute("aria-label", `${tracker.name}, scan ${t + 1}: ${words}. ${this.banner.textContent} ${this.note.textContent}`);
+    const said = [words, this.banner.textContent, this.note.textContent].filter(Boolean).join("; ");
+    this.canvas.setAttribute("aria-label", `${tracker.name}, scan ${t + 1}: ${said}`);
   }
 
   notes(t) {
@@ -56,6 +60,7 @@ class Panel {
 
   declaredInWords(t) {
     const { declared, kept, expected } = this.tracker;
-    return `${plural(size(declared, t), "target")} declared, ${figures(expected[t])} expected; ${plural(size(kept, t), "component")}`;
+    const targets = plural(size(declared, t), "target"), components = plural(size(kept, t), "component");
+    return `${targets} declared, ${figures(expected[t])} expected; ${components}`;
   }
 }

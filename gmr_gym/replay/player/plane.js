@@ -30,6 +30,14 @@ function boundsOf(...lists) {
   return box;
 }
 
+/** Give a canvas as many dots as the screen has for so many pixels, and let it be drawn on in pixels. */
+function sizeTo(canvas, width, height) {
+  const dots = window.devicePixelRatio || 1;
+  canvas.width = Math.round(width * dots);
+  canvas.height = Math.round(height * dots);
+  canvas.getContext("2d").setTransform(dots, 0, 0, dots, 0, 0);
+}
+
 /** The canvas of a panel, with metres on it: y upwards, lines as thick at every scale. */
 class Plane {
   constructor(canvas) {
@@ -38,12 +46,9 @@ class Plane {
   }
 
   resize() {
-    const dots = window.devicePixelRatio || 1;
     this.width = this.canvas.clientWidth;
     this.height = this.canvas.clientHeight;
-    this.canvas.width = Math.round(this.width * dots);
-    this.canvas.height = Math.round(this.height * dots);
-    this.ctx.setTransform(dots, 0, 0, dots, 0, 0);
+    sizeTo(this.canvas, this.width, this.height);
   }
 
   look(x, y, scale) {

@@ -2,17 +2,21 @@
 
 const SLOW = 2; // scans a second up to which the reduction is animated
 
-/** One recording in one element. `show` is what the panels draw: scan t, the phase of its transition (1: after
-    the reduction), the share of the way that the view has gone from the scan before, and what is turned on. */
+/** One recording in one element. `show` is what the panels draw: scan t, the phase of its transition (1 after
+    the reduction), the share of the way that the view has gone from the scan before, what is turned on, and
+    what is selected. */
 class Player {
   constructor(root, episode) {
     Object.assign(this, { root, episode, playing: false, speed: episode.traced ? 0.5 : 5 });
-    this.show = { t: 0, phase: 1, way: 1, truth: true, origin: false, lines: false, merges: episode.traced, chosen: null };
+    this.show = {
+      t: 0, phase: 1, way: 1, chosen: null,
+      truth: true, origin: false, lines: false, merges: episode.traced,
+    };
     this.calm = window.matchMedia("(prefers-reduced-motion: reduce)");
     this.dark = window.matchMedia("(prefers-color-scheme: dark)");
     this.camera = new Camera(episode);
     this.panels = episode.trackers.map((tracker, i) => new Panel(episode, tracker, i));
-    this.strips = chartsOf(episode).map((chart) => new Strip(chart, episode, (t) => this.go(t)));
+    this.strips = chartsOf(episode, (t) => this.go(t));
     this.pieces = build(this);
     this.tick = this.tick.bind(this);
     this.resize();
@@ -216,7 +220,8 @@ class Player {
     const { pieces, episode } = this;
     Object.assign(this, { saidScan: t, saidStage: stage });
     this.root.dataset.scan = t + 1;
-    pieces.clock.textContent = `scan ${t + 1} of ${episode.scans}, ${+((t + 1) * episode.period).toFixed(2)} s`;
+    const seconds = +((t + 1) * episode.period).toFixed(2);
+    pieces.clock.textContent = `scan ${t + 1} of ${episode.scans}, ${seconds} s`;
     pieces.time.value = t + 1;
     this.panels.forEach((panel) => panel.say(t, STAGES[stage].name));
     this.strips.forEach((strip) => strip.say(t));

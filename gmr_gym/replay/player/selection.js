@@ -2,7 +2,7 @@
 
 const HIT = 10; // px within which a click finds a point
 
-/** What lies under a click, as { kind, i }: a detection, or the nearest hypothesis drawn; null for neither. */
+/** What lies under a click, as { kind, i }: a detection, or the nearest hypothesis; null for neither. */
 function hit(panel, show, X, Y) {
   const { plane, tracker } = panel, { t, phase } = show;
   const detection = nearest(plane, tracker.z, t, X, Y, HIT);
@@ -35,9 +35,14 @@ function innermost(plane, set, t, X, Y) {
 
 /** Rows of the full posterior that went into row i of the kept mixture, heaviest first. */
 function membersOf({ full, kept }, t, i) {
+  return rowsWhere(full, t, (row) => full.into[row] === i - kept.start[t]);
+}
+
+/** Rows of scan t of a set that pass a test, heaviest first. */
+function rowsWhere({ start, w }, t, test) {
   const rows = [];
-  for (let k = full.start[t]; k < full.start[t + 1]; k++) if (full.into[k] === i - kept.start[t]) rows.push(k);
-  return rows.sort((a, b) => full.w[b] - full.w[a]);
+  for (let row = start[t]; row < start[t + 1]; row++) if (test(row)) rows.push(row);
+  return rows.sort((a, b) => w[b] - w[a]);
 }
 
 /** Rows of the full posterior (of the kept mixture where there is none) that a selection is about. */
@@ -46,9 +51,7 @@ function rowsOf(tracker, { t, kind, i }) {
   if (!full) return [];
   if (kind === "kept") return membersOf(tracker, t, i);
   if (kind === "full") return [i];
-  const rows = [];
-  for (let k = full.start[t]; k < full.start[t + 1]; k++) if (full.detection[k] === i - z.start[t]) rows.push(k);
-  return rows.sort((a, b) => full.w[b] - full.w[a]);
+  return rowsWhere(full, t, (row) => full.detection[row] === i - z.start[t]);
 }
 
 /** Points of the heaviest line of descent of row i of the mixture kept at scan t, the latest first. */

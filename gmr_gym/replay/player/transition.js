@@ -18,7 +18,7 @@ function drawTransition(panel, show) {
   const moved = during(phase, 0.66, 0.86), settled = during(phase, 0.84, 0.94);
   if (born < 1 && t > 0) drawPredicted(panel, t, during(phase, 0, 0.2), 1 - born);
   if (born > 0 && settled < 1) {
-    if (show.lines) drawLines(panel, t, born * (1 - moved));
+    if (show.lines) drawLines(panel, t, born, moved, gone);
     drawFull(panel, t, born, during(phase, 0.46, 0.54), gone, moved, 1 - settled);
   }
   if (settled > 0) drawKept(panel, t, settled);
@@ -40,23 +40,28 @@ function drawPredicted({ plane, ink, tracker }, t, u, alpha) {
   }
 }
 
+/** The full posterior: what is pruned is coloured as `marked` goes to 1, and fades as `gone` does. */
 function drawFull({ plane, ink, tracker }, t, born, marked, gone, moved, alpha) {
-  const { full, kept } = tracker, { ctx } = plane, most = heaviest(full, t);
+  const { full } = tracker, { ctx } = plane, most = heaviest(full, t);
   ctx.lineWidth = 1.2;
   for (let i = full.start[t]; i < full.start[t + 1]; i++) {
     const pruned = full.into[i] < 0;
     const strength = opacity(full.w[i], most);
     ctx.strokeStyle = pruned && marked > 0 ? ink.dropped : ink.hypotheses;
     // what is pruned weighs little: it is drawn stronger while it goes, so that it is seen to go
-    ctx.globalAlpha = alpha * born * (pruned ? mix(strength, Math.max(strength, 0.45), marked) * (1 - gone) : strength);
+    const seen = pruned ? mix(strength, Math.max(strength, 0.45), marked) * (1 - gone) : strength;
+    ctx.globalAlpha = alpha * born * seen;
     if (ctx.globalAlpha < 0.004) continue;
-    if (traceFull(plane, full, kept, t, i, born, pruned ? 0 : moved, originOf(tracker, t, i, 0), originOf(tracker, t, i, 1)))
-      ctx.stroke();
+    if (ellipseOnItsWay(plane, tracker, t, i, born, pruned ? 0 : moved)) ctx.stroke();
   }
 }
 
-function traceFull(plane, { m, P, into }, kept, t, i, born, moved, x0, y0) {
-  const x = mix(x0, m[2 * i], born), y = mix(y0, m[2 * i + 1], born);
+/** Begin the path of a hypothesis that is `born` of the way from its parent, and `moved` of that to what it
+    is merged into; false where none of it is in view. */
+function ellipseOnItsWay(plane, tracker, t, i, born, moved) {
+  const { m, P, into } = tracker.full, { kept } = tracker;
+  const x = mix(originOf(tracker, t, i, 0), m[2 * i], born);
+  const y = mix(originOf(tracker, t, i, 1), m[2 * i + 1], born);
   if (moved === 0) return plane.ellipse(x, y, P[3 * i], P[3 * i + 1], P[3 * i + 2], SIGMAS);
   const j = kept.start[t] + into[i];
   return plane.ellipse(
@@ -78,16 +83,19 @@ function originOf(tracker, t, i, axis) {
   return t > 0 ? kept.m[2 * (kept.start[t - 1] + full.parent[i]) + axis] : full.m[2 * i + axis];
 }
 
-/** From each hypothesis back to its parent before the scan. */
-function drawLines({ plane, ink, tracker }, t, alpha) {
+/** From each hypothesis, `moved` of the way to what it is merged into, back to its parent before the scan. */
+function drawLines({ plane, ink, tracker }, t, born, moved, gone) {
   const { full, kept } = tracker, { ctx } = plane, most = heaviest(full, t);
   if (t === 0) return;
   ctx.strokeStyle = ink.hypotheses;
   ctx.lineWidth = 0.8;
   for (let i = full.start[t]; i < full.start[t + 1]; i++) {
-    const from = kept.start[t - 1] + full.parent[i];
-    ctx.globalAlpha = 0.6 * alpha * opacity(full.w[i], most);
-    plane.line(kept.m[2 * from], kept.m[2 * from + 1], full.m[2 * i], full.m[2 * i + 1]);
+    const from = kept.start[t - 1] + full.parent[i], pruned = full.into[i] < 0;
+    const j = kept.start[t] + full.into[i], u = pruned ? 0 : moved;
+    const x = u > 0 ? mix(full.m[2 * i], kept.m[2 * j], u) : full.m[2 * i];
+    const y = u > 0 ? mix(full.m[2 * i + 1], kept.m[2 * j + 1], u) : full.m[2 * i + 1];
+    ctx.globalAlpha = 0.7 * born * (pruned ? 1 - gone : 1) * opacity(full.w[i], most);
+    plane.line(kept.m[2 * from], kept.m[2 * from + 1], x, y);
     ctx.stroke();
   }
 }

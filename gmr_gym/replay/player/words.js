@@ -17,7 +17,8 @@ function stageInWords(tracker, t, stage) {
     return `Predicted: ${plural(gates, "gate")}, ${plural(size(tracker.z, t), "detection")}`;
   if (stage === "update")
     return `${plural(now.all, "hypothesis")}: each one missed, and with each detection in its gate`;
-  if (stage === "prune") return `${plural(now.all, "hypothesis")}: ${now.pruned || "none"} pruned for low weight`;
+  if (stage === "prune")
+    return `${plural(now.all, "hypothesis")}: ${now.pruned || "none"} pruned for low weight`;
   return reductionInWords(now);
 }
 
@@ -28,3 +29,5 @@ function figures(value, unit = "") {
 }
 
 const share = (w) => (w >= 0.0995 ? w.toFixed(2) : w >= 0.001 ? w.toFixed(3) : w.toExponential(0));
+
+const modeName = ({ modes }, k) => modes[k] || `model ${k + 1}`;
