@@ -15,16 +15,19 @@ from gmr_gym.filters.association import Expansion, expand
 from gmr_gym.filters.filter_bank import diverging, floored, mmae_weights
 from gmr_gym.filters.joint_gating import Limits, gate_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrow_into, borrowed_states
+from gmr_gym.filters.trace import Trace, rows_of_scan
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, joined, mean_and_covariance, normalised, take
 from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import predict
 from gmr_gym.models.model import Model
 from gmr_gym.models.sensing import PredictedDetections
-from gmr_gym.reduction.protocol import Reduced, check_reduced
+from gmr_gym.reduction.protocol import Reduced, check_reduced, through
 from gmr_gym.reduction.pruning import entering
 from gmr_gym.reduction.registry import reducer
 from gmr_gym.reduction.runnalls import runnalls
+
+Origins = tuple[np.ndarray, np.ndarray]  # of the pruning, and of the reduction after it
 
 
 class Mixtures(NamedTuple):
@@ -101,13 +104,37 @@ class BankOfMhts:
 
     def step(self, belief: Mixtures, z: np.ndarray) -> tuple[Mixtures, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
+        return self._scan(belief, z)[:2]
+
+    def trace(self, belief: Mixtures, z: np.ndarray) -> tuple[Mixtures, Report, Trace]:
+        """What `step` gives, and what became of every hypothesis of every MHT.
+
+        The mixture of a belief are the hypotheses of all MHTs, by mode. With mixing, `parent` is -1: a
+        hypothesis is predicted from several. An MHT that is reset to the others leaves its hypotheses pruned,
+        and nothing goes into its new ones.
+        """
+        after, report, expansions, near, origins = self._scan(belief, z)
+        full = weighed(after.w, [expansion.mixture for expansion in expansions])
+        mode = np.repeat(np.arange(len(expansions)), [len(e.parent) for e in expansions])
+        parent = _pooled_rows(belief, [e.parent for e in expansions])
+        if self.mixing is not None:
+            parent = np.full_like(parent, -1)
+        detection = rows_of_scan(np.concatenate([e.detection for e in expansions]), near)
+        into = _pooled_rows(after, [through(*pair) for pair in origins])
+        return after, report, Trace(full, parent, detection, into, mode)
+
+    def _scan(
+        self, belief: Mixtures, z: np.ndarray
+    ) -> tuple[Mixtures, Report, list[Expansion], np.ndarray, list[Origins]]:
+        """Belief and report; the full posterior of each MHT, the mask (k,) of the detections in them, and the
+        origins of their hypotheses."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         w, each = belief if self.mixing is None else self._mixed(belief)
         predicted = [predict(p, motion) for p, motion in zip(each, model.motions, strict=True)]
-        own, listed, gates_used, alive = gate_jointly(weighed(w, predicted), model, z, self.give_up_limit)
+        own, near, gates_used, alive = gate_jointly(weighed(w, predicted), model, z, self.give_up_limit)
         ends = np.cumsum([len(p.w) for p in predicted])[:-1]
-        posteriors, log_density = [], np.zeros(len(w))
+        listed, expansions, log_density = z[near], [], np.zeros(len(w))
         for i, parts in enumerate(zip(predicted, np.split(own.z, ends), np.split(own.S, ends), strict=True)):
             p, gates = parts[0], Gates(*parts[1:], own.threshold)
             expansion = expand(
@@ -117,14 +144,15 @@ class BankOfMhts:
             log_density[i] = equivalent_residual(
                 p, expansion, model.sensor.predict_detections(p, gates.z, gates.S, listed)
             )
-            posteriors.append(self._reduced(expansion.mixture))
+            expansions.append(expansion)
         w = mmae_weights(w, log_density)
-        posteriors = self._restarted(w, posteriors, log_density)
-        belief = Mixtures(floored(w, self.floor), tuple(posteriors))
+        reduced = self._restarted(w, [self._reduced(e.mixture) for e in expansions], log_density)
+        belief = Mixtures(floored(w, self.floor), tuple(p for p, _ in reduced))
         pooled = weighed(*belief)
         pooled = take(pooled, pooled.w > 0)  # the likelihood of a motion may underflow
         mean, covariance = mean_and_covariance(pooled)
-        return belief, Report(mean[None], covariance[None], gates_used, pooled, alive, belief.w)
+        report = Report(mean[None], covariance[None], gates_used, pooled, alive, belief.w)
+        return belief, report, expansions, near, [origins for _, origins in reduced]
 
     def _mixed(self, belief: Mixtures) -> Mixtures:
         """Mix the MHTs before the prediction.
@@ -151,19 +179,25 @@ class BankOfMhts:
             borrow_into(p.m, p.P, np.tile(mean, (n, 1)), np.tile(covariance, (n, 1, 1)), states)
         return lent
 
-    def _reduced(self, p: Mixture) -> Mixture:
-        lighter, _ = entering(p, self.work_limits.prune_weight, self.work_limits.max_hypotheses)
-        return normalised(self.reduce(lighter)[0])
+    def _reduced(self, p: Mixture) -> tuple[Mixture, Origins]:
+        lighter, kept = entering(p, self.work_limits.prune_weight, self.work_limits.max_hypotheses)
+        reduced, origin = self.reduce(lighter)
+        return normalised(reduced), (kept, origin)
 
-    def _restarted(self, w: np.ndarray, each: list[Mixture], log_density: np.ndarray) -> list[Mixture]:
+    def _restarted(
+        self, w: np.ndarray, each: list[tuple[Mixture, Origins]], log_density: np.ndarray
+    ) -> list[tuple[Mixture, Origins]]:
         """The MHTs, those that diverge reset to the mixture of the others; where all diverge, none."""
         diverged = diverging(log_density, self.restart)
         if not diverged.any():
             return each
         rest = np.where(diverged, 0.0, w)
-        others = weighed(rest if rest.any() else 1.0 - diverged, each)  # where the others have probability 0
-        restarted = self._reduced(normalised(others))
-        return [restarted if lost else p for lost, p in zip(diverged, each, strict=True)]
+        share = rest if rest.any() else 1.0 - diverged  # where the others have probability 0
+        restarted, _ = self._reduced(normalised(weighed(share, [p for p, _ in each])))
+        return [
+            (restarted, (kept, np.full_like(origin, -1))) if lost else (p, (kept, origin))
+            for lost, (p, (kept, origin)) in zip(diverged, each, strict=True)
+        ]
 
 
 def equivalent_residual(predicted: Mixture, expansion: Expansion, predicted_z: PredictedDetections) -> float:
@@ -226,6 +260,15 @@ def weighed(w: np.ndarray, each) -> Mixture:
     Mixture
     """
     return joined([p._replace(w=share * p.w) for share, p in zip(w, each, strict=True)])
+
+
+def _pooled_rows(belief: Mixtures, each: list[np.ndarray]) -> np.ndarray:
+    """Rows among all hypotheses of the belief of positive weight of rows `each` of its MHTs, one MHT after
+    another; -1 stays."""
+    possible = weighed(*belief).w > 0
+    ends = np.cumsum([len(p.w) for p in belief.each])[:-1]
+    pooled = np.split(np.where(possible, np.cumsum(possible) - 1, -1), ends)
+    return np.concatenate([through(rows, own) for rows, own in zip(each, pooled, strict=True)])
 
 
 def mmae_of_mhts(

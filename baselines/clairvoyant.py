@@ -6,8 +6,9 @@ from typing import ClassVar
 import numpy as np
 
 from gmr_gym.checks import check_count
-from gmr_gym.filters.association import expand
+from gmr_gym.filters.association import Expansion, expand
 from gmr_gym.filters.mode_mixture import MixtureWithModes, merge_mode_probabilities, predict_every_mode
+from gmr_gym.filters.trace import Trace
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import collapsed, mean_and_covariance
 from gmr_gym.models.gating import gates
@@ -43,6 +44,19 @@ class Clairvoyant:
 
     def step(self, belief: MixtureWithModes, z: np.ndarray) -> tuple[MixtureWithModes, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
+        return self._scan(belief, z)[:2]
+
+    def trace(self, belief: MixtureWithModes, z: np.ndarray) -> tuple[MixtureWithModes, Report, Trace]:
+        """What `step` gives, and what became of every sequence of models with the scan, which is empty or the
+        target's detection."""
+        after, report, full, mode, into = self._scan(belief, z)
+        parent = full.parent % len(belief.mixture.w)
+        return after, report, Trace(full.mixture, parent, full.detection, into, mode)
+
+    def _scan(
+        self, belief: MixtureWithModes, z: np.ndarray
+    ) -> tuple[MixtureWithModes, Report, Expansion, np.ndarray, np.ndarray]:
+        """Belief and report; the full posterior, its modes (N,), and the origin of the reduction."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         if len(z) > 1:
@@ -50,14 +64,10 @@ class Clairvoyant:
         predicted, mode = predict_every_mode(belief, model.motions, model.switching)
         gates_used = gates(predicted, model.sensor, model.gate_probability)
         # certain association of the detection, or a certain miss
-        posterior = expand(
-            predicted, gates_used._replace(threshold=np.inf), model.sensor, z, 1.0, 1.0, 1.0
-        ).mixture
-        belief = merge_mode_probabilities(
-            posterior, mode, runnalls(posterior, self.components), len(model.motions)
-        )
+        full = expand(predicted, gates_used._replace(threshold=np.inf), model.sensor, z, 1.0, 1.0, 1.0)
+        reduced = runnalls(full.mixture, self.components)
+        belief = merge_mode_probabilities(full.mixture, mode, reduced, len(model.motions))
         mean, covariance = mean_and_covariance(belief.mixture)
         mode_probabilities = belief.mixture.w @ belief.modes
-        return belief, Report(
-            mean[None], covariance[None], gates_used, belief.mixture, modes=mode_probabilities
-        )
+        report = Report(mean[None], covariance[None], gates_used, belief.mixture, modes=mode_probabilities)
+        return belief, report, full, mode, reduced[1]

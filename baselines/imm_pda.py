@@ -8,8 +8,9 @@ from gmr_gym.checks import check_limits
 from gmr_gym.filters.association import log_weights
 from gmr_gym.filters.filter_bank import FilterBank, initial_bank
 from gmr_gym.filters.imm import mix_and_predict, pda_every_mode
-from gmr_gym.filters.joint_gating import give_up_limit
+from gmr_gym.filters.joint_gating import expand_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrowed_states
+from gmr_gym.filters.trace import Trace, rows_of_scan
 from gmr_gym.filters.tracker import CompiledTracker, Report, check_scan
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, collapsed
@@ -90,8 +91,7 @@ class ImmPda:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
-        w, m, P = belief.w[:, 0], belief.m[:, 0], belief.P[:, 0]
-        predicted = Mixture(*mix_and_predict(w, m, P, model.switching, self._borrowed, *self._moves))
+        predicted = self._predicted(belief)
         z_hat, S = model.sensor.gates(predicted)
         p = z_hat.shape[1]
         threshold = gate_threshold(model.gate_probability, p)
@@ -108,6 +108,20 @@ class ImmPda:
         return FilterBank(w[:, None], m[:, None], P[:, None]), Report(
             mean, covariance, gates_used, fused, alive, w
         )
+
+    def trace(self, belief: FilterBank, z: np.ndarray) -> tuple[FilterBank, Report, Trace]:
+        """What `step` gives, and the full posterior by mode, all of which is merged into `report.mixture`,
+        the output of the IMM."""
+        scan = check_scan(z, len(self.model.sensor.H))
+        expansion, near, *_ = expand_jointly(self._predicted(belief), self.model, scan, self.give_up_limit)
+        full, mode, detection, _ = expansion
+        one = np.zeros_like(mode)
+        return *self.step(belief, z), Trace(full, one, rows_of_scan(detection, near), one, mode)
+
+    def _predicted(self, belief: FilterBank) -> Mixture:
+        """The filters, mixed and predicted."""
+        w, m, P = belief.w[:, 0], belief.m[:, 0], belief.P[:, 0]
+        return Mixture(*mix_and_predict(w, m, P, self.model.switching, self._borrowed, *self._moves))
 
 
 @kernel(inline="always")

@@ -8,13 +8,15 @@ import numpy as np
 
 import gmr_gym
 from gmr_gym.checks import check_count
-from gmr_gym.filters.mht import expand_scan, gate_and_log_weights
+from gmr_gym.filters.mht import MAX_HYPOTHESES, expand_scan, gate_and_log_weights
+from gmr_gym.filters.trace import Trace, origin_of_reduction, trace_of
 from gmr_gym.filters.tracker import ONE_MODE, CompiledTracker, Report, check_scan
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model
+from gmr_gym.reduction.runnalls import Greedy
 from gmr_gym.tuning.features import FEATURES, Memory, at_start, model_features, observe
 from gmr_gym.tuning.network import Network, forward, load
 from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, adapt, from_actions, threshold_index, to_action
@@ -91,23 +93,45 @@ class LearnedThresholds:
         report = Report(mean[None], covariance[None], Gates(*gates), mixture)
         return Belief(mixture, Memory(len(w), given_up, work)), report
 
+    def trace(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report, Trace]:
+        """What `step` gives, and what became of every hypothesis with the scan."""
+        scan = check_scan(z, len(self.model.sensor.H))
+        full, _, row, _, _ = _expand_and_set(belief.mixture[:], belief.memory[:], scan, *self._same)
+        alpha, prune_weight, density, components = row.tolist()
+        into = origin_of_reduction(
+            full.mixture, Greedy(int(components), alpha), prune_weight, density, MAX_HYPOTHESES
+        )
+        return *self.step(belief, z), trace_of(full, into)
+
 
 @kernel
 def _scan(mixture, memory, z, motion, sensor, weights, known, policy):
     """A scan in one call: the fields of the gates, the detections in them, counted in each, and what `adapt`
     returns for the network's thresholds.
 
+    The arguments are those of `_expand_and_set`.
+    """
+    full, gates, thresholds, cost, gated = _expand_and_set(
+        mixture, memory, z, motion, sensor, weights, known, policy
+    )
+    w, m, P = full.mixture
+    w, m, P, mean, covariance, given_up, work = adapt(w, m, P, thresholds, cost, gated)
+    return gates, gated, w, m, P, mean, covariance, given_up, work
+
+
+@kernel(inline="always")
+def _expand_and_set(mixture, memory, z, motion, sensor, weights, known, policy):
+    """The Expansion of a scan, the fields of the gates, the thresholds (4,) that the network sets, the cost
+    of merging the full posterior, and the detections in the gates, counted in each.
+
     `weights` is `gate_and_log_weights`, `known` is `model_features`, and `policy` is the packed network, the
     indices of the thresholds that it sets, and the rest of them.
     """
     (threshold, log_miss, log_detect), (layout, numbers, set_by, rest) = weights, policy
     full, gates = expand_scan(mixture, motion, sensor, z, threshold, log_miss, log_detect)
-    w, m, P = full.mixture
     features, cost, gated = observe(full, gates[1], Sensor(sensor[0], sensor[1]), log_detect, known, memory)
     single = features.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
-    thresholds = from_actions(forward(single, layout, numbers), set_by, rest)[0]
-    w, m, P, mean, covariance, given_up, work = adapt(w, m, P, thresholds, cost, gated)
-    return gates, gated, w, m, P, mean, covariance, given_up, work
+    return full, gates, from_actions(forward(single, layout, numbers), set_by, rest)[0], cost, gated
 
 
 @kernel(inline="always")

@@ -19,6 +19,7 @@ from gmr_gym.filters.mht import (
     prune_and_reduce,
     reduce_scan,
 )
+from gmr_gym.filters.trace import Trace, origin_of_reduction, trace_of
 from gmr_gym.filters.tracker import ONE_MODE, CompiledTracker, Report, check_scan
 from gmr_gym.kernels import ONE, compile_ahead, kernel
 from gmr_gym.mixture import Mixture, collapsed, match, mean_and_covariance
@@ -99,6 +100,14 @@ class Mht:
         )
         mean, covariance = mean_and_covariance(posterior)
         return posterior, Report(mean[None], covariance[None], full.gates, posterior)
+
+    def trace(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report, Trace]:
+        """What `step` gives, and what became of every hypothesis with the scan."""
+        full, _ = predict_and_update(belief, self.model, check_scan(z, len(self.model.sensor.H)))
+        into = origin_of_reduction(
+            full.mixture, self.reduce, self.prune_weight, self.prune_density, self.max_hypotheses
+        )
+        return *self.step(belief, z), trace_of(full, into)
 
 
 @kernel(inline="always")

@@ -10,9 +10,11 @@ from functools import partial
 import numpy as np
 
 from gmr_gym.checks import UNLIMITED
+from gmr_gym.filters.association import Expansion
 from gmr_gym.filters.filter_bank import (
     FilterBank,
     as_bank,
+    as_mixture,
     imm_mix,
     imm_output,
     initial_bank,
@@ -23,10 +25,11 @@ from gmr_gym.filters.filter_bank import (
 )
 from gmr_gym.filters.joint_gating import Limits, expand_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrowed_states
+from gmr_gym.filters.trace import Trace, rows_of_scan
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, match_all, mean_and_covariance, normalised
 from gmr_gym.models.model import Model
-from gmr_gym.reduction.protocol import Reduced, check_reduced
+from gmr_gym.reduction.protocol import Reduced, check_reduced, through
 from gmr_gym.reduction.pruning import entering
 from gmr_gym.reduction.registry import reducer
 
@@ -81,21 +84,42 @@ class MhtOfBanks:
 
     def step(self, belief: FilterBank, z: np.ndarray) -> tuple[FilterBank, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
+        return self._scan(belief, z)[:2]
+
+    def trace(self, belief: FilterBank, z: np.ndarray) -> tuple[FilterBank, Report, Trace]:
+        """What `step` gives, and what became of every filter of every hypothesis.
+
+        `full` are the filters of all banks after their interaction, by mode; those of one bank go into the
+        same row of `report.mixture`, the output of the bank.
+        """
+        after, report, expansion, near, filters, into = self._scan(belief, z)
+        r, n = belief.w.shape
+        mode, parent = np.divmod(expansion.parent, n)
+        detection = rows_of_scan(expansion.detection, near)
+        return after, report, Trace(as_mixture(filters), parent, detection, np.tile(into, r), mode)
+
+    def _scan(
+        self, belief: FilterBank, z: np.ndarray
+    ) -> tuple[FilterBank, Report, Expansion, np.ndarray, FilterBank, np.ndarray]:
+        """Belief and report; the full posterior, the mask (k,) of the detections in it, its banks after their
+        interaction, and the hypothesis that each bank went into."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         predicted = predict_bank(self.before(belief, model.switching), model.motions)
-        expansion, gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
+        expansion, near, gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
         posterior = as_bank(expansion.mixture, len(model.motions))
         posterior = self.after(posterior, expansion.log_density.reshape(posterior.w.shape))
         limits = self.work_limits
         hypotheses, kept = entering(imm_output(posterior), limits.prune_weight, limits.max_hypotheses)
-        reduced, into = self.reduce(hypotheses)
-        belief = merge_hypotheses(posterior, np.where(kept < 0, -1, into[kept]), len(reduced.w))
+        reduced, origin = self.reduce(hypotheses)
+        into = through(kept, origin)
+        belief = merge_hypotheses(posterior, into, len(reduced.w))
         belief = belief._replace(w=belief.w / belief.w.sum())
         mixture = normalised(reduced)
         mean, covariance = mean_and_covariance(mixture)
         mode_probabilities = belief.w.sum(axis=1)
-        return belief, Report(mean[None], covariance[None], gates_used, mixture, alive, mode_probabilities)
+        report = Report(mean[None], covariance[None], gates_used, mixture, alive, mode_probabilities)
+        return belief, report, expansion, near, posterior, into
 
 
 def imm_mht(

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmr_gym.filters.mht import gate_and_log_weights, pda_scan, pda_update
+from gmr_gym.filters.mht import gate_and_log_weights, pda_scan, pda_update, predict_and_update
+from gmr_gym.filters.trace import Trace, trace_of
 from gmr_gym.filters.tracker import ONE_MODE, CompiledTracker, Report, check_scan
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, collapsed
@@ -51,6 +52,11 @@ class Pda:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         merged, gates = pda_update(belief, self.model, check_scan(z, len(self.model.sensor.H)))
         return merged, Report(merged.m, merged.P, gates, merged)
+
+    def trace(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report, Trace]:
+        """What `step` gives, and the full posterior, all of which is merged."""
+        full, _ = predict_and_update(belief, self.model, check_scan(z, len(self.model.sensor.H)))
+        return *self.step(belief, z), trace_of(full, np.zeros_like(full.parent))
 
 
 @kernel(inline="always")

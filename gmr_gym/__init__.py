@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from gmr_gym.filters.tracker import Report, Tracker
     from gmr_gym.mixture import Mixture
     from gmr_gym.models.model import Model, model
+    from gmr_gym.replay.notebook import show
 
 __all__ = [
     "Mixture",
@@ -28,6 +29,7 @@ __all__ = [
     "make_tracker",
     "model",
     "register_envs",
+    "show",
     "trackers",
 ]  # fmt: skip
 _HOME = {
@@ -36,6 +38,7 @@ _HOME = {
     "envs.policy": ("MultiTargetPolicy", "Policy"),
     "filters.registry": ("make_tracker", "trackers"),
     "filters.tracker": ("Report", "Tracker"),
+    "replay.notebook": ("show",),
 }
 
 register_envs()

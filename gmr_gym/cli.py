@@ -97,14 +97,15 @@ def evaluate(
     json_file: Json = None,
 ) -> None:
     """Trackers on the same episodes of an environment, with intervals and paired differences."""
+    from gmr_gym.envs import lookup
     from gmr_gym.experiments import records, specs, sweeps
 
     part = sweeps.shard_of(shard, out)
-    world = specs.key_values(settings)
+    world = lookup.key_values(settings)
     specs.check_once("--tracker", tracker)
-    scenario = specs.scenario_of(env_id, world)
-    candidates = {spec: specs.tracker_of(spec, scenario) for spec in tracker}
-    parsed = {spec: dict(zip(("name", "parameters"), specs.parsed(spec), strict=True)) for spec in tracker}
+    scenario = lookup.scenario_of(env_id, world)
+    candidates = {spec: lookup.tracker_of(spec, scenario) for spec in tracker}
+    parsed = {spec: dict(zip(("name", "parameters"), lookup.parsed(spec), strict=True)) for spec in tracker}
     asked = records.question(env=env_id, settings=world, trackers=parsed, runs=runs, seed=seed)
     # blocks of runs are shared: another tracker, or more runs, begin with those that are there
     root = out or Path("results/evaluate")
@@ -183,24 +184,66 @@ def merge(
 @command()
 def watch(
     env_id: EnvId,
-    tracker: Annotated[str, tracker_option("runnalls-30, mmg-15 or learning-pmb unless given")] = "",
+    tracker: Annotated[
+        list[str], tracker_option("repeatable, up to 4; runnalls-30, mmg-15 or learning-pmb unless given")
+    ] = [],  # noqa: B006
+    *,
     settings: Settings = [],  # noqa: B006
     seed: Seed = 0,
-    out: Annotated[Path, typer.Option("--out", help=".gif or .mp4")] = Path("episode.gif"),
+    scans: Annotated[int | None, typer.Option("--scans", help="the first scans; all unless given")] = None,
+    frame: Annotated[int | None, typer.Option("--frame", help="the scan, from 1, of a .png or .svg")] = None,
+    size: Annotated[
+        str, typer.Option("--size", help="pixels of a film or picture: WIDTH or WIDTHxHEIGHT")
+    ] = "",
+    fps: Annotated[
+        float | None, typer.Option("--fps", help="scans a second of a film; 10 unless given")
+    ] = None,
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            help="a page, .html, with a player in it; a film, .gif or .mp4; or a scan of it, .png or .svg",
+        ),
+    ] = Path("episode.html"),
 ) -> None:
-    """One episode as a film: clutter, gates, hypotheses, truth and estimates."""
+    """One episode to watch: detections, gates, hypotheses and their merging, truth and estimates."""
+    from gmr_gym.envs.lookup import key_values, scenario_of
     from gmr_gym.experiments import specs
-    from gmr_gym.experiments.film import film
+    from gmr_gym.replay import record, write_page
+    from gmr_gym.replay.film import FPS, film
+    from gmr_gym.replay.lineup import trackers_of
     from gmr_gym.simulation.multi_target import MultiTargetScenario
 
+    specs.check_ending("--out", out, ".html", ".gif", ".mp4", ".png", ".svg")
     specs.check_writable(out)
-    scenario = specs.scenario_of(env_id, specs.key_values(settings))
+    specs.check_once("--tracker", tracker)
+    page = out.suffix.lower() == ".html"
+    for option, value in (("--frame", frame), ("--size", size or None), ("--fps", fps)):
+        if page and value is not None:
+            raise ValueError(f"{option} is for a film or a picture, and {out.name} is a page")
+    pixels = specs.pixels("--size", size) if size else None
+    scenario = scenario_of(env_id, key_values(settings))
     if isinstance(scenario, MultiTargetScenario):
-        tracker = tracker or "learning-pmb"
+        usual = "learning-pmb"
     else:
-        tracker = tracker or ("mmg-15" if len(scenario.model.motions) > 1 else "runnalls-30")
-    with progress("drawing") as report:
-        film(scenario, specs.tracker_of(tracker, scenario), seed, out, title=tracker, progress=report)
+        usual = "mmg-15" if len(scenario.model.motions) > 1 else "runnalls-30"
+    trackers = trackers_of(tracker or [usual], scenario, env_id)
+    with progress("tracking") as report:
+        if page:
+            write_page(record(scenario, trackers, seed, scans, environment=env_id, progress=report), out)
+        else:
+            rate = FPS if fps is None else fps
+            film(
+                scenario,
+                trackers,
+                seed,
+                out,
+                frame=frame,
+                scans=scans,
+                size=pixels,
+                fps=rate,
+                progress=report,
+            )
     _show([f"written to {out}"])
 
 
@@ -217,13 +260,14 @@ def record(
 ) -> None:
     """One episode's detections in a file, as `track` reads them; of a radar in range and angles, which it
     does not."""
+    from gmr_gym.envs import lookup
     from gmr_gym.experiments import specs
     from gmr_gym.experiments.tracks import record_episode
 
     specs.check_writable(out, truth)
     specs.check_ending("--out", out, ".csv")
     specs.check_ending("--truth", truth, ".csv")
-    scenario = specs.single_target(env_id, specs.key_values(settings))
+    scenario = specs.single_target(env_id, lookup.key_values(settings))
     record_episode(
         scenario, tracker or ("imm-pda" if len(scenario.model.motions) > 1 else "pda"), seed, out, truth
     )

@@ -22,6 +22,7 @@ from gmr_gym.catalogue import BACKENDS, REDUCTIONS
 from gmr_gym.cli import PAPERS, main
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.episodic import settings
+from gmr_gym.envs.lookup import key_value, scenario_of, tracker_of
 from gmr_gym.envs.registry import ABOUT, ENVIRONMENTS, MULTI_TARGET, TRACKING
 from gmr_gym.evaluation import recordings as detections
 from gmr_gym.evaluation import workers
@@ -30,7 +31,6 @@ from gmr_gym.evaluation.loop import play
 from gmr_gym.evaluation.montecarlo import run
 from gmr_gym.evaluation.summary import FEWEST, summary
 from gmr_gym.experiments.output import RUN_COLUMNS, write_runs
-from gmr_gym.experiments.specs import key_value, scenario_of, tracker_of
 from gmr_gym.filters.registry import GROUP, MULTI_TARGET_GROUP, make_tracker, trackers
 from gmr_gym.reduction.registry import REDUCERS
 from gmr_gym.scenarios.dortenzio import turning_target
@@ -352,19 +352,31 @@ def test_one_tracker_alone_has_no_paired_differences(call):
 
 
 @pytest.mark.parametrize("settings", [(), ("--set", "case=clear")], ids=["gates", "gates without end"])
-def test_watch_films_every_scan(call, monkeypatch, settings):
-    def the_first_scans(scenario, seed):
-        episode = draw(scenario, seed)
-        return episode._replace(x=episode.x[:4])
-
-    monkeypatch.setattr(
-        "gmr_gym.experiments.film.draw", the_first_scans
-    )  # a picture takes a fifth of a second
-    code, _, errors = call("watch", JUMP, "--tracker", "mmg-10", *settings, "--out", "films/f.gif")
-    assert code == 0 and "drawing: 4 of 4" in errors
+def test_watch_films_every_scan(call, settings):
+    words = "watch", JUMP, "--tracker", "mmg-10", *settings, "--scans", 4, "--size", "400x420", "--fps", 5
+    code, _, errors = call(*words, "--out", "films/f.gif")
+    assert code == 0 and "tracking: 4 of 4" in errors
     with Image.open("films/f.gif") as film:
-        assert film.n_frames == 4 and min(film.size) > 500
+        assert film.n_frames == 4 and film.size == (400, 420) and film.info["duration"] == 200
         assert len(film.convert("RGB").getcolors()) > 10
+
+
+def test_watch_leaves_a_page_of_several_trackers_unless_it_is_told_otherwise(call):
+    words = "watch", TURNING, "--tracker", "pda", "--tracker", "nearest-neighbour", "--seed", 3, "--scans", 4
+    code, printed, errors = call(*words)
+    assert code == 0 and "written to episode.html" in printed and "tracking: 8 of 8" in errors
+    text = Path("episode.html").read_text(encoding="utf-8")
+    assert text == gmr_gym.show(TURNING, "pda", "nearest-neighbour", seed=3, scans=4).page
+    assert call(*words, "--out", "again.html")[0] == 0
+    assert Path("again.html").read_text(encoding="utf-8") == text
+
+
+def test_watch_pictures_one_scan_by_several_trackers(call):
+    words = "watch", JUMP, "--tracker", "mmg-5", "--tracker", "imm-pda", "--frame", 2, "--size", 600
+    code, _, errors = call(*words, "--out", "f.png")
+    assert code == 0 and "tracking: 2 of 2" in errors
+    with Image.open("f.png") as picture:
+        assert picture.width == 600
 
 
 def test_record_writes_the_detections_and_the_truth_of_the_episode(call):
@@ -401,7 +413,7 @@ SEEN_BY_RADAR = RADAR, "--set", f"trajectory={PASSING}", "--set", f"platform={ST
 
 def test_watch_films_what_a_radar_sees(call):
     code, _, errors = call("watch", *SEEN_BY_RADAR, "--out", "f.gif")
-    assert code == 0 and "drawing: 5 of 5" in errors
+    assert code == 0 and "tracking: 5 of 5" in errors
     with Image.open("f.gif") as film:
         assert film.n_frames == 5 and min(film.size) > 500
         assert len(film.convert("RGB").getcolors()) > 10
@@ -409,7 +421,7 @@ def test_watch_films_what_a_radar_sees(call):
 
 def test_watch_films_many_targets(call):
     code, _, errors = call("watch", "gmr_gym/UnknownClutter-v0", "--set", "horizon=3", "--out", "f.gif")
-    assert code == 0 and "drawing: 3 of 3" in errors
+    assert code == 0 and "tracking: 3 of 3" in errors
     with Image.open("f.gif") as film:
         assert film.n_frames == 3 and min(film.size) > 500
         assert len(film.convert("RGB").getcolors()) > 10
@@ -537,7 +549,31 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         ((*EVALUATE, "imm-pda", "--scheduler", "tcp://a:1"), "loky stays on this machine"),
         (("merge", "nowhere", "--into", "all"), "nowhere is no folder of results: it has no blocks"),
         (("record", "gmr_gym/UnknownClutter-v0"), "many targets; choose from gmr_gym/T"),
-        (("watch", JUMP, "--tracker", "mmg", "--out", "f.png"), "out must end in .gif or .mp4, got 'f.png'"),
+        (
+            ("watch", JUMP, "--out", "f.avi"),
+            "--out must end in .html or .gif or .mp4 or .png or .svg, got 'f.avi'",
+        ),
+        (("watch", JUMP, "--out", "f.png"), "f.png is one picture: say of which scan by frame (--frame K)"),
+        (
+            ("watch", JUMP, "--out", "f.gif", "--frame", 1),
+            "frame is for one picture, .png or .svg, got 'f.gif'",
+        ),
+        (("watch", JUMP, "--out", "f.html", "--size", 9), "--size is for a film or a picture, and f.html is"),
+        (
+            ("watch", JUMP, "--out", "f.gif", "--size", "4x"),
+            "--size must be WIDTH or WIDTHxHEIGHT in pixels, as",
+        ),
+        (("watch", JUMP, "--scans", "0"), "scans must be from 1 to the 45 of the episode, got 0"),
+        (
+            ("watch", JUMP, *(word for i in range(5) for word in ("--tracker", f"mmg-{i + 1}"))),
+            "trackers must be from 1 to 4, got 5",
+        ),
+        (
+            ("watch", TURNING, "--tracker", "gm-phd"),
+            f"'gm-phd' cannot run in {TURNING}: tracker 'gm-phd' is for many targets, the model for one",
+        ),
+        (("watch", JUMP, "--tracker", "pda"), f"'pda' cannot run in {JUMP}: this tracker knows one motion"),
+        (("watch", TURNING, "--out", "z.csv/f.html"), "error: z.csv: not a directory"),
         (("track", "missing.csv", *TRACK[2:]), "error: missing.csv: no such file or directory"),
         (("evaluate", TURNING, "--tracker", "pda", "--out", "z.csv"), "error: z.csv: not a directory"),
         ((*EVALUATE, "imm-pda", "--json", "z.csv/f.json"), "error: z.csv: not a directory"),
@@ -824,7 +860,8 @@ def test_a_tracker_that_lost_every_run_is_named_and_the_others_are_compared(call
         ((*QUICK, "--tracker", "runnalls-3:components=4"), "components is given twice, as 3 in the name and"),
         ((*QUICK, "--seed", 1, "--seed=2"), "--seed is given 2 times"),
         ((*QUICK, "--jobs", 2), "--jobs is given 2 times"),
-        (("watch", JUMP, "--tracker", "imm", "--tracker", "mmg-5"), "--tracker is given 2 times"),
+        (("watch", JUMP, "--tracker", "imm", "--tracker", "imm:"), "--tracker imm: is given twice"),
+        (("watch", JUMP, "--scans", 1, "--scans", 2), "--scans is given 2 times"),
         (("watch", JUMP, "--set", "case=1", "--set", "case=2"), "case is given twice, as 1 and as 2"),
         (("record", JUMP, "--out", "a", "--out", "b", "--out", "c"), "--out is given 3 times"),
         (("reproduce", "zhang", "--table", 1, "--table", 1), "--table 1 is given twice"),

@@ -161,7 +161,10 @@ class EpisodicEnv(DrawnEnv):
         return self._shown >= 0
 
     def _drawn_on(self, canvas: Any) -> np.ndarray | None:
-        return canvas.draw(self._episode, self._seen(self._shown), self._shown, self._estimates)
+        from gmr_gym.envs.render import Tracked
+
+        t = self._shown
+        return canvas.draw(self._episode, t, [Tracked(self._seen(t), self._estimates)])
 
 
 def make_scenario(scenario: str, arguments: Mapping[str, Any]) -> Any:

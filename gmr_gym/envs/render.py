@@ -3,48 +3,129 @@
 What a radar measures is drawn from above, in metres about the radar.
 """
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import EllipseCollection
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.lines import Line2D
 
-from gmr_gym.filters.tracker import Report
+from gmr_gym.envs.render_sheet import (
+    CLUTTER,
+    EDGE,
+    ESTIMATE,
+    GATES,
+    HYPOTHESIS,
+    INK,
+    PAPER,
+    SIZE,
+    TRUTH,
+    Sheet,
+    ellipses,
+    height_for,
+)
 from gmr_gym.models.radar import Radar
-from gmr_gym.simulation.single_target import Episode, Scan, Scenario
+from gmr_gym.simulation.single_target import Scan, Scenario
 
-INK, CLUTTER, TRUTH, ESTIMATE, HYPOTHESIS = "#222222", "#9aa0a6", "#1a7f37", "#c5221f", "#1967d2"
-GATES, PAPER = "#d0d7de", "#ffffff"
-INKS = INK, CLUTTER, TRUTH, ESTIMATE, HYPOTHESIS, GATES
+LATEST = slice(-1, None)  # of a path, the point that has a marker
+MARGIN = 0.06  # of a side of what is seen, around it
 
 
-class Sheet:
-    """A figure of 640 by 640 pixels, in memory or in a window."""
+class Tracked(NamedTuple):
+    """What a panel shows of a scan.
 
-    def __init__(self, on_screen: bool = False):
-        self._window: Any = None
-        if on_screen:
-            import matplotlib.pyplot as plt
+    Attributes
+    ----------
+    scan : Scan
+        The detections.
+    estimates : sequence of ndarray
+        Up to this scan: states (d,), of many targets positions (j, 2).
+    report : Report or MultiTargetReport, optional
+        The tracker's report of this scan.
+    counts : sequence of int
+        Hypotheses kept, scan by scan.
+    lost_at : int
+        Scan, from 0, at which the track was lost; -1 for one that is not.
+    """
 
-            self._window = plt
-            self.figure = plt.figure(figsize=(6.4, 6.4))
-        else:
-            self.figure = Figure(figsize=(6.4, 6.4), dpi=100)
-            self._pixels = FigureCanvasAgg(self.figure)
+    scan: Scan
+    estimates: Sequence[np.ndarray]
+    report: Any = None
+    counts: Sequence[int] = ()
+    lost_at: int = -1
 
-    def shown(self) -> np.ndarray | None:
-        """The image (height, width, 3); None where it is shown in a window."""
-        if self._window is not None:
-            self._window.pause(1e-3)
-            return None
-        self._pixels.draw()
-        return np.asarray(self._pixels.buffer_rgba())[..., :3].copy()
 
-    def close(self):
-        """Close the window, if there is one."""
-        if self._window is not None:
-            self._window.close(self.figure)
+class Panel:
+    """The artists of one tracker, which change from scan to scan.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    plane : Axes
+    strips : sequence of Axes
+        One for the number of hypotheses, or none.
+    title : str
+    """
+
+    names = 4, 2  # marks in the legend: of every picture, and of a tracker's reports
+
+    def __init__(self, scenario: Any, plane: Axes, strips: Sequence[Axes], title: str):
+        self.scenario, self.plane, self.strips, self.title = scenario, plane, strips, title
+        self.detections, self.truth, self.own, self.estimate = self._lines()
+        self._above = plane.text(0, 1.02, "", color=INK, size=11, transform=plane.transAxes)
+        self._lost = plane.annotate(
+            "", (0, 1), (8, -8), xycoords="axes fraction", textcoords="offset points", va="top",
+            color=ESTIMATE, weight="bold", bbox={"facecolor": PAPER, "edgecolor": ESTIMATE},
+        )  # fmt: skip
+
+    def _lines(self) -> list[Line2D]:
+        plot = self.plane.plot
+        return [
+            *plot([], [], ".", color=CLUTTER, ms=4, label="detections"),
+            *plot([], [], "o-", color=TRUTH, lw=1.4, ms=4, markevery=LATEST, label="truth"),
+            *plot([], [], "o", color=TRUTH, ms=6, mfc="none", label="target-originated detection"),
+            *plot([], [], "x-", color=ESTIMATE, lw=1.4, ms=6, markevery=LATEST, label="estimate"),
+        ]
+
+    def marks(self, shown: Tracked) -> list[Line2D]:
+        """What the legend names: all that is drawn."""
+        found = [self.detections, self.own, self.truth, self.estimate]
+        if shown.report is not None:
+            gated = bool(np.isfinite(shown.report.gates.threshold))
+            found += [ring(GATES, "gates")] * gated + [ring(HYPOTHESIS, "hypotheses, faint: of low weight")]
+        return found
+
+    def draw(self, episode: Any, t: int, shown: Tracked) -> None:
+        """Draw scan t (from 0) of an episode."""
+        at = list(self.scenario.position[:2])
+        z = self.scenario.model.sensor.to_gate_space(shown.scan.z)[:, :2]
+        self.detections.set_data(*z.T)
+        self.own.set_data(*z[shown.scan.origin == 0].T)
+        self.truth.set_data(*episode.x[: t + 1, at].T)
+        self.estimate.set_data(*np.reshape(shown.estimates, (-1, episode.x.shape[1]))[:, at].T)
+        self._lost.set_text(f"target lost at scan {shown.lost_at + 1}" if shown.lost_at >= 0 else "")
+        self.say(t)
+        for old in [*self.plane.collections]:
+            old.remove()
+        if shown.report is not None:
+            self._hypotheses(shown.report)
+        for strip in self.strips:
+            over_scans(strip, "hypotheses", {HYPOTHESIS: shown.counts})
+
+    def say(self, t: int) -> None:
+        """Write title and time above the plane."""
+        time = f"t = {(t + 1) * self.scenario.period:g} s"
+        self._above.set_text("  ".join(filter(None, (self.title, time))))
+
+    def _hypotheses(self, report: Any) -> None:
+        gates, p = report.gates, report.mixture
+        if np.isfinite(gates.threshold):
+            # the projection of an ellipsoid is the ellipse of the block of its covariance
+            add_ellipses(self.plane, gates.z[:, :2], gates.S[:, :2, :2] * gates.threshold, GATES, 0.8)
+        at = list(self.scenario.position[:2])
+        opacity = np.clip(np.sqrt(p.w / p.w.max()), 0.04, 1)
+        add_ellipses(self.plane, p.m[:, at], EDGE * p.P[:, at][:, :, at], HYPOTHESIS, 1.2, opacity)
 
 
 class Canvas:
@@ -57,146 +138,173 @@ class Canvas:
     scenario : Scenario
     on_screen : bool
         Whether to open a window.
-    title : str
+    titles : sequence of str
+        Of panels side by side, one for each tracker. All show the same part of the plane.
+    size : tuple of int
+        Width and height, pixels; a height of 0 for what the scenario's view takes.
+    tracked : bool
+        Whether there are reports of a tracker.
+    scans : int, optional
+        Length of the strip; the scenario's by default.
     """
 
-    def __init__(self, scenario: Scenario, on_screen: bool = False, title: str = ""):
-        self.scenario = scenario
-        self.title = title
-        self._counts: list[float] = []
-        self._sheet = Sheet(on_screen)
-        self.figure = self._sheet.figure
+    panel = Panel
 
-    def draw(
+    def __init__(
         self,
-        episode: Episode,
-        scan: Scan,
-        t: int,
-        estimates: list[np.ndarray],
-        report: Report | None = None,
-    ) -> np.ndarray | None:
+        scenario: Any,
+        on_screen: bool = False,
+        titles: Sequence[str] = ("",),
+        size: tuple[int, int] = SIZE,
+        tracked: bool = False,
+        scans: int | None = None,
+    ):
+        self.scenario = scenario
+        panels, strips, marks = len(titles), int(tracked), sum(self.panel.names[: 1 + tracked])
+        width, height = size
+        height = height or height_for(width, panels, strips, marks, self._ratio())
+        self._sheet = Sheet((width, height), panels, strips, marks, on_screen=on_screen)
+        self.figure, self._named = self._sheet.figure, False
+        self.panels: list[Panel] = []
+        for title, plane, below in zip(titles, self._sheet.planes, self._sheet.strips, strict=True):
+            style_plane(plane, labelled=not self.panels)
+            for strip in below:
+                style_strip(strip, scans or scenario.horizon, labelled=not self.panels)
+            self.panels.append(self.panel(scenario, plane, below, title))
+
+    def draw(self, episode: Any, t: int, shown: Sequence[Tracked]) -> np.ndarray | None:
         """Draw one scan.
 
         Parameters
         ----------
         episode : Episode
-        scan : Scan
         t : int
             Number of the scan, from 0.
-        estimates : list of ndarray (d,)
-            Estimates up to this scan.
-        report : Report, optional
-            The tracker's report of this scan.
+        shown : sequence of Tracked
+            What each panel shows.
 
         Returns
         -------
         ndarray (height, width, 3) or None
             None where the image is shown in a window.
         """
-        self.figure.clear()
-        if report is None:
-            axes = self.figure.add_axes((0.11, 0.08, 0.86, 0.86))
-        else:
-            axes = self.figure.add_axes((0.11, 0.27, 0.86, 0.68))
-            self._strip(t, len(report.mixture.w))
-        self._scan(axes, episode, scan, t)
-        if report is not None:
-            self._hypotheses(axes, report)
-        if estimates:
-            path = np.array(estimates)[:, list(self.scenario.position[:2])]
-            axes.plot(*path.T, color=ESTIMATE, lw=1.4, label="estimate")
-        self._frame(axes, episode, t, estimates)
+        self.place(episode, t, shown)
         return self._sheet.shown()
 
-    def close(self):
+    def place(self, episode: Any, t: int, shown: Sequence[Tracked]) -> None:
+        """As `draw`, without an image: for `save`."""
+        for panel, each in zip(self.panels, shown, strict=True):
+            panel.draw(episode, t, each)
+        if not self._named:
+            self._sheet.name(self.panels[0].marks(shown[0]))
+            self._named = True
+        low, high = self._view(episode, t, shown)
+        margin = MARGIN * (high - low)
+        for panel in self.panels:
+            panel.plane.set(
+                xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(low[1] - margin[1], high[1] + margin[1])
+            )
+        for beside in zip(*self._sheet.strips, strict=True):
+            link(beside)
+
+    def save(self, out: Any) -> None:
+        """Write what was drawn last to a .png or .svg file."""
+        self._sheet.save(out)
+
+    def close(self) -> None:
         """Close the window, if there is one."""
         self._sheet.close()
 
-    def _scan(self, axes, episode, scan, t):
-        z = self.scenario.model.sensor.to_gate_space(scan.z)[:, :2]
-        axes.plot(*z.T, ".", color=CLUTTER, ms=4, label="detections")
-        seen = min(t + 1, len(episode.x))
-        axes.plot(*episode.x[:seen, list(self.scenario.position[:2])].T, color=TRUTH, lw=1.4, label="truth")
-        axes.plot(*z[scan.origin == 0].T, "o", color=TRUTH, ms=6, mfc="none")
-
-    def _hypotheses(self, axes, report):
-        gates, p = report.gates, report.mixture
-        if np.isfinite(gates.threshold):
-            # the projection of an ellipsoid is the ellipse of the block of its covariance
-            shapes = gates.S[:, :2, :2] * gates.threshold
-            outlines = ellipses(axes, gates.z[:, :2], shapes, edgecolors=GATES, linewidths=0.8)
-            axes.add_collection(outlines)
-        at = list(self.scenario.position[:2])
-        opacity = np.clip(np.sqrt(p.w / p.w.max()), 0.04, 1)
-        # 95 % of each hypothesis
-        spread = p.P[:, at][:, :, at] * 5.99
-        colours = [(25 / 255, 103 / 255, 210 / 255, a) for a in opacity]
-        axes.add_collection(ellipses(axes, p.m[:, at], spread, edgecolors=colours, linewidths=1.2))
-
-    def _frame(self, axes, episode, t, estimates):
-        low, high = self._view(estimates[-1] if estimates else episode.x[min(t, len(episode.x) - 1)])
-        margin = 0.06 * (high - low)
-        axes.set_xlim(low[0] - margin[0], high[0] + margin[0])
-        axes.set_ylim(low[1] - margin[1], high[1] + margin[1])
-        axes.set_aspect("equal")
-        if isinstance(self.scenario.model.sensor, Radar):
-            axes.locator_params(axis="x", nbins=4)  # labels of six figures under a narrow box would overlap
-        axes.set_xlabel("x, m")
-        axes.set_ylabel("y, m")
-        axes.set_title(f"{self.title}  t = {(t + 1) * self.scenario.period:g} s", loc="left")
-        axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
-
-    def _view(self, estimate):
-        """Lower and upper corner (2,), m, of the window about the estimate (d,)."""
-        sensor = self.scenario.model.sensor
+    def _ratio(self) -> float:
+        """Height of what is seen, as a share of its width."""
         low, high, follows, _ = self.scenario.window
-        if follows:
-            at = sensor.measure(estimate)
-            low, high = at + low, at + high
-        if not isinstance(sensor, Radar):
-            return low, high
-        # its edges are curved: take the box about a grid of its points
-        sides = np.linspace(low, high, 9).T
-        points, possible = sensor.wrap_and_validate(
-            np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, len(low))
-        )
-        placed = sensor.to_gate_space(points[possible])[:, :2]
-        low, high = placed.min(axis=0), placed.max(axis=0)
-        # one scale for both axes even where the window is a thin strip: the box is then drawn wider
-        half = np.maximum(high - low, (high - low).max() / 3) / 2
-        return (low + high) / 2 - half, (low + high) / 2 + half
+        if follows or isinstance(self.scenario.model.sensor, Radar):
+            return 1.0
+        return float(np.clip((high[1] - low[1]) / (high[0] - low[0]), 0.4, 1.2))
 
-    def _strip(self, t, count):
-        del self._counts[t:]
-        self._counts += [np.nan] * (t - len(self._counts))  # scans that were not drawn
-        self._counts.append(count)
-        strip = self.figure.add_axes((0.11, 0.07, 0.86, 0.12))
-        strip.step(np.arange(1, len(self._counts) + 1), self._counts, where="mid", color=HYPOTHESIS)
-        strip.set_xlim(0, self.scenario.horizon + 1)
-        strip.set_ylim(0, max(10, 1.1 * np.nanmax(self._counts)))
-        strip.set_xlabel("scan")
-        strip.set_ylabel("hypotheses")
+    def _view(self, episode: Any, t: int, shown: Sequence[Tracked]) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner (2,), m, of the window: one that follows is about the estimate, or about the
+        target where there is none, or several."""
+        about = shown[0].estimates[-1:] if len(shown) == 1 else ()
+        return view(self.scenario, [*about, episode.x[min(t, len(episode.x) - 1)]][0])
 
 
-def ellipses(axes, centres, shapes, **style):
-    """A collection of the ellipses (x - centre)' shape^-1 (x - centre) = 1.
+def view(scenario: Scenario, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner (2,), m, of a scenario's window about a state (d,)."""
+    sensor = scenario.model.sensor
+    low, high, follows, _ = scenario.window
+    if follows:
+        at = sensor.measure(state)
+        low, high = at + low, at + high
+    if not isinstance(sensor, Radar):
+        return low, high
+    # its edges are curved: take the box about a grid of its points
+    sides = np.linspace(low, high, 9).T
+    points, possible = sensor.wrap_and_validate(np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, len(low)))
+    placed = sensor.to_gate_space(points[possible])[:, :2]
+    low, high = placed.min(axis=0), placed.max(axis=0)
+    # one scale for both axes even where the window is a thin strip: the box is then drawn wider
+    half = np.maximum(high - low, (high - low).max() / 3) / 2
+    return (low + high) / 2 - half, (low + high) / 2 + half
 
-    Parameters
-    ----------
-    axes : matplotlib Axes
-    centres : ndarray (n, 2)
-    shapes : ndarray (n, 2, 2)
-    **style
-        Of matplotlib's EllipseCollection.
 
-    Returns
-    -------
-    EllipseCollection
-    """
-    values, vectors = np.linalg.eigh(shapes)
-    axes_lengths = 2 * np.sqrt(values)
-    angles = np.degrees(np.arctan2(vectors[:, 1, 1], vectors[:, 0, 1]))
-    return EllipseCollection(
-        axes_lengths[:, 1], axes_lengths[:, 0], angles, units="xy", offsets=centres,
-        offset_transform=axes.transData, facecolors="none", **style,
-    )  # fmt: skip
+def ring(colour: str, label: str, **style: Any) -> Line2D:
+    """What stands for ellipses in a legend."""
+    return Line2D([], [], ls="", marker="o", ms=8, mfc="none", mec=colour, mew=1.8, label=label, **style)
+
+
+def add_ellipses(
+    axes: Axes,
+    centres: np.ndarray,
+    shapes: np.ndarray,
+    colour: str,
+    width: float,
+    opacity: np.ndarray | float = 1.0,
+    **style: Any,
+) -> None:
+    """Draw `ellipses` (n), in points wide, and as opaque as given for all or for each (n,)."""
+    colours = np.hstack([np.tile(to_rgb(colour), (len(centres), 1)), np.full((len(centres), 1), 1.0)])
+    colours[:, 3] = opacity
+    axes.add_collection(
+        ellipses(axes, centres, shapes, edgecolors=colours, linewidths=width, **style), autolim=False
+    )
+
+
+def style_plane(axes: Axes, labelled: bool) -> None:
+    """Axes of the plane, in metres; only those at the left have numbers at their left."""
+    axes.set_aspect("equal")
+    axes.locator_params(axis="x", nbins=4)  # labels of six figures under a narrow box would overlap
+    axes.tick_params(labelleft=labelled)
+    axes.set_xlabel("x, m", color=INK)
+    axes.set_ylabel("y, m" if labelled else "", color=INK)
+
+
+def style_strip(axes: Axes, scans: int, labelled: bool) -> None:
+    """Axes over the scans."""
+    axes.set(xlim=(0, scans + 1), ylim=(0, 10))
+    axes.locator_params(axis="x", integer=True)
+    axes.locator_params(axis="y", nbins=2, integer=True)
+    axes.tick_params(labelleft=labelled)
+    axes.set_xlabel("scan", color=INK)
+
+
+def over_scans(axes: Axes, name: str, counts: Mapping[str, Sequence[float]]) -> None:
+    """Draw numbers, scan by scan, each kind in its colour."""
+    if not axes.lines:
+        for colour in counts:
+            axes.step([], [], where="mid", color=colour, lw=1.4)
+        axes.set_ylabel(name, color=INK, fontsize=9)
+    for line, values in zip(axes.lines, counts.values(), strict=True):
+        line.set_data(np.arange(1, len(values) + 1), values)
+
+
+def link(strips: Sequence[Axes]) -> None:
+    """Give strips side by side one scale, from 0, that doubles where it must; only the first is labelled."""
+    most = max(np.max(line.get_ydata(), initial=0) for strip in strips for line in strip.lines)
+    top = strips[0].get_ylim()[1]
+    while top <= most:
+        top *= 2
+    for strip in strips:
+        strip.set_ylim(0, top)
+    for strip in strips[1:]:
+        strip.set_ylabel("")

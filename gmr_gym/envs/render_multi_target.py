@@ -1,102 +1,94 @@
 """Drawing of many targets."""
 
-import numpy as np
+from collections.abc import Sequence
+from typing import Any
 
-from gmr_gym.envs.render import CLUTTER, ESTIMATE, INK, TRUTH, Sheet, ellipses
-from gmr_gym.filters.tracker import MultiTargetReport
+import numpy as np
+from matplotlib.lines import Line2D
+
+from gmr_gym.envs.render import Canvas, Panel, Tracked, add_ellipses, over_scans, ring
+from gmr_gym.envs.render_sheet import CLUTTER, EDGE, ESTIMATE, HYPOTHESIS, INK, TRUTH
 from gmr_gym.mixture import joined
 from gmr_gym.models.clutter import Clutter
-from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario
-from gmr_gym.simulation.single_target import Scan
-
-EDGE = 5.99  # squared Mahalanobis distance, within which 95 % of a Gaussian of the plane lie
 
 
-class MultiTargetCanvas:
+class MultiTargetPanel(Panel):
+    """The artists of one tracker of many targets."""
+
+    names = 5, 2
+
+    def _lines(self) -> list[Line2D]:
+        plot = self.plane.plot
+        detections, truth, own, estimates = super()._lines()
+        truth.set_markevery([])  # of tracks that end there is no latest point
+        estimates.set(ls="", marker=".", ms=3, mew=1, markevery=None, label="estimates")
+        (self.latest,) = plot([], [], "x", color=ESTIMATE, ms=7)
+        return [detections, truth, own, estimates]
+
+    def marks(self, shown: Tracked) -> list[Line2D]:
+        """What the legend names: all that is drawn."""
+        latest = Line2D([], [], ls="", marker="x", color=ESTIMATE, ms=6, label="estimates")
+        found = [self.detections, self.own, self.truth, latest]
+        if _has_groups(self.scenario.clutter(0)):
+            found.append(ring(CLUTTER, "true clutter, 95 %"))
+        if shown.report is not None:
+            found.append(Line2D([], [], color=INK, ls=":", lw=1.5, label="clutter assumed, 95 %"))
+            found.append(ring(HYPOTHESIS, "hypotheses, faint: of low weight"))
+        return found
+
+    def draw(self, episode: Any, t: int, shown: Tracked) -> None:
+        """Draw scan t (from 0) of an episode."""
+        z, origin = shown.scan
+        self.detections.set_data(*z[:, :2].T)
+        self.own.set_data(*z[origin >= 0, :2].T)
+        paths = episode.x[: t + 1][:, :, list(self.scenario.position[:2])]
+        # one line with gaps, between tracks and where a target is absent
+        gap = np.full((1, *paths.shape[1:]), np.nan)
+        self.truth.set_data(*np.concatenate([paths, gap]).swapaxes(0, 1).reshape(-1, 2).T)
+        found = [each[:, :2] for each in shown.estimates]
+        self.estimate.set_data(*np.concatenate([np.empty((0, 2)), *found]).T)
+        self.latest.set_data(*(found[-1].T if found else ([], [])))
+        self.say(t)
+        for old in [*self.plane.collections]:
+            old.remove()
+        self._clutter(self.scenario.clutter(t), CLUTTER)
+        if shown.report is not None:
+            self._clutter(shown.report.clutter, INK, linestyles=":")
+            self._components(shown.report.intensity)
+        present = np.isfinite(paths).all(axis=2).sum(axis=1)
+        for strip in self.strips:
+            over_scans(strip, "targets", {TRUTH: present, ESTIMATE: [len(each) for each in found]})
+
+    def _components(self, p: Any) -> None:
+        at = list(self.scenario.position[:2])
+        opacity = np.sqrt(np.clip(p.w, 1e-3, 1))
+        add_ellipses(self.plane, p.m[:, at], EDGE * p.P[:, at][:, :, at], HYPOTHESIS, 1.2, opacity)
+
+    def _clutter(self, clutter: Clutter, colour: str, **style: Any) -> None:
+        """Ellipses of the clutter: the 95 % ellipse of each Gaussian, and each uniform ellipse."""
+        if _has_groups(clutter):
+            groups = joined((clutter.gaussians._replace(P=EDGE * clutter.gaussians.P), clutter.ellipses))
+            add_ellipses(self.plane, groups.m[:, :2], groups.P[:, :2, :2], colour, 0.9, **style)
+
+
+class MultiTargetCanvas(Canvas):
     """Images of an episode, scan by scan: detections, true tracks, estimates and the clutter's components.
 
-    With a tracker's reports they also show the clutter that it assumes, dotted, and the 95 % ellipses of its
-    components.
-
-    Parameters
-    ----------
-    scenario : MultiTargetScenario
-    on_screen : bool
-        Whether to open a window.
-    title : str
+    With a tracker's reports they also show the clutter that it assumes, dotted, the 95 % ellipses of its
+    components, and the numbers of targets, true and estimated. Parameters are those of `Canvas`.
     """
 
-    def __init__(self, scenario: MultiTargetScenario, on_screen: bool = False, title: str = ""):
-        self.scenario = scenario
-        self._title = title
-        self._sheet = Sheet(on_screen)
-        self.figure = self._sheet.figure
+    panel = MultiTargetPanel
 
-    def draw(
-        self,
-        episode: MultiTargetEpisode,
-        scan: Scan,
-        t: int,
-        estimates: list[np.ndarray],
-        report: MultiTargetReport | None = None,
-    ) -> np.ndarray | None:
-        """Draw one scan.
+    def _ratio(self) -> float:
+        clutter = self.scenario.clutter(0)
+        width, height = (clutter.high - clutter.low)[:2]
+        return float(np.clip(height / width, 0.4, 1.2))
 
-        Parameters
-        ----------
-        episode : MultiTargetEpisode
-        scan : Scan
-        t : int
-            Number of the scan, from 0.
-        estimates : list of ndarray (j, 2)
-            Estimates of each scan so far.
-        report : MultiTargetReport, optional
-            The tracker's report of this scan.
-
-        Returns
-        -------
-        ndarray (height, width, 3) or None
-            None where the image is shown in a window.
-        """
-        self.figure.clear()
-        axes = self.figure.add_axes((0.13, 0.08, 0.84, 0.86))
+    def _view(self, episode: Any, t: int, shown: Sequence[Tracked]) -> tuple[np.ndarray, np.ndarray]:
         clutter = self.scenario.clutter(t)
-        _clutter(axes, clutter, edgecolors=CLUTTER, linewidths=0.8)
-        if report is not None:
-            _clutter(axes, report.clutter, edgecolors=INK, linewidths=0.8, linestyles=":")
-            self._components(axes, report)
-        axes.plot(*scan.z.T, ".", color=CLUTTER, ms=4, label="detections")
-        axes.plot(*scan.z[scan.origin >= 0].T, "o", color=TRUTH, ms=6, mfc="none")
-        paths = episode.x[: t + 1][:, :, list(self.scenario.position)]
-        for i, path in enumerate(paths.swapaxes(0, 1)):
-            axes.plot(*path.T, color=TRUTH, lw=1.4, label="truth" if i == 0 else None)
-        if sum(map(len, estimates)):
-            points = np.concatenate(estimates)
-            axes.plot(*points.T, ".", color=ESTIMATE, ms=3, label="estimates")
-            axes.plot(*estimates[-1].T, "x", color=ESTIMATE, ms=7)
-        margin = 0.03 * (clutter.high - clutter.low)
-        axes.set_xlim(clutter.low[0] - margin[0], clutter.high[0] + margin[0])
-        axes.set_ylim(clutter.low[1] - margin[1], clutter.high[1] + margin[1])
-        axes.set_aspect("equal")
-        axes.set_xlabel("x, m")
-        axes.set_ylabel("y, m")
-        axes.set_title(f"{self._title}  t = {(t + 1) * self.scenario.period:g} s", loc="left", color=INK)
-        axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
-        return self._sheet.shown()
-
-    def close(self):
-        """Close the window, if there is one."""
-        self._sheet.close()
-
-    def _components(self, axes, report):
-        p, at = report.intensity, list(self.scenario.position)
-        colours = [(25 / 255, 103 / 255, 210 / 255, a) for a in np.sqrt(np.clip(p.w, 1e-3, 1))]
-        spread = EDGE * p.P[:, at][:, :, at]
-        axes.add_collection(ellipses(axes, p.m[:, at], spread, edgecolors=colours, linewidths=1.2))
+        return clutter.low[:2], clutter.high[:2]
 
 
-def _clutter(axes, clutter: Clutter, **style):
-    """Ellipses of the clutter: the 95 % ellipse of each Gaussian, and each uniform ellipse."""
-    groups = joined((clutter.gaussians._replace(P=EDGE * clutter.gaussians.P), clutter.ellipses))
-    if len(groups.w):
-        axes.add_collection(ellipses(axes, groups.m, groups.P, **style))
+def _has_groups(clutter: Clutter) -> bool:
+    return len(clutter.gaussians.w) + len(clutter.ellipses.w) > 0

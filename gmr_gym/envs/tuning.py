@@ -70,8 +70,9 @@ class ReductionTuningEnv(DrawnEnv):
     work.
     `components`: the limit of hypotheses where it is not one of the parameters. `hindsight`: whether the
     features are followed by `gmr_gym.tuning.hindsight.HINDSIGHT`, which only a simulation knows: for critics
-    that learn, never for policies. `render_mode`: "rgb_array" or "human": the scan last reduced, with the
-    hypotheses kept; after `reset` scan 1, with all of them.
+    that learn, never for policies. `render_mode`: "rgb_array" or "human": the posterior of the scan last
+    reduced, before and after the reduction, and by scan the numbers of hypotheses and the actions; after
+    `reset` the posterior of scan 1.
     """
 
     def __init__(
@@ -204,7 +205,7 @@ class ReductionTuningEnv(DrawnEnv):
     def _new_canvas(self, on_screen: bool):
         from gmr_gym.envs.render_tuning import TuningCanvas
 
-        return TuningCanvas(self._scenario, on_screen)
+        return TuningCanvas(self._scenario, self.parameters, on_screen)
 
     def _drawn_on(self, canvas):
         return canvas.draw(self._scenario, self._episode, self._reduced)

@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from time import perf_counter
 from typing import NamedTuple
 
+import numpy as np
+
 from gmr_gym.filters.tracker import Report, Tracker
 from gmr_gym.simulation.single_target import Episode, Scan, Scenario, scan
 
@@ -56,3 +58,29 @@ def play(scenario: Scenario, tracker: Tracker, episode: Episode) -> Iterator[Pla
         seconds = perf_counter() - started
         yield Played(t, seen, report, seconds)
         centre = scenario.centre(report.x[0])
+
+
+def is_off_target(
+    scenario: Scenario, report: Report, x: np.ndarray, points: np.ndarray, origin: np.ndarray
+) -> bool:
+    """Whether a scan counts as off target: the track is given up, or off by the scenario's loss rule.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    report : Report
+        The tracker's report of the scan.
+    x : ndarray (d,)
+        True state.
+    points : ndarray (k, p)
+        Detections in the gates' space of the tracker.
+    origin : ndarray (k,)
+        Index of the target (0), -1 for clutter.
+
+    Returns
+    -------
+    bool
+    """
+    own = points[origin == 0]
+    target = own[0] if len(own) else np.full(points.shape[1], np.nan)
+    return bool(not report.alive or scenario.loss_rule(report.gates, x, target))

@@ -11,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from gmr_gym.evaluation import batch, blocks, source, workers
-from gmr_gym.evaluation.loop import play
+from gmr_gym.evaluation.loop import is_off_target, play
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns, run_multi_target_once
 from gmr_gym.filters.tracker import Tracker
 from gmr_gym.models.gating import gate_statistics
@@ -200,15 +200,12 @@ def run_once(
     """
     episode = draw(scenario, seed)
     rows = []
-    missed = np.full(len(scenario.sensor.R), np.nan)
     for t, (z, origin), report, seconds in islice(play(scenario, tracker, episode), scans):
         gates, x = report.gates, episode.x[t]
         points = tracker.model.sensor.to_gate_space(z)
-        own = points[origin == 0]
-        target = own[0] if len(own) else missed
         rows.append((
             x, report.x[0], report.P[0], len(report.mixture.w), *gate_statistics(gates, points),
-            not report.alive or scenario.loss_rule(gates, x, target), report.modes, seconds,
+            is_off_target(scenario, report, x, points, origin), report.modes, seconds,
         ))  # fmt: skip
     return _joined(Runs, np.array, rows)
 

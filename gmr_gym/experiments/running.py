@@ -5,10 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from gmr_gym.envs.lookup import scenario_of, tracker_of
 from gmr_gym.experiments.output import write_csv, write_json, write_runs
 from gmr_gym.experiments.records import answered
 from gmr_gym.experiments.sheets import VERDICTS, claims_table, comparison, legend, notes
-from gmr_gym.experiments.specs import scenario_of, tracker_of
 from gmr_gym.experiments.sweeps import Sweep, Work, runs_shown
 from gmr_gym.experiments.tables import Paper, SettingsGrid, Table, plainly, table_record
 

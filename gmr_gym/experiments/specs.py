@@ -1,18 +1,13 @@
 """What the commands share: scenarios and trackers by what a user types, and runs under a progress bar."""
 
-import ast
 import errno
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from difflib import get_close_matches
-from importlib import import_module
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
-
-from gmr_gym.envs.episodic import make_scenario
-from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
+from gmr_gym.envs.lookup import scenario_of
+from gmr_gym.envs.registry import TRACKING
 from gmr_gym.evaluation.blocks import check_folder
 from gmr_gym.evaluation.multi_target_summary import multi_target_differences, multi_target_summary
 from gmr_gym.evaluation.summary import differences, summary
@@ -21,34 +16,8 @@ from gmr_gym.experiments.records import answered
 from gmr_gym.experiments.sheets import figures_table, legend, notes, on_screen
 from gmr_gym.experiments.sweeps import Sweep, runs_shown
 from gmr_gym.experiments.tables import table_record
-from gmr_gym.filters.registry import make_tracker
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
-
-
-def key_value(text: str) -> tuple[str, Any]:
-    """key=value with the value read as a Python literal where it is one."""
-    key, sign, value = text.partition("=")
-    if not sign or not key:
-        raise ValueError(f"expected key=value, got {text!r}")
-    for read in (ast.literal_eval, float):  # float reads nan and inf, which are then refused by name
-        try:
-            return key, read(value)
-        except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):  # two of deep nesting
-            pass
-    if value.startswith(("[", "(", "{")):
-        raise ValueError(f"{key} cannot be read as a list: {value}")
-    return key, value
-
-
-def key_values(texts: Iterable[str]) -> dict[str, Any]:
-    """Values by key, of key=value each; ValueError for a key that is there twice."""
-    found: dict[str, Any] = {}
-    for key, value in map(key_value, texts):
-        if key in found:
-            raise ValueError(f"{key} is given twice, as {found[key]!r} and as {value!r}")
-        found[key] = value
-    return found
 
 
 def check_once(option: str, values: Sequence[str]) -> None:
@@ -66,43 +35,19 @@ def numbers(name: str, text: str) -> list[float]:
         raise ValueError(f"{name} must be numbers with commas between, got {text!r}") from None
 
 
+def pixels(name: str, text: str) -> tuple[int, int]:
+    """Width and height from WIDTH or WIDTHxHEIGHT, the height 0 where it is not given; ValueError naming the
+    option."""
+    width, x, height = text.lower().partition("x")
+    if not width.isdecimal() or (x and not (height.isdecimal() and int(height))):
+        raise ValueError(f"{name} must be WIDTH or WIDTHxHEIGHT in pixels, as 640 or 640x480, got {text!r}")
+    return int(width), int(height or 0)
+
+
 def check_ending(option: str, file: Path | None, *endings: str) -> None:
     """ValueError naming the option if a file to be written says by its ending that it is of another kind."""
     if file is not None and file.suffix.lower() not in endings:
         raise ValueError(f"{option} must end in {' or '.join(endings)}, got {file.name!r}")
-
-
-def parsed(spec: str) -> tuple[str, dict[str, Any]]:
-    """A tracker's name and parameters from NAME:key=value,key=value."""
-    name, _, parameters = spec.partition(":")
-    return name, key_values(filter(None, parameters.split(",")))
-
-
-def scenario_of(env_id: str, world: Mapping[str, Any]) -> Any:
-    """The Scenario or MultiTargetScenario of an environment with the settings `world`. Raises ValueError for
-    an id that is none of ours, with the nearest that is, and for an environment without one."""
-    bare = {name.partition("/")[2]: name for name in ENVIRONMENTS}
-    if env_id not in gym.registry and (
-        near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
-    ):
-        raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
-    # of the settings only what the scenario of the id takes: no value names code to be imported
-    module, _, known_as = env_id.rpartition(":")
-    if module:
-        import_module(module)  # `gym.make` does so, and not `gym.spec`
-    elif known_as not in gym.registry:
-        raise ValueError(
-            f"unknown environment {env_id!r}; choose from {', '.join((*TRACKING, *MULTI_TARGET))}, or give "
-            "one of your own as MODULE:ID"
-        )
-    kept = gym.spec(known_as).kwargs.get("scenario")
-    scenario = make_scenario(kept, world) if kept else None
-    if not isinstance(scenario, Scenario | MultiTargetScenario):
-        raise ValueError(
-            f"{env_id} is not a tracking environment: no tracker runs in it; choose from "
-            f"{', '.join((*TRACKING, *MULTI_TARGET))}"
-        )
-    return scenario
 
 
 def single_target(env_id: str, world: Mapping[str, Any]) -> Scenario:
@@ -111,12 +56,6 @@ def single_target(env_id: str, world: Mapping[str, Any]) -> Scenario:
     if isinstance(scenario, MultiTargetScenario):
         raise ValueError(f"{env_id} has many targets; choose from {', '.join(TRACKING)}")
     return scenario
-
-
-def tracker_of(spec: str, scenario: Scenario | MultiTargetScenario, **parameters: Any) -> Any:
-    """The tracker NAME:key=value,key=value, with further parameters, for the scenario's filter model."""
-    name, further = parsed(spec)
-    return make_tracker(name, scenario.model, **parameters, **further)
 
 
 def evaluated(

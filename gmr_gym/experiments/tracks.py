@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from gmr_gym.envs.lookup import parsed, tracker_of
 from gmr_gym.evaluation import recordings
 from gmr_gym.evaluation.loop import play
-from gmr_gym.experiments.specs import numbers, parsed, tracker_of
+from gmr_gym.experiments.specs import numbers
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.filters.tracker import Tracker
 from gmr_gym.mixture import Mixture

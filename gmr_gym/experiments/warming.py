@@ -6,12 +6,12 @@ from typing import Any
 import gymnasium as gym
 
 from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described
+from gmr_gym.envs.lookup import scenario_of, tracker_of
 from gmr_gym.envs.policy import MultiTargetPolicy, Policy
 from gmr_gym.envs.registry import MULTI_TARGET, TUNING
 from gmr_gym.evaluation.batch import can_batch, run_batch
 from gmr_gym.evaluation.montecarlo import run_once
 from gmr_gym.evaluation.workers import check_workers, results
-from gmr_gym.experiments.specs import scenario_of, tracker_of
 from gmr_gym.first_calls import compiled_at_once
 from gmr_gym.simulation.single_target import draw
 

@@ -6,9 +6,10 @@ Stands on `reduction` and `models`, and knows no simulation. Open `tracker.py` f
 
 from gmr_gym.filters.association import Expansion, expand
 from gmr_gym.filters.registry import make_tracker, trackers
+from gmr_gym.filters.trace import Trace, Tracing
 from gmr_gym.filters.tracker import MultiTargetReport, MultiTargetTracker, Report, Tracker, check_scan
 
 __all__ = [
-    "Expansion", "MultiTargetReport", "MultiTargetTracker", "Report", "Tracker", "check_scan", "expand",
-    "make_tracker", "trackers",
+    "Expansion", "MultiTargetReport", "MultiTargetTracker", "Report", "Trace", "Tracing", "Tracker",
+    "check_scan", "expand", "make_tracker", "trackers",
 ]  # fmt: skip

@@ -42,7 +42,7 @@ class Limits:
 
 def expand_jointly(
     predicted: Mixture, model: Model, z: np.ndarray, give_up_limit: float
-) -> tuple[Expansion, Gates, bool]:
+) -> tuple[Expansion, np.ndarray, Gates, bool]:
     """Expand components of different motion models with one common list of detections.
 
     Components whose likelihoods are compared must account for the same detections; see
@@ -61,22 +61,25 @@ def expand_jointly(
     Returns
     -------
     expansion : Expansion
+        Its `detection` counts those that are near alone.
+    near : ndarray of bool, shape (k,)
+        Which detections are in the gate of any component, see `gate_jointly`.
     gates_used : Gates
     alive : bool
         False where the track is to be given up.
     """
-    own, listed, gates_used, alive = gate_jointly(predicted, model, z, give_up_limit)
+    own, near, gates_used, alive = gate_jointly(predicted, model, z, give_up_limit)
     posterior = expand(
-        predicted, own, model.sensor, listed,
+        predicted, own, model.sensor, z[near],
         model.detection_probability, model.gate_probability, model.clutter_density,
     )  # fmt: skip
-    return posterior, gates_used, alive
+    return posterior, near, gates_used, alive
 
 
 def gate_jointly(
     predicted: Mixture, model: Model, z: np.ndarray, give_up_limit: float
 ) -> tuple[Gates, np.ndarray, Gates, bool]:
-    """Collect the detections in any component's gate.
+    """Find the detections in any component's gate.
 
     Where more than `give_up_limit` false alarms are expected within one standard deviation of the
     predictions the track is to be given up: nothing is gated, which bounds the work on a lost track.
@@ -95,8 +98,8 @@ def gate_jointly(
     -------
     unbounded : Gates
         Gates without a threshold for every component.
-    listed : ndarray, shape (l, p)
-        Detections in the gate of any component of positive weight.
+    near : ndarray of bool, shape (k,)
+        Which detections are in the gate of any component of positive weight.
     gates_used : Gates
         Gates of the components of positive weight.
     alive : bool
@@ -111,7 +114,7 @@ def gate_jointly(
     if alive:
         distances = gated_distances(take(predicted, possible), gates_used, model.sensor, z)
         near = np.isfinite(distances).any(axis=0)
-    return own._replace(threshold=np.inf), z[near], gates_used, alive
+    return own._replace(threshold=np.inf), near, gates_used, alive
 
 
 def give_up_limit(model: Model, ratio: float) -> float:

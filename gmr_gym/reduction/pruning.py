@@ -94,8 +94,7 @@ def prune_density(p: Mixture, density: float) -> Reduced:
     ----------
     D'Ortenzio, eq. 16.
     """
-    p, density = checked(p), check_not_negative("density", density)
-    return _kept(p, above_threshold(p.w, p.w / root_determinants(p.P), density))
+    return leaving(checked(p), check_not_negative("density", density))
 
 
 def prune_and_cap(p: Mixture, weight: float, max_components: int) -> Reduced:
@@ -128,6 +127,11 @@ def prune_and_cap(p: Mixture, weight: float, max_components: int) -> Reduced:
 def entering(p: Mixture, weight: float, max_components: int) -> Reduced:
     """`prune_and_cap` without checks, for a mixture already checked."""
     return _kept(p, heaviest_mask(p.w, max_components) & above_threshold(p.w, p.w, weight))
+
+
+def leaving(p: Mixture, density: float) -> Reduced:
+    """`prune_density` without checks, for a mixture already checked."""
+    return _kept(p, above_threshold(p.w, p.w / root_determinants(p.P), density))
 
 
 def weighing(p: Mixture) -> Reduced:

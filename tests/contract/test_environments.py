@@ -19,7 +19,7 @@ from baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.envs.episodic import EXTENT
 from gmr_gym.envs.policy import MultiTargetPolicy, Policy
 from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
-from gmr_gym.envs.render import Canvas
+from gmr_gym.envs.render import Canvas, Tracked
 from gmr_gym.envs.tracking import TrackingEnv
 from gmr_gym.evaluation.loop import play as play_scans
 from gmr_gym.evaluation.montecarlo import run_once
@@ -475,7 +475,7 @@ def test_a_radars_picture_is_a_view_from_above_of_all_that_it_sees(bearing, angl
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 10
     (axes,) = env._canvas.figure.axes
     k = observation["mask"].sum()
-    shown, path, mine = (line.get_xydata() for line in axes.lines)
+    shown, path, mine, _ = (line.get_xydata() for line in axes.lines)
     np.testing.assert_allclose(shown, above(observation["scan"][:k]), rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(mine, above(observation["scan"][info["origin"] == 0]), rtol=1e-9, atol=1e-6)
     np.testing.assert_array_equal(path, info["truth"][None, :2])
@@ -503,9 +503,9 @@ def test_a_radars_gates_and_hypotheses_are_drawn_as_their_shadows_on_the_plane()
     aslant = [[15_000.0, 12_000.0 + 30.0 * t, 8_000.0] for t in range(8)]
     scenario = make(RADAR, trajectory=aslant, platform=STILL).scenario
     tracker = make_tracker("mmg-5", scenario.model)
-    episode, canvas = draw(scenario, 0), Canvas(scenario)
+    episode, canvas = draw(scenario, 0), Canvas(scenario, tracked=True)
     _, seen, report, _ = next(iter(play_scans(scenario, tracker, episode)))
-    canvas.draw(episode, seen, 0, [report.x[0]], report)
+    canvas.draw(episode, 0, [Tracked(seen, [report.x[0]], report)])
     gates, p = report.gates, report.mixture
     drawn = (gates.z, gates.S * gates.threshold), (p.m, 5.99 * p.P)
     axes = next(axes for axes in canvas.figure.axes if axes.collections)

@@ -18,8 +18,8 @@ ORDER = (
     ("version", "deprecated", "first_calls", "data"), ("kernels", "catalogue"), ("checks", "points"),
     ("linalg",), ("mixture",),
     ("reduction", "models"),
-    ("filters", "simulation"), ("scenarios", "evaluation"), ("tuning",), ("envs",), ("__init__",),
-    ("experiments",), ("cli",),
+    ("filters", "simulation"), ("scenarios", "evaluation"), ("tuning",), ("envs",), ("replay",),
+    ("__init__",), ("experiments",), ("cli",),
 )  # fmt: skip
 LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
 NUMERICS = [room for room in LEVEL if LEVEL[room] < LEVEL["envs"]]

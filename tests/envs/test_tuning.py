@@ -14,10 +14,10 @@ from gymnasium.utils.env_checker import check_env
 import gmr_gym  # noqa: F401  registers the environments
 from agents.draw_instances import SEED, SEEN, UNSEEN, drawn, followed
 from baselines.mht import adaptive
+from gmr_gym.envs.lookup import scenario_of
 from gmr_gym.envs.registry import TUNING
 from gmr_gym.envs.tuning import ReductionTuningEnv, ThresholdSchedule
 from gmr_gym.evaluation.loop import play
-from gmr_gym.experiments.specs import scenario_of
 from gmr_gym.simulation.reward import SCANS_OFF
 from gmr_gym.simulation.single_target import draw
 from gmr_gym.tuning.features import BOUND
@@ -80,22 +80,35 @@ def test_the_picture_is_of_the_tracker_under_its_thresholds(tmp_path):
     reports, _ = played(SURE, adaptive(world(SURE).model, 40, *from_action(ACTION, env.parameters)[:2]), 3)
     env.reset(seed=3)
     pictures = [env.render()]
-    (line,) = env._canvas._canvas.figure.axes[1].lines
-    assert line.get_ydata().tolist() == [2]  # a miss, and the one detection in the gate
+    before, after, counts, actions = env._canvas.figure.axes
+    _, full = before.collections
+    assert len(full.get_offsets()) == 2  # a miss, and the one detection in the gate
+    assert not after.collections  # nothing is reduced yet
     for t in range(12):
         _, _, _, _, info = env.step(ACTION)
         env.lookahead_reward(ACTION)
         if t not in (2, 7, 11):
             continue
         pictures.append(env.render())
-        strip, plane = env._canvas._canvas.figure.axes[::-1]
-        assert strip.lines[0].get_ydata()[-1] == len(reports[t].mixture.w) == info["components"]
-        estimates = next(line for line in plane.lines if line.get_label() == "estimate").get_xydata()
-        np.testing.assert_array_equal(estimates, [report.x[0, :2] for report in reports[: t + 1]])
-        gates, kept = plane.collections
-        np.testing.assert_array_equal(gates.get_offsets(), reports[t].gates.z)
-        np.testing.assert_array_equal(kept.get_offsets(), reports[t].mixture.m[:, :2])
+        there, kept_by_scan = (line.get_ydata() for line in counts.lines)
+        assert kept_by_scan[-1] == len(reports[t].mixture.w) == info["components"]
+        assert len(kept_by_scan) == t + 1 and (there >= kept_by_scan).all()
+        taken = [line.get_ydata() for line in actions.lines]
+        np.testing.assert_allclose(taken, np.zeros((2, t + 1)), atol=1e-6)
+        for plane in (before, after):
+            estimates = next(line for line in plane.lines if line.get_label() == "estimate").get_xydata()
+            np.testing.assert_array_equal(estimates, [report.x[0, :2] for report in reports[: t + 1]])
+            gates, hypotheses = plane.collections
+            np.testing.assert_array_equal(gates.get_offsets(), reports[t].gates.z)
+            low, high = np.transpose([plane.get_xlim(), plane.get_ylim()])
+            assert (low < gates.get_offsets()).all() and (gates.get_offsets() < high).all()
+        np.testing.assert_array_equal(hypotheses.get_offsets(), reports[t].mixture.m[:, :2])
+        full = before.collections[1].get_offsets()
+        assert len(full) == there[-1]
+        np.testing.assert_allclose(full.mean(axis=0), reports[t].x[0, :2], atol=100)
     assert {picture.shape for picture in pictures} == {(640, 640, 3)}
+    named = [text.get_text() for text in env._canvas.figure.legends[0].get_texts()]
+    assert {"gates", "truth", "estimate", "number kept", *env.parameters} < {*named}
     env.reset()
     env.render()
     env.step(ACTION)

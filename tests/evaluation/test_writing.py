@@ -8,8 +8,8 @@ import pytest
 
 from gmr_gym.evaluation.recordings import write_scans
 from gmr_gym.experiments.drawings import Drawing, save
-from gmr_gym.experiments.film import _gif
 from gmr_gym.experiments.output import write_json, write_rows
+from gmr_gym.replay.film import write
 
 
 class Stopped(Exception):
@@ -51,7 +51,7 @@ def test_every_ending_is_written_and_replaced(tmp_path):
         write_rows(tmp_path / "a.csv", ["name"], [["α"]])
         write_json(tmp_path / "a.json", {"a": 1})
         save(Drawing(figsize=(1, 1)), tmp_path / "a.png")
-        _gif(tmp_path / "a.gif", [np.full((20, 20, 3), 200, np.uint8)])
+        write(tmp_path / "a.gif", [np.full((20, 20, 3), 200, np.uint8)], 1)
         write_scans(tmp_path / "z.csv", [1.0], [[[1.0, 2.0]]], ["x", "y"])
     assert (tmp_path / "a.csv").read_bytes() == "name\nα\n".encode()
     assert {file.name for file in tmp_path.iterdir()} == {"a.csv", "a.json", "a.png", "a.gif", "z.csv"}

@@ -80,7 +80,7 @@ def test_a_detection_is_listed_when_at_least_one_gate_holds_it(p):
     predicted = normalised(predicted)
     told = model(motion(np.eye(4), np.eye(4)), see, 0.9, 0.6, 1e-3, predicted)
     looked = gates(predicted, see, 0.6)
-    _, listed, used, alive = gate_jointly(predicted, told, z, np.inf)
+    _, near, used, alive = gate_jointly(predicted, told, z, np.inf)
     held = [
         any(
             reference.mahalanobis_squared(row, c, S) <= looked.threshold
@@ -88,9 +88,9 @@ def test_a_detection_is_listed_when_at_least_one_gate_holds_it(p):
         )
         for row in z
     ]
-    np.testing.assert_array_equal(listed, z[held])
+    np.testing.assert_array_equal(near, held)
     assert alive and used.threshold == looked.threshold and 0 < np.mean(held) < 1
-    assert gate_jointly(predicted, told, np.empty((0, p)), np.inf)[1].shape == (0, p)
+    assert gate_jointly(predicted, told, np.empty((0, p)), np.inf)[1].shape == (0,)
     assert not gate_jointly(predicted, told, z, 0.0)[3]
 
 

@@ -10,6 +10,7 @@ from baselines.fitted_phd import fitted_phd
 from baselines.fmm import fmm_em
 from baselines.gm_phd import gm_phd
 from gmr_gym import cli
+from gmr_gym.envs.lookup import scenario_of, tracker_of
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.experiments.evidence import Evidence, measured
 from gmr_gym.experiments.papers import lv, lv_episode
@@ -25,7 +26,6 @@ from gmr_gym.experiments.papers.lv import (
     UNIFORM,
 )
 from gmr_gym.experiments.sheets import HEADINGS
-from gmr_gym.experiments.specs import scenario_of, tracker_of
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.scenarios.lv import unknown_clutter
 from gmr_gym.simulation.multi_target import draw, scan

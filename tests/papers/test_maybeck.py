@@ -16,6 +16,7 @@ from test_tables_of_papers import catch_drawings
 
 import gmr_gym  # noqa: F401  registers the environments
 from baselines.bank_of_mhts import BankOfMhts
+from gmr_gym.envs.lookup import parsed
 from gmr_gym.evaluation import curves as module
 from gmr_gym.evaluation.summary import Estimate, wilson
 from gmr_gym.experiments.claims import no_event_width
@@ -30,7 +31,6 @@ from gmr_gym.experiments.papers.maybeck_claims import (
     TUNING,
 )
 from gmr_gym.experiments.papers.maybeck_numbers import QUANTITIES, offset, rms
-from gmr_gym.experiments.specs import parsed
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.maybeck import agile_flight
 

@@ -13,6 +13,7 @@ from scipy.stats import t as student
 
 import gmr_gym  # noqa: F401  registers the environments
 from gmr_gym.cli import PAPERS
+from gmr_gym.envs.lookup import parsed
 from gmr_gym.envs.registry import MULTI_TARGET
 from gmr_gym.evaluation import curves as module
 from gmr_gym.evaluation.curves import CURVES, Curves, curves, errors_of
@@ -22,7 +23,6 @@ from gmr_gym.experiments.evidence import Evidence, measured
 from gmr_gym.experiments.papers import dortenzio, li, lv, maybeck, maybeck_zhang, zhang
 from gmr_gym.experiments.papers.zhang_claims import BOTH, CASE_1, CASE_2, QUANTITIES, ROLES, Trio
 from gmr_gym.experiments.sheets import HEADINGS
-from gmr_gym.experiments.specs import parsed
 from gmr_gym.experiments.tables import Table, printed_in, table_record, verdict
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.dortenzio import turning_target

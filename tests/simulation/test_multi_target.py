@@ -544,11 +544,12 @@ def test_picture_shows_detections_truth_estimates_and_groups(world):
     picture = env.render()
     assert picture.shape == (640, 640, 3) and picture.dtype == np.uint8
     axes = env._canvas.figure.axes[0]
-    detections, mine, *tracks, estimates, latest = (line.get_xydata() for line in axes.lines)
+    detections, path, mine, estimates, latest = (line.get_xydata() for line in axes.lines)
+    tracks = np.split(path, np.arange(1, 3) * 52)  # a gap after each
     z, origin = scan(draw(env.scenario, 0), 50)
     np.testing.assert_array_equal(detections, z)
     np.testing.assert_array_equal(mine, z[origin >= 0])
-    assert len(tracks) == 3 and len(tracks[0]) == 51
+    assert len(path) == 3 * 52 and np.isfinite(tracks[0]).all(axis=1).sum() == 51
     assert len(estimates) == 50 + 31 + 6 and len(latest) == 3
     np.testing.assert_array_equal(latest[-1], tracks[0][49])
     assert len(axes.collections) == (0 if "clutter" in world else 1)

@@ -7,12 +7,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from gmr_gym.envs.render import ellipses
+from gmr_gym.envs.lookup import tracker_of
+from gmr_gym.envs.render_sheet import ellipses
 from gmr_gym.evaluation.metrics import wasserstein
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns, density_error, places, play
 from gmr_gym.evaluation.multi_target_summary import mean_where
 from gmr_gym.experiments.drawings import canvas, save
-from gmr_gym.experiments.specs import tracker_of
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.mixture import joined
 from gmr_gym.models.clutter import Clutter

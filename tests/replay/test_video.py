@@ -6,8 +6,10 @@ import pytest
 
 import gmr_gym  # noqa: F401  registers the environments
 from baselines.nearest_neighbour import NearestNeighbour
-from gmr_gym.experiments import film as watch
+from gmr_gym.envs.render import Canvas
+from gmr_gym.replay.film import _single, film
 from gmr_gym.scenarios.dortenzio import turning_target
+from gmr_gym.simulation.single_target import draw
 
 ffmpeg = pytest.importorskip("imageio_ffmpeg")
 SCANS = 4
@@ -22,13 +24,17 @@ def pictures(file):
 
 def test_an_mp4_shows_what_was_drawn_scan_by_scan(tmp_path):
     scenario = turning_target(horizon=SCANS, clutter_rate=20)
-    shown = scenario, NearestNeighbour(scenario.model), 1
-    watch.film(*shown, tmp_path / "f.mp4")
-    drawn = [picture.astype(float) for picture, _ in watch._single(*shown, "")]
+    tracker, episode = NearestNeighbour(scenario.model), draw(scenario, 1)
+    film(scenario, {"nearest": tracker}, 1, tmp_path / "f.mp4", size=(400, 400), fps=20)
+    canvas = Canvas(scenario, titles=["nearest"], size=(400, 400), tracked=True)
+    drawn = [
+        canvas.draw(episode, t, [shown]).astype(float)
+        for t, shown in enumerate(_single(scenario, tracker, episode))
+    ]
     films = pictures(tmp_path / "f.mp4")
     assert len(films) == len(drawn) == SCANS
-    for t, film in enumerate(films):
-        apart = [np.abs(film - picture).mean() for picture in drawn]  # of 255; the coding loses some
+    for t, picture in enumerate(films):
+        apart = [np.abs(picture - one).mean() for one in drawn]  # of 255; the coding loses some
         assert np.argmin(apart) == t and apart[t] < 3, apart
 
 

@@ -1,0 +1,102 @@
+"""Scenarios and trackers by what a user types."""
+
+import ast
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from importlib import import_module
+from typing import Any
+
+import gymnasium as gym
+
+from gmr_gym.envs.episodic import make_scenario
+from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
+from gmr_gym.filters.registry import make_tracker
+from gmr_gym.simulation.multi_target import MultiTargetScenario
+from gmr_gym.simulation.single_target import Scenario
+
+
+def scenario_of(env_id: str, settings: Mapping[str, Any]) -> Any:
+    """The scenario of an environment.
+
+    Parameters
+    ----------
+    env_id : str
+        An id that is registered, or MODULE:ID, which imports MODULE.
+    settings : mapping of str to object
+        Keyword arguments of the scenario.
+
+    Returns
+    -------
+    Scenario or MultiTargetScenario
+
+    Raises
+    ------
+    ValueError
+        For an unknown id, with the nearest known one; for an environment without a scenario; and for
+        settings as `gmr_gym.envs.episodic.make_scenario`.
+
+    Examples
+    --------
+    >>> from gmr_gym.envs.lookup import scenario_of
+    >>> scenario_of("gmr_gym/TurningTarget-v0", {"horizon": 5}).horizon
+    5
+    """
+    bare = {name.partition("/")[2]: name for name in ENVIRONMENTS}
+    if env_id not in gym.registry and (
+        near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
+    ):
+        raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
+    # of the settings only what the scenario of the id takes: no value names code to be imported
+    module, _, known_as = env_id.rpartition(":")
+    if module:
+        import_module(module)  # `gym.make` does so, and not `gym.spec`
+    elif known_as not in gym.registry:
+        raise ValueError(
+            f"unknown environment {env_id!r}; choose from {', '.join((*TRACKING, *MULTI_TARGET))}, or give "
+            "one of your own as MODULE:ID"
+        )
+    kept = gym.spec(known_as).kwargs.get("scenario")
+    scenario = make_scenario(kept, settings) if kept else None
+    if not isinstance(scenario, Scenario | MultiTargetScenario):
+        raise ValueError(
+            f"{env_id} is not a tracking environment: no tracker runs in it; choose from "
+            f"{', '.join((*TRACKING, *MULTI_TARGET))}"
+        )
+    return scenario
+
+
+def key_value(text: str) -> tuple[str, Any]:
+    """key=value with the value read as a Python literal where it is one."""
+    key, sign, value = text.partition("=")
+    if not sign or not key:
+        raise ValueError(f"expected key=value, got {text!r}")
+    for read in (ast.literal_eval, float):  # float reads nan and inf, which are then refused by name
+        try:
+            return key, read(value)
+        except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):  # two of deep nesting
+            pass
+    if value.startswith(("[", "(", "{")):
+        raise ValueError(f"{key} cannot be read as a list: {value}")
+    return key, value
+
+
+def key_values(texts: Iterable[str]) -> dict[str, Any]:
+    """Values by key, of key=value each; ValueError for a key that is there twice."""
+    found: dict[str, Any] = {}
+    for key, value in map(key_value, texts):
+        if key in found:
+            raise ValueError(f"{key} is given twice, as {found[key]!r} and as {value!r}")
+        found[key] = value
+    return found
+
+
+def parsed(spec: str) -> tuple[str, dict[str, Any]]:
+    """A tracker's name and parameters from NAME:key=value,key=value."""
+    name, _, parameters = spec.partition(":")
+    return name, key_values(filter(None, parameters.split(",")))
+
+
+def tracker_of(spec: str, scenario: Scenario | MultiTargetScenario, **parameters: Any) -> Any:
+    """The tracker NAME:key=value,key=value, with further parameters, for the scenario's filter model."""
+    name, further = parsed(spec)
+    return make_tracker(name, scenario.model, **parameters, **further)

@@ -1,0 +1,133 @@
+"""An episode with all that trackers report of it, as plain arrays."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gmr_gym.models.model import Model
+from gmr_gym.models.radar import Radar
+from gmr_gym.replay import multi_target, single_target
+from gmr_gym.replay.lineup import check_fits
+from gmr_gym.simulation.multi_target import MultiTargetScenario
+from gmr_gym.simulation.single_target import Scenario
+
+MOST_TRACKERS = 4  # that are shown side by side
+
+
+class Recording(NamedTuple):
+    """An episode, and what each tracker made of it.
+
+    Attributes
+    ----------
+    environment : str
+        Its id, or another name.
+    seed : int
+    kind : str
+        "one" target, or "many".
+    period : float
+        s.
+    scans : int
+        T.
+    patience : int
+        Scans in a row off target that make a track lost; 0 for many targets.
+    radar : bool
+        Whether positions are about a radar.
+    modes : tuple of str
+        Names of the motion models.
+    trackers : tuple of str
+    columns : dict of str to ndarray
+        By name; those of tracker i begin with "i/".
+    """
+
+    environment: str
+    seed: int
+    kind: str
+    period: float
+    scans: int
+    patience: int
+    radar: bool
+    modes: tuple[str, ...]
+    trackers: tuple[str, ...]
+    columns: dict[str, np.ndarray]
+
+
+def record(
+    scenario: Scenario | MultiTargetScenario,
+    trackers: Mapping[str, Any],
+    seed: int = 0,
+    scans: int | None = None,
+    *,
+    environment: str = "",
+    progress: Callable[[int, int], None] | None = None,
+) -> Recording:
+    """Run trackers through the episode of a seed, and keep what they report.
+
+    Parameters
+    ----------
+    scenario : Scenario or MultiTargetScenario
+    trackers : mapping of str to Tracker or MultiTargetTracker
+        From 1 to `MOST_TRACKERS`.
+    seed : int
+    scans : int, optional
+        The first scans of the episode; all by default.
+    environment : str
+        Name of the environment.
+    progress : callable, optional
+        Called with the numbers of scans done and of all, of all trackers.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    ValueError
+        For another number of trackers or one that does not fit, fewer than 1 scan or more than there are, and
+        reports of wrong shapes.
+
+    Warns
+    -----
+    UserWarning
+        For a tracker that reports numbers that are not finite.
+
+    Examples
+    --------
+    >>> from gmr_gym import make_tracker
+    >>> from gmr_gym.replay import record
+    >>> from gmr_gym.scenarios.dortenzio import turning_target
+    >>> scenario = turning_target(clutter_rate=20)
+    >>> kept = record(scenario, {"pda": make_tracker("pda", scenario.model)}, seed=1, scans=3)
+    >>> kept.columns["truth"].shape, kept.columns["0/count"].tolist()
+    ((3, 2), [1, 1, 1])
+    """
+    many = isinstance(scenario, MultiTargetScenario)
+    world: Any = scenario
+    kind: Any = multi_target if many else single_target
+    if not 1 <= len(trackers) <= MOST_TRACKERS:
+        raise ValueError(f"trackers must be from 1 to {MOST_TRACKERS}, got {len(trackers)}")
+    for name, tracker in trackers.items():
+        check_fits(name, tracker, scenario, environment)
+    episode = kind.draw(world, seed)
+    there = len(episode.x)
+    if scans is not None and scans not in range(1, there + 1):
+        raise ValueError(f"scans must be from 1 to the {there} of the episode, got {scans}")
+    total = there if scans is None else int(scans)
+    columns = kind.truth_of(world, episode, total)
+    for i, (name, tracker) in enumerate(trackers.items()):
+
+        def tell(done: int, before: int = i * total) -> None:
+            if progress:
+                progress(before + done, total * len(trackers))
+
+        own = kind.columns_of(world, tracker, name, episode, total, tell)
+        columns |= {f"{i}/{column}": values for column, values in own.items()}
+    return Recording(
+        environment, seed, "many" if many else "one", world.period, total, 0 if many else world.patience,
+        isinstance(world.model.sensor, Radar), () if many else motions(world.model), tuple(trackers), columns,
+    )  # fmt: skip
+
+
+def motions(model: Model) -> tuple[str, ...]:
+    """Names of the motion models of a filter model."""
+    return tuple(f"motion {i + 1}" for i in range(len(model.motions)))
