@@ -207,13 +207,27 @@ def test_reports_of_wrong_shapes_are_refused_in_a_line(change, message):
 
 @pytest.mark.parametrize("field", ["parent", "detection", "into", "mode"])
 def test_traces_that_name_what_is_not_there_are_refused(field):
-    class Wrong(type(PDA)):
-        def trace(self, belief, z):
-            belief, report, trace = super().trace(belief, z)
-            return belief, report, trace._replace(**{field: getattr(trace, field) + len(z) + 1})
+    mht = make_tracker("runnalls-30", SHORT.model)
 
-    with pytest.raises(ValueError, match=f"^tracker 'mine', trace.{field} at scan 1: expected . whole numb"):
-        record(SHORT, {"mine": Wrong(SHORT.model)}, 1)
+    class Wrong(type(mht)):
+        def trace(self, belief, z):
+            kept, report, trace = super().trace(belief, z)
+            ends = {"parent": len(belief.w), "detection": len(z), "into": len(kept.w), "mode": 1}
+            named = getattr(trace, field).copy()
+            named[0] = ends[field] - (len(belief.w) == 1)  # one too many, but for the first scan
+            return kept, report, trace._replace(**{field: named})
+
+    with pytest.raises(ValueError, match=f"^tracker 'mine', trace.{field} at scan 2: expected .* whole numb"):
+        record(SHORT, {"mine": Wrong(SHORT.model, mht.reduce)}, 1)
+
+
+def test_every_hypothesis_that_is_kept_shows_where_it_came_from_however_light():
+    tracker = make_tracker("runnalls-30", SCENARIO.model, prune_weight=0, prune_density=0)
+    own = of_tracker(record(SCENARIO, {"all": tracker}, 0, 30))
+    for t in range(30):
+        into = own["full_into"][slice(*own["full_start"][t : t + 2])]
+        np.testing.assert_array_equal(np.unique(into), np.arange(own["count"][t]))
+    assert (own["full_w"] < 1e-4).any() and own["full_rest_merged"].any() and not own["full_rest_count"].any()
 
 
 @pytest.mark.parametrize(
