@@ -143,7 +143,7 @@ def test_playing_goes_on_and_stops_at_the_last_scan(opened):
 def test_the_slider_and_a_chart_go_to_a_scan(opened):
     tab = opened(recorded("a"))
     tab.fill("input[aria-label=Scan]", "7")
-    assert scan_of_soon(tab, 7) and "scan 7 of 12" in tab.inner_text(".gmr-clock")
+    assert scan_of_soon(tab, 7) and "scan 7 of 12, 7 s" in tab.inner_text(".gmr-clock")
     box = tab.locator(".gmr-strip canvas").first.bounding_box()
     tab.mouse.click(box["x"] + box["width"] - 9, box["y"] + 20)
     assert scan_of_soon(tab, SCANS)
