@@ -158,6 +158,8 @@ def sweep(
 
     part = sweeps.shard_of(shard, out)
     asked_for = grid.grid_of(settings, yes)
+    if plot:
+        grid.check_drawable(asked_for)
     specs.check_once("--tracker", tracker)
     work = grid.work_of(env_id, asked_for, tracker)
     figures.check_known(metric, specs.figures_of(work[0][0]))

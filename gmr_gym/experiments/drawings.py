@@ -117,8 +117,9 @@ def _curves(axis: Any, values: Sequence[Any], points: Sequence[Mapping[str, Any]
         axis.set_xscale("log")
     if _spread(every):
         axis.set_yscale("log")
-    axis.set_xticks(x, [str(value) for value in values], minor=False)
-    axis.minorticks_off()
+        axis.yaxis.set_major_formatter("{x:g}")
+    axis.set_xticks(x, [str(value) for value in values])
+    axis.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
 
 
 def _spread(values: Iterable[float]) -> bool:

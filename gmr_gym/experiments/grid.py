@@ -1,7 +1,6 @@
 """Trackers over a grid of settings of an environment: what is asked, the runs of every cell, and their
 figures."""
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -15,7 +14,7 @@ from gmr_gym.experiments.specs import complete, figures_of, judged, key_value, s
 from gmr_gym.experiments.sweeps import Sweep, Work, runs_shown
 
 MOST = 1000  # settings of a grid that is run without being asked about
-SEPARATOR = re.compile(r",(?![^(\[{]*[)\]}])")  # a comma that is in no brackets
+WIDEST = 8  # panels beside one another
 
 
 class Grid(NamedTuple):
@@ -52,12 +51,19 @@ def grid_of(texts: Iterable[str], any_size: bool) -> Grid:
     return grid
 
 
+def check_drawable(grid: Grid) -> None:
+    """ValueError for a grid whose panels would be too many to stand beside one another."""
+    panels = len(grid.cells()) // max(map(len, grid.axes.values()))
+    if panels > WIDEST:
+        raise ValueError(f"--plot has room for {WIDEST} panels beside one another, and the grid has {panels}")
+
+
 def _values(text: str) -> tuple[str, list[Any]]:
     key, sign, listed = text.partition("=")
     if not sign or not key:
         raise ValueError(f"expected key=value or key=value,value, got {text!r}")
     values: list[Any] = []
-    for part in SEPARATOR.split(listed):
+    for part in _parts(listed):
         if not part.strip():
             raise ValueError(f"{key} has an empty value; expected {key}=value,value, got {text!r}")
         _, value = key_value(f"{key}={part.strip()}")
@@ -66,6 +72,18 @@ def _values(text: str) -> tuple[str, list[Any]]:
         values.append(value)
     numbers = all(isinstance(value, int | float) for value in values)
     return key, sorted(values) if numbers else values
+
+
+def _parts(text: str) -> list[str]:
+    """What stands between commas that are in no brackets."""
+    parts, depth = [""], 0
+    for letter in text:
+        depth += (letter in "([{") - (letter in ")]}")
+        if letter == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return parts
 
 
 def work_of(env_id: str, grid: Grid, trackers: Sequence[str]) -> list[Work]:
