@@ -102,13 +102,14 @@ def evaluate(
     form: Format = "table",
 ) -> None:
     """Trackers on the same episodes of an environment, with intervals and paired differences."""
-    from gmr_gym.experiments import figures, formats, records, specs, sweeps
+    from gmr_gym.experiments import evaluating, figures, formats, records, specs, sweeps
 
     part = sweeps.shard_of(shard, out)
     world = specs.key_values(settings)
     specs.check_once("--tracker", tracker)
+    specs.check_once("--metric", metric)
     scenario = specs.scenario_of(env_id, world)
-    figures.check_known(metric, specs.figures_of(scenario))
+    figures.check_known(metric, evaluating.figures_of(scenario))
     candidates = {spec: specs.tracker_of(spec, scenario) for spec in tracker}
     parsed = specs.parsed_all(tracker)
     asked = records.question(env=env_id, settings=world, trackers=parsed, runs=runs, seed=seed)
@@ -120,7 +121,7 @@ def evaluate(
     sweep = sweeps.Sweep(runs, seed, jobs, backend, scheduler, part, root / sweeps.BLOCKS, again)
     if not part:
         records.check_free(out / "evaluate.json", asked)
-        lines = specs.evaluated(asked, scenario, candidates, sweep, out, json_file, metric)
+        lines = evaluating.evaluated(asked, scenario, candidates, sweep, out, json_file, metric)
         formats.write_out(lines, form, out / "evaluate.json", metric)
         return
     (left,) = sweeps.runs_shown(env_id, [(scenario, candidates)], sweep)
@@ -154,15 +155,16 @@ def sweep(
     yes: Annotated[bool, typer.Option("--yes", help="run a grid of any size")] = False,
 ) -> None:
     """Trackers over a grid of settings, on the same episodes: how figures go with a setting."""
-    from gmr_gym.experiments import figures, formats, grid, records, specs, sweeps
+    from gmr_gym.experiments import evaluating, figures, formats, grid, records, specs, sweeps
 
     part = sweeps.shard_of(shard, out)
     asked_for = grid.grid_of(settings, yes)
     if plot:
         grid.check_drawable(asked_for)
     specs.check_once("--tracker", tracker)
+    specs.check_once("--metric", metric)
     work = grid.work_of(env_id, asked_for, tracker)
-    figures.check_known(metric, specs.figures_of(work[0][0]))
+    figures.check_known(metric, evaluating.figures_of(work[0][0]))
     parsed = specs.parsed_all(tracker)
     asked = records.question(
         env=env_id, settings=asked_for.settings, axes=asked_for.axes, trackers=parsed, runs=runs, seed=seed
@@ -171,7 +173,7 @@ def sweep(
     # what `evaluate` has run of a setting is found
     kept = (out or Path("results/evaluate")) / sweeps.BLOCKS
     out = out or Path("results/sweep") / f"{env_id.rpartition('/')[2]}-{records.named(asked)}"
-    specs.check_writable(out / "sweep.json", out / "sweep.csv", out / "runs.csv", json_file)
+    specs.check_writable(out / "sweep.json", out / "sweep.csv", out / "sweep-runs.csv", json_file)
     shared = sweeps.Sweep(runs, seed, jobs, backend, scheduler, part, kept, again)
     if not part:
         records.check_free(out / "sweep.json", asked)

@@ -18,6 +18,7 @@ FIGURE = ("value", "low", "high")
 LATEX = {
     **{letter: rf"\{letter}" for letter in "{}$&#_%"}, "\\": r"\textbackslash{}", "^": r"\textasciicircum{}",
     "~": r"\textasciitilde{}", "²": r"\textsuperscript{2}", "³": r"\textsuperscript{3}", "×": r"$\times$",
+    "<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}", "°": r"$^\circ$",
 }  # fmt: skip
 
 

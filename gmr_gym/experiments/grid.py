@@ -6,11 +6,12 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gmr_gym.experiments.evaluating import figures_of, judged
 from gmr_gym.experiments.figures import heading, legend
 from gmr_gym.experiments.output import run_rows, write_csv, write_json, write_rows
 from gmr_gym.experiments.records import answered
 from gmr_gym.experiments.sheets import Sheet, figure_of, notes, shown
-from gmr_gym.experiments.specs import complete, figures_of, judged, key_value, scenario_of, tracker_of
+from gmr_gym.experiments.specs import complete, key_value, scenario_of, tracker_of
 from gmr_gym.experiments.sweeps import Sweep, Work, runs_shown
 
 MOST = 1000  # settings of a grid that is run without being asked about
@@ -126,7 +127,7 @@ def swept(
     remarks += notes({}, sweep.runs)
     parameters = {spec: complete(spec, scenario) for spec in results}
     record = answered(asked, tables, notes=remarks, command=sweep.command, parameters=parameters)
-    write_rows(out / "runs.csv", [*grid.axes, *header], runs)
+    write_rows(out / "sweep-runs.csv", [*grid.axes, *header], runs)
     write_csv(out / "sweep.csv", record)
     for file in filter(None, (out / "sweep.json", copy)):
         write_json(file, record)

@@ -31,8 +31,8 @@ codecs.register_error(SPELLED, _spelled)
 
 
 def console() -> Console:
-    """Wide and plain where the output is no terminal: a file has no width, and in it a tracker is a row.
-    COLUMNS, which a shell does not pass on by itself, is a width that is asked for."""
+    """Wide and plain where the output is no terminal, since a file has no width. COLUMNS, which a shell does
+    not pass on by itself, is a width that is asked for."""
     spell_out(sys.stdout)
     screen = Console()
     return screen if screen.is_terminal or "COLUMNS" in os.environ else Console(width=240)

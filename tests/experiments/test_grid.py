@@ -45,7 +45,11 @@ def without_times(folder):
         for row in table["rows"]:
             row["metrics"].pop("time_per_scan", None)
     lines = (folder / "sweep.csv").read_text().splitlines()
-    return record, [line for line in lines if "time_per_scan" not in line], (folder / "runs.csv").read_bytes()
+    return (
+        record,
+        [line for line in lines if "time_per_scan" not in line],
+        (folder / "sweep-runs.csv").read_bytes(),
+    )
 
 
 @pytest.mark.parametrize(
@@ -192,7 +196,7 @@ def test_curves_of_many_targets_are_drawn_the_same_again(call):
     code, printed, _ = call(*words, "--runs", 2, "--jobs", 1, "--plot", "--out", "s")
     assert code == 0 and "GOSPA, m" in printed
     assert {file.name for file in Path("s").iterdir()} == {
-        "blocks", "runs.csv", "sweep.csv", "sweep.json", "sweep.png", "sweep.svg"
+        "blocks", "sweep-runs.csv", "sweep.csv", "sweep.json", "sweep.png", "sweep.svg"
     }  # fmt: skip
     with Image.open("s/sweep.png") as image:
         assert min(image.size) > 400
