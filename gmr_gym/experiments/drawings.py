@@ -11,7 +11,7 @@ from matplotlib.figure import Figure as Drawing
 
 from gmr_gym.evaluation.summary import Estimate
 from gmr_gym.evaluation.writing import whole
-from gmr_gym.experiments.figures import METRICS, heading
+from gmr_gym.experiments.figures import METRICS, cell_name, heading
 
 
 def save(drawing: Drawing, file: Path) -> None:
@@ -69,35 +69,27 @@ def over_settings(
     metrics: Sequence[str],
 ) -> Drawing:
     """Metrics of records by cell and tracker against the setting with the most values, a curve for every
-    tracker with its intervals as a band: a panel for each metric and, below one another, for what the other
+    tracker with its intervals as a band: a panel for each metric and, beside one another, for what the other
     settings are."""
     along = max(axes, key=lambda axis: len(axes[axis]))
-    others = [axis for axis in axes if axis != along]
-    rest = [dict(zip(others, values, strict=True)) for values in product(*(axes[axis] for axis in others))]
-    rows, columns = (len(metrics), len(rest)) if others else (-(-len(metrics) // 2), min(len(metrics), 2))
+    others = {axis: values for axis, values in axes.items() if axis != along}
+    rest = [dict(zip(others, values, strict=True)) for values in product(*others.values())]
+    columns = len(rest) if others else 2 - len(metrics) % 2
+    rows = len(metrics) * len(rest) // columns
     drawing, panels = canvas(
-        1 + 3.5 * columns,
-        0.6 + 2.4 * rows,
-        rows,
-        columns,
-        squeeze=False,
-        sharex=True,
-        sharey="row" if others else False,
-    )
-    drawn = panels.flat if not others else (panels[i, j] for i, j in np.ndindex(rows, columns))
-    for axis, (metric, fixed) in zip(drawn, product(metrics, rest), strict=False):
+        1 + 3.5 * columns, 0.6 + 2.4 * rows, rows, columns, squeeze=False,
+        sharex=True, sharey="row" if others else False,
+    )  # fmt: skip
+    for axis, (metric, fixed) in zip(panels.flat, product(metrics, rest), strict=True):
         points = [
-            cells[", ".join(f"{key}={({along: value} | fixed)[key]}" for key in axes)]
-            for value in axes[along]
+            cells[cell_name({key: ({along: value} | fixed)[key] for key in axes})] for value in axes[along]
         ]
         _curves(axis, axes[along], points, metric)
         axis.set(ylabel=heading(metric))
-        if fixed and metric == metrics[0]:
-            axis.set_title(", ".join(f"{key}={value}" for key, value in fixed.items()), fontsize=9)
+    for axis, fixed in zip(panels[0], rest, strict=False):
+        axis.set_title(cell_name(fixed), fontsize=9)
     for axis in panels[-1]:
         axis.set(xlabel=along)
-    for axis in list(panels.flat)[len(metrics) * len(rest) :]:
-        axis.set_axis_off()
     legend_above(drawing, ncols=4, fontsize=8)
     return drawing
 

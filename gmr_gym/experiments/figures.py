@@ -1,8 +1,8 @@
 """What figures are called, their units, and which of them a command shows."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Metric(NamedTuple):
@@ -83,6 +83,11 @@ def check_known(asked: Sequence[str], of: Evaluated) -> None:
             near = get_close_matches(name, known, n=1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             raise ValueError(f"unknown metric {name!r}{hint} (there are {', '.join(known)})")
+
+
+def cell_name(cell: Mapping[str, Any]) -> str:
+    """What a cell of a grid of settings is called."""
+    return ", ".join(f"{setting}={value}" for setting, value in cell.items())
 
 
 def heading(metric: str) -> str:

@@ -3,11 +3,12 @@ figures."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from gmr_gym.experiments.evaluating import figures_of, judged
-from gmr_gym.experiments.figures import heading, legend
+from gmr_gym.experiments.figures import cell_name, heading, legend
 from gmr_gym.experiments.output import run_rows, write_csv, write_json, write_rows
 from gmr_gym.experiments.records import answered
 from gmr_gym.experiments.sheets import Sheet, figure_of, notes, shown
@@ -27,7 +28,7 @@ class Grid(NamedTuple):
     def cells(self) -> dict[str, dict[str, Any]]:
         """What the settings with several values are in each cell, by the cell's name."""
         named = [dict(zip(self.axes, values, strict=True)) for values in product(*self.axes.values())]
-        return {", ".join(f"{key}={value}" for key, value in cell.items()): cell for cell in named}
+        return {cell_name(cell): cell for cell in named}
 
 
 def grid_of(texts: Iterable[str], any_size: bool) -> Grid:
@@ -46,7 +47,7 @@ def grid_of(texts: Iterable[str], any_size: bool) -> Grid:
     )
     if not grid.axes:
         raise ValueError("no setting has several values, as in --set clutter_rate=50,100,200")
-    cells = len(list(product(*grid.axes.values())))
+    cells = prod(map(len, grid.axes.values()))
     if cells > MOST and not any_size:
         raise ValueError(f"the grid has {cells} settings, more than {MOST}; say --yes to run it")
     return grid
@@ -114,20 +115,12 @@ def swept(
 ) -> Iterator[Any]:
     """Runs every cell, leaves record, figures and runs in `out`, with `draw` curves too, and then gives what
     a screen shows: a table for each of the metrics, or of the usual ones."""
-    metrics = metrics or figures_of(work[0][0]).swept
-    tables, remarks, runs = [], [], []
-    every = runs_shown(asked["env"], work, sweep)
-    for (name, cell), (scenario, _), results in zip(grid.cells().items(), work, every, strict=True):
-        names = name, f"{name}, paired differences"
-        found, said = judged(names, grid.settings | cell, scenario, results)
-        tables += found
-        remarks += [f"{name}: {line}" for line in said if line not in notes({}, sweep.runs)]
-        header, *rows = run_rows(scenario, results)
-        runs += [[*cell.values(), *row] for row in rows]
-    remarks += notes({}, sweep.runs)
-    parameters = {spec: complete(spec, scenario) for spec in results}
+    scenario, trackers = work[0]
+    metrics = metrics or figures_of(scenario).swept
+    tables, remarks, runs = _judged_by_cell(asked["env"], grid, work, sweep)
+    parameters = {spec: complete(spec, scenario) for spec in trackers}
     record = answered(asked, tables, notes=remarks, command=sweep.command, parameters=parameters)
-    write_rows(out / "sweep-runs.csv", [*grid.axes, *header], runs)
+    write_rows(out / "sweep-runs.csv", *runs)
     write_csv(out / "sweep.csv", record)
     for file in filter(None, (out / "sweep.json", copy)):
         write_json(file, record)
@@ -141,6 +134,28 @@ def swept(
     yield from legend(metrics)
     yield from remarks
     yield f"these and all other figures, and the runs, are in {out}"
+
+
+def _judged_by_cell(
+    label: str, grid: Grid, work: Sequence[Work], sweep: Sweep
+) -> tuple[list[dict[str, Any]], list[str], tuple[list[str], list[list[Any]]]]:
+    """Runs every cell: the records of all tables, the remarks, and a header and the rows of all runs. The
+    results of a cell are gone when the next begins."""
+    tables: list[dict[str, Any]] = []
+    remarks: list[str] = []
+    rows: list[list[Any]] = []
+    header: list[str] = []
+    few = notes({}, sweep.runs)
+    every = runs_shown(label, work, sweep)
+    for (name, cell), (scenario, _), results in zip(grid.cells().items(), work, every, strict=True):
+        names = name, f"{name}, paired differences"
+        found, said = judged(names, grid.settings | cell, scenario, results)
+        tables += found
+        remarks += [f"{name}: {line}" for line in said if line not in few]
+        columns, *own = run_rows(scenario, results)
+        header = [*cell, *columns]
+        rows += [[*cell.values(), *row] for row in own]
+    return tables, remarks + few, (header, rows)
 
 
 def by_cell(record: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

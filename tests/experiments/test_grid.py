@@ -226,6 +226,14 @@ def test_a_curve_goes_through_its_figures_over_a_logarithm_where_they_span_a_dec
     assert [panel.get_ylabel() for panel in far] == ["lost, %", "time a scan, ms"]
 
 
+@pytest.mark.parametrize(("count", "columns"), [(1, 1), (2, 2), (3, 1), (4, 2)])
+def test_no_panel_is_left_empty(count, columns):
+    metrics = ("track_loss", "time_per_scan", "components", "gate_area")[:count]
+    panels = drawn({"rate": [1, 2]}, metrics)
+    assert len(panels) == count and all(len(panel.lines) == 2 for panel in panels)
+    assert [panel.get_xlabel() for panel in panels] == [""] * (count - columns) + ["rate"] * columns
+
+
 def test_of_two_settings_that_with_more_values_is_drawn_along_and_the_other_is_a_panel_each():
     panels = drawn({"case": [1, 2], "rate": [1, 2, 3]})
     assert len(panels) == 4 and panels[0].get_ylim() == panels[1].get_ylim()
