@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gmr_gym.evaluation.summary import Estimate
-from gmr_gym.experiments.sheets import HEADINGS
+from gmr_gym.experiments.figures import HEADINGS
+from gmr_gym.experiments.formats import piped
+from gmr_gym.experiments.sheets import figure_of
 from gmr_gym.experiments.sheets import shown as as_shown
 
 # fields of a claim's record, and what they are called above a table
@@ -23,7 +25,7 @@ def figures_table(tables: Sequence[Mapping[str, Any]], columns: Sequence[str]) -
         for table in tables
         for row in table["rows"]
     ]
-    return markdown(
+    return piped(
         ["table"] * (len(tables) > 1) + ["tracker", *(HEADINGS.get(metric, metric) for metric in columns)],
         rows,
     )
@@ -32,13 +34,11 @@ def figures_table(tables: Sequence[Mapping[str, Any]], columns: Sequence[str]) -
 def figure(metric: str, cell: Mapping[str, Any]) -> str:
     """The figure with its interval as a screen shows it, and after a semicolon the printed one with the
     verdict on it; a dash for one that is not defined."""
-    if cell["value"] is None:
-        return "-"
-    value = Estimate(*(float("nan") if cell[key] is None else cell[key] for key in Estimate._fields))
+    value = as_shown(metric, figure_of(cell))
     if "paper" not in cell:
-        return as_shown(metric, value)
-    printed = as_shown(metric, Estimate(cell["paper"], float("nan"), float("nan")))
-    return f"{as_shown(metric, value)}; {printed} {cell.get('verdict', '')}".rstrip()
+        return value
+    printed = as_shown(metric, Estimate(cell["paper"]))
+    return f"{value}; {printed} {cell.get('verdict', '')}".rstrip()
 
 
 def claims_table(claims: Sequence[Mapping[str, Any]], across: Sequence[str]) -> str:
@@ -51,10 +51,4 @@ def claims_table(claims: Sequence[Mapping[str, Any]], across: Sequence[str]) -> 
         row = rows.setdefault(tuple(str(claim[key]) for key in kept), dict.fromkeys(columns, "-"))
         row[column] = f"{claim['verdict']} {figure('', claim)}"
     header = [*(CLAIM[key] for key in kept), *dict.fromkeys(columns)]
-    return markdown(header, [[*key, *row.values()] for key, row in rows.items()])
-
-
-def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of Markdown."""
-    lines = [header, ["---"] * len(header), *([cell.replace("|", r"\|") for cell in row] for row in rows)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return piped(header, [[*key, *row.values()] for key, row in rows.items()])

@@ -17,8 +17,11 @@ from gmr_gym.experiments.options import (
     Backend,
     EnvId,
     Environments,
+    Format,
+    GridSettings,
     Jobs,
     Json,
+    Metrics,
     MoreTrackers,
     MotionModel,
     Once,
@@ -95,29 +98,93 @@ def evaluate(
         ),
     ] = None,
     json_file: Json = None,
+    metric: Metrics = [],  # noqa: B006
+    form: Format = "table",
 ) -> None:
     """Trackers on the same episodes of an environment, with intervals and paired differences."""
     from gmr_gym.envs import lookup
-    from gmr_gym.experiments import records, specs, sweeps
+    from gmr_gym.experiments import evaluating, figures, formats, records, specs, sweeps
 
     part = sweeps.shard_of(shard, out)
     world = lookup.key_values(settings)
     specs.check_once("--tracker", tracker)
+    specs.check_once("--metric", metric)
     scenario = lookup.scenario_of(env_id, world)
+    figures.check_known(metric, evaluating.figures_of(scenario))
     candidates = {spec: lookup.tracker_of(spec, scenario) for spec in tracker}
-    parsed = {spec: dict(zip(("name", "parameters"), lookup.parsed(spec), strict=True)) for spec in tracker}
+    parsed = specs.parsed_all(tracker)
     asked = records.question(env=env_id, settings=world, trackers=parsed, runs=runs, seed=seed)
+    again = records.command("evaluate", env_id, tracker=tracker, set=settings, runs=[runs], seed=[seed])
     # blocks of runs are shared: another tracker, or more runs, begin with those that are there
     root = out or Path("results/evaluate")
     out = out or root / f"{env_id.rpartition('/')[2]}-{records.named(asked)}"
     specs.check_writable(out / "evaluate.json", out / "runs.csv", json_file)
-    sweep = sweeps.Sweep(runs, seed, jobs, backend, scheduler, part, root / sweeps.BLOCKS)
+    sweep = sweeps.Sweep(runs, seed, jobs, backend, scheduler, part, root / sweeps.BLOCKS, again)
     if not part:
         records.check_free(out / "evaluate.json", asked)
-        _show(specs.evaluated(asked, scenario, candidates, sweep, out, json_file))
+        lines = evaluating.evaluated(asked, scenario, candidates, sweep, out, json_file, metric)
+        formats.write_out(lines, form, out / "evaluate.json", metric)
         return
     (left,) = sweeps.runs_shown(env_id, [(scenario, candidates)], sweep)
     sweeps.say_what_is_left(sweep.blocks, *left)
+
+
+@command()
+def sweep(
+    env_id: EnvId,
+    tracker: TrackerNames,
+    *,
+    settings: GridSettings,
+    runs: RunCount = 100,
+    seed: Seed = 0,
+    jobs: Jobs = -1,
+    backend: Backend = "loky",
+    scheduler: Scheduler = None,
+    shard: Shard = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="folder of results; one in results/sweep, named by what is asked, unless given"
+        ),
+    ] = None,
+    json_file: Json = None,
+    metric: Metrics = [],  # noqa: B006
+    form: Format = "table",
+    plot: Annotated[
+        bool, typer.Option("--plot", help="also draw the curves, sweep.png and sweep.svg")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="run a grid of any size")] = False,
+) -> None:
+    """Trackers over a grid of settings, on the same episodes: how figures go with a setting."""
+    from gmr_gym.experiments import evaluating, figures, formats, grid, records, specs, sweeps
+
+    part = sweeps.shard_of(shard, out)
+    asked_for = grid.grid_of(settings, yes)
+    if plot:
+        grid.check_drawable(asked_for)
+    specs.check_once("--tracker", tracker)
+    specs.check_once("--metric", metric)
+    work = grid.work_of(env_id, asked_for, tracker)
+    figures.check_known(metric, evaluating.figures_of(work[0][0]))
+    parsed = specs.parsed_all(tracker)
+    asked = records.question(
+        env=env_id, settings=asked_for.settings, axes=asked_for.axes, trackers=parsed, runs=runs, seed=seed
+    )
+    again = records.command("sweep", env_id, tracker=tracker, set=settings, runs=[runs], seed=[seed])
+    # what `evaluate` has run of a setting is found
+    kept = (out or Path("results/evaluate")) / sweeps.BLOCKS
+    out = out or Path("results/sweep") / f"{env_id.rpartition('/')[2]}-{records.named(asked)}"
+    specs.check_writable(out / "sweep.json", out / "sweep.csv", out / "sweep-runs.csv", json_file)
+    shared = sweeps.Sweep(runs, seed, jobs, backend, scheduler, part, kept, again)
+    if not part:
+        records.check_free(out / "sweep.json", asked)
+    print(grid.size(asked_for, tracker, runs), file=sys.stderr)
+    if part:
+        left = sweeps.runs_shown(env_id, work, shared)
+        sweeps.say_what_is_left(kept, *map(sum, zip(*left, strict=True)))
+        return
+    lines = grid.swept(asked, asked_for, work, shared, out, json_file, metric, plot)
+    formats.write_out(lines, form, out / "sweep.json", metric)
 
 
 @command()
@@ -137,9 +204,10 @@ def reproduce(
     shard: Shard = None,
     out: Annotated[Path | None, typer.Option("--out", help="folder of results")] = None,
     json_file: Json = None,
+    form: Format = "table",
 ) -> None:
     """A paper's tables and figures: its numbers beside ours, with intervals and verdicts."""
-    from gmr_gym.experiments import records, running, specs, sweeps
+    from gmr_gym.experiments import formats, records, running, specs, sweeps
     from gmr_gym.experiments.papers.registry import paper_named
 
     asked_for = paper_named(paper)
@@ -159,12 +227,14 @@ def reproduce(
     other += [f"runs-{runs}"] * (runs != usual) + [f"seed-{seed}"] * (seed > 0)
     out = out or root / "-".join(other)
     specs.check_writable(out / f"{paper}.json", json_file)
-    sweep = sweeps.Sweep(runs, seed, jobs, backend, scheduler, part, root / sweeps.BLOCKS)
+    again = records.command("reproduce", paper, table=table, tracker=tracker, runs=[runs], seed=[seed])
+    sweep = sweeps.Sweep(runs, seed, jobs, backend, scheduler, part, root / sweeps.BLOCKS, again)
     if part:
         sweeps.say_what_is_left(sweep.blocks, *running.sharded(entries, sweep))
         return
     records.check_free(out / f"{paper}.json", asked)
-    _show(running.rerun(paper, asked_for, entries, asked, sweep, out, json_file))
+    lines = running.rerun(paper, asked_for, entries, asked, sweep, out, json_file)
+    formats.write_out(lines, form, out / f"{paper}.json")
 
 
 @command()

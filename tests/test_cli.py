@@ -45,6 +45,7 @@ JUMP, TURNING, RADAR = (f"gmr_gym/{name}-v0" for name in ("JumpMarkov", "Turning
 def call(monkeypatch, capsys, tmp_path):
     """The command line in a folder of its own: (exit code, what it printed, its errors)."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("COLUMNS", raising=False)
     monkeypatch.setattr("gmr_gym.evaluation.curves.RESAMPLES", 20)  # of the intervals nothing is asked here
 
     def call(*words):

@@ -11,9 +11,11 @@ from typer.core import TyperCommand
 
 from gmr_gym.catalogue import BACKENDS, GROUP, MULTI_TARGET_GROUP, described, reductions
 from gmr_gym.envs.registry import ABOUT, MULTI_TARGET, TUNING
+from gmr_gym.experiments.figures import ALL_FIGURES
 from gmr_gym.experiments.papers.registry import PAPERS, paper_named
 
 TRACKED = {env_id: line for env_id, line in ABOUT.items() if env_id != TUNING}
+FORMATS = ("table", "markdown", "csv", "latex", "json")
 MODELS = {"constant-velocity": "a target whose velocity changes by a random acceleration"}
 
 Named = Mapping[str, str]  # what a shell completes to, each with a line about it
@@ -113,6 +115,23 @@ MoreTrackers = Annotated[
     ),
 ]
 Settings = Annotated[list[str], typer.Option("--set", help="key=value for the environment")]
+GridSettings = Annotated[
+    list[str],
+    typer.Option("--set", help="key=value,value for the environment; repeat for a grid; (1, 2) is one value"),
+]
+Metrics = Annotated[
+    list[str],
+    typer.Option("--metric", help="only this figure; repeatable", autocompletion=completing(ALL_FIGURES)),
+]
+Format = Annotated[
+    str,
+    typer.Option(
+        "--format",
+        metavar="|".join(FORMATS),
+        help="of what is printed; all but a table leave remarks to the error stream",
+        **choice("format", FORMATS),
+    ),
+]
 RunCount = Annotated[int, typer.Option("--runs", min=1, help="Monte Carlo runs")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="of the random numbers")]
 Jobs = Annotated[int, typer.Option("--jobs", help="worker processes; -1 for one per core, -2 for one less")]

@@ -1,8 +1,7 @@
 """The files a command leaves behind."""
 
 import csv
-import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,8 @@ from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.evaluation.multi_target_summary import compared
 from gmr_gym.evaluation.summary import errors
 from gmr_gym.evaluation.writing import whole
+from gmr_gym.experiments.formats import rows_of
+from gmr_gym.experiments.records import text_of
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
 
@@ -29,16 +30,20 @@ MULTI_TARGET_COLUMNS = ("tracker", "run", *MULTI_TARGET_FIELDS, "wasserstein_und
 
 def write_runs(file: Path, scenario: Any, results: dict[str, Any]) -> None:
     """One row per tracker and run, of one target or of many; nothing in it depends on the clock."""
+    header, *rows = run_rows(scenario, results)
+    write_rows(file, header, rows)
+
+
+def run_rows(scenario: Any, results: dict[str, Any]) -> Iterator[Sequence]:
+    """A header, and one row per tracker and run."""
     many = isinstance(scenario, MultiTargetScenario)
     columns, figures = (
         (MULTI_TARGET_COLUMNS, _multi_target_run_figures) if many else (RUN_COLUMNS, _run_figures)
     )
-    rows = [
-        [tracker, i, *row]
-        for tracker, runs in results.items()
-        for i, row in enumerate(zip(*figures(scenario, runs), strict=True))
-    ]
-    write_rows(file, columns, rows)
+    yield columns
+    for tracker, runs in results.items():
+        for i, row in enumerate(zip(*figures(scenario, runs), strict=True)):
+            yield [tracker, i, *row]
 
 
 def _run_figures(scenario: Scenario, runs: Runs) -> list[list]:
@@ -72,16 +77,10 @@ def write_rows(file: Path, header: Sequence[str], rows: Iterable[Sequence]) -> N
 def write_json(file: Path, record: dict[str, Any]) -> None:
     """Plain data as JSON."""
     with whole(file) as partial:
-        partial.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+        partial.write_text(text_of(record), encoding="utf-8")
 
 
 def write_csv(file: Path, record: dict[str, Any]) -> None:
-    """A paper's record, one figure a line."""
-    keys = ("value", "low", "high", "paper", "verdict")
-    rows = [
-        [table["name"], row["tracker"], metric, *(cell.get(key) for key in keys)]
-        for table in record["tables"]
-        for row in table["rows"]
-        for metric, cell in row["metrics"].items()
-    ]
-    write_rows(file, ("table", "tracker", "metric", *keys), rows)
+    """A record, one figure a line."""
+    header, *rows = rows_of(record)
+    write_rows(file, header, rows)

@@ -2,17 +2,23 @@
 known when it is asked again."""
 
 import json
+import platform
+import re
+import shlex
+from collections.abc import Iterable
 from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gmr_gym.evaluation.summary import CONFIDENCE
-from gmr_gym.experiments.sheets import METRICS
+from gmr_gym.experiments.figures import METRICS
 from gmr_gym.version import __version__
 
 FORMAT = 1  # of a record; another is not read
+VERSIONS = ("gmr-gym", "numpy", "numba", "scipy")
 
 
 def question(**asked: Any) -> dict[str, Any]:
@@ -25,11 +31,30 @@ def named(question: dict[str, Any]) -> str:
     return sha256(json.dumps(question, sort_keys=True).encode()).hexdigest()[:8]
 
 
+def command(name: str, what: str, **options: Iterable[Any]) -> str:
+    """A command as it is typed, with each value of an option under it."""
+    words = (
+        word for option, values in options.items() for value in values for word in (f"--{option}", str(value))
+    )
+    return shlex.join(["gmr-gym", name, what, *words])
+
+
 def answered(question: dict[str, Any], tables: list[dict[str, Any]], **further: Any) -> dict[str, Any]:
-    """The whole record: the question, the level of all intervals, the unit of every figure, the tables."""
+    """The whole record: the question, by which versions it is answered, the level of all intervals, the unit
+    of every figure, the tables."""
+    versions = {"python": platform.python_version(), **{name: version(name) for name in VERSIONS}}
     metrics = {metric: None for table in tables for row in table["rows"] for metric in row["metrics"]}
     units = {metric: METRICS[metric].unit for metric in metrics if metric in METRICS}
-    return question | {"level": CONFIDENCE, "units": units, "tables": tables} | further
+    known = {"versions": versions, "level": CONFIDENCE, "units": units, "tables": tables}
+    return question | known | _plain(further)
+
+
+def text_of(record: dict[str, Any]) -> str:
+    """A record as JSON, numbers of a list in one line."""
+    text = json.dumps(record, indent=1)
+    return (
+        re.sub(r"\[\n([-+\d\s.,enul]+)\n\s*\]", lambda found: f"[{' '.join(found[1].split())}]", text) + "\n"
+    )
 
 
 def read(file: Path) -> dict[str, Any]:
@@ -78,4 +103,6 @@ def _plain(value: Any) -> Any:
         return [_plain(part) for part in value]
     if isinstance(value, float) and not np.isfinite(value):
         return str(value)
-    return value
+    if isinstance(value, np.ndarray):
+        return [float(number) if np.isfinite(number) else None for number in value]
+    return value if isinstance(value, str | int | float | None) else str(value)

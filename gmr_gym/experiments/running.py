@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from gmr_gym.envs.lookup import scenario_of, tracker_of
+from gmr_gym.experiments.figures import legend
 from gmr_gym.experiments.output import write_csv, write_json, write_runs
 from gmr_gym.experiments.records import answered
-from gmr_gym.experiments.sheets import VERDICTS, claims_table, comparison, legend, notes
+from gmr_gym.experiments.sheets import VERDICTS, claims_table, comparison, notes
 from gmr_gym.experiments.sweeps import Sweep, Work, runs_shown
 from gmr_gym.experiments.tables import Paper, SettingsGrid, Table, plainly, table_record
 
@@ -25,7 +26,8 @@ def rerun(
     """Runs tables and maps one after the other, and gives what a screen shows of each once its files are left
     in `out`; at the end what the paper says. The record, and its copy, hold what there is so far."""
     tables: list[dict[str, Any]] = []
-    evidence, further = {}, {}
+    evidence: dict[str, Any] = {}
+    further: dict[str, Any] = {"command": sweep.command}
     entries = list(entries)
     for entry in entries:
         title = f"{name}, {_label(entry)}: {entry.title}"
@@ -37,7 +39,7 @@ def rerun(
             if kept is not None:
                 evidence[entry.name] = kept
         tables += found
-        _keep(out / name, copy, answered(asked, tables))
+        _keep(out / name, copy, answered(asked, tables, **further))
         first, *paired = found
         yield comparison(title, first, entry.columns)
         for record in paired:

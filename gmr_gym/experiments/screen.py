@@ -1,6 +1,7 @@
 """The screen that a command writes to, and progress on long work."""
 
 import codecs
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -30,10 +31,11 @@ codecs.register_error(SPELLED, _spelled)
 
 
 def console() -> Console:
-    """Wide and plain where the output is no terminal."""
+    """Wide and plain where the output is no terminal, since a file has no width. COLUMNS, which a shell does
+    not pass on by itself, is a width that is asked for."""
     spell_out(sys.stdout)
     screen = Console()
-    return screen if screen.is_terminal else Console(width=240)
+    return screen if screen.is_terminal or "COLUMNS" in os.environ else Console(width=240)
 
 
 @contextmanager

@@ -1,7 +1,8 @@
 """Figures as tables on a screen of any width, and what is to be said of them."""
 
+import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,62 +13,20 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from gmr_gym.evaluation.summary import FEWEST, Estimate
+from gmr_gym.experiments.figures import METRICS, heading
 
-
-class Metric(NamedTuple):
-    """How a figure is called, its unit in files, and on a screen where that is another one."""
-
-    heading: str
-    unit: str = "1"
-    shown: str = ""
-    scale: float = 1  # from the one to the other
-
-
-SHARE, TIME = ("1", "%", 100), ("s", "ms", 1e3)
-METRICS = {
-    "track_loss": Metric("lost", *SHARE), "components": Metric("components"),
-    "error_capped": Metric("capped error", "m"), "anees_own": Metric("ANEES"),
-    **{f"error_{over}": Metric(f"error {over}", "m") for over in ("own", "common")},
-    **{f"{part}rmse_{over}": Metric(f"{words}RMSE {over}", unit) for part, words, unit in (
-        ("", "", "m"), ("velocity_", "velocity ", "m/s"), ("level_", "level ", "m"),
-        ("level_velocity_", "level velocity ", "m/s"), *((f"{axis}_", f"{axis} ", "m") for axis in "xyz"),
-    ) for over in ("own", "common", "all")},
-    **{f"{field}_{over}": Metric(words if over == "own" else f"{words} {over}", "dB")
-       for field, words in (("nci", "NCI"), ("inclination", "inclination"))
-       for over in ("own", "common", "all")},
-    "sight_bias_own": Metric("bias along the line of sight", "m"),
-    "position_anees_own": Metric("ANEES of position"),
-    "gate_area": Metric("gate area", "m^2 (volume, m^3)"), "gate_volume": Metric("gate volume", "m^3"),
-    "time_per_scan": Metric("time a scan", *TIME), "time_worst": Metric("longest", *TIME),
-    "ospa": Metric("OSPA", "m"), "gospa": Metric("GOSPA", "m"),
-    **{part: Metric(part, "m^2") for part in ("localisation", "missed", "false")},
-    "cardinality_bias": Metric("named less there"), "cardinality_error": Metric("number wrong by"),
-    "wasserstein": Metric("Wasserstein", "m"), "wasserstein_printed": Metric("Wasserstein by eq. 41", "m"),
-    "wasserstein_undefined": Metric("without one", *SHARE), "density_error": Metric("clutter wrong by"),
-}  # fmt: skip
 RAISED = str.maketrans({"²": "^2", "³": "^3", "–": "-", "×": "x", "°": " degrees"})
-HEADINGS = {
-    name: ", ".join(filter(None, (
-        one.heading, one.shown or one.unit.replace("^2", "²").replace("^3", "³").removeprefix("1"),
-    )))
-    for name, one in METRICS.items()
-}  # fmt: skip
 VERDICTS = (
     "paper: as printed; agrees: the two differ by no more than chance allows 99 times in a hundred; "
     "[ ]: 95 % intervals of ours"
 )
-LEGEND = {
-    "RMSE": "root mean square error", "error": "mean distance from the truth",
-    "own": "over the runs that a tracker kept", "common": "over those that every tracker kept",
-    "all": "over all runs",
-}  # fmt: skip
-LEFT_TO_FILES = {"rmse_common", "error_own", "inclination_own"}  # of many figures a reader sees none
 PADDING = 3  # characters of a column beside its cells
 
 
 class Sheet(NamedTuple):
-    """A table for a screen of any width. Where the columns do not fit beside one another, those that are left
-    stand below, beside the first one again; only headings and the first column are wrapped, no figure is."""
+    """A table for a screen of any width. Where the columns do not fit beside one another it is turned, if it
+    takes fewer tables then; columns that are left stand below, beside the first one again. Only headings and
+    the first column are wrapped, no figure is."""
 
     title: str
     headings: Sequence[str]
@@ -80,43 +39,77 @@ class Sheet(NamedTuple):
             for column in zip(self.headings, *self.rows, strict=True)
         ]
 
+    def least(self) -> list[int]:
+        """Width of each column with headings and first column wrapped between words."""
+        rows = [(_in_words(row[0]), *row[1:]) for row in self.rows]
+        return Sheet("", [*map(_in_words, self.headings)], rows).natural()
+
+    def turned(self) -> "Sheet":
+        """The same with its columns as rows."""
+        headings, *rows = zip(self.headings, *self.rows, strict=True)
+        return Sheet(self.title, headings, rows)
+
     def fits(self, width: int) -> bool:
         return 1 + sum(self.natural()) + PADDING * len(self.headings) <= width
 
+    def split(self, width: int) -> tuple[list[int], list[list[int]]]:
+        """Width of every column, and the columns of each table; as few tables as there can be, with the first
+        column wrapped no more than that takes."""
+        natural = self.natural()
+        if self.fits(width):
+            return natural, [list(range(len(natural)))]
+        least, *others = self.least()
+        most = max(min(natural[0], width - 1 - 2 * PADDING - max(others)), 8)
+        ways = ([first, *others] for first in range(most, min(least, most) - 1, -1))
+        return min(((way, _side_by_side(way, width)) for way in ways), key=lambda found: len(found[1]))
+
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Grid]:
-        sheet = Sheet(*_plain(tuple(self), console.encoding))
-        terminal, natural = console.is_terminal, sheet.natural()
-        widths = list(natural)
-        if not sheet.fits(options.max_width):
-            words = ["\n".join(heading.split()) for heading in sheet.headings]
-            widths = Sheet("", words, sheet.rows).natural()
-            widths[0] = max(min(widths[0], options.max_width - 1 - 2 * PADDING - max(widths[1:])), 8)
-        title = sheet.title
-        for columns in _side_by_side(widths, options.max_width):
+        straight = Sheet(*_plain(tuple(self), console.encoding))
+        ways = [(sheet, *sheet.split(options.max_width)) for sheet in (straight, straight.turned())]
+        sheet, widths, tables = min(ways[: 1 + _is_whole(*ways[1][:2])], key=lambda way: len(way[2]))
+        terminal, natural, title = console.is_terminal, sheet.natural(), sheet.title
+        lines = terminal and any("\n" in cell for row in sheet.rows for cell in row)
+        for columns in tables:
             grid = Grid(
-                title=title, title_justify="left", show_lines=terminal,
+                title=title, title_justify="left", show_lines=lines,
                 box=box.SIMPLE_HEAD if terminal else box.ASCII2,
             )  # fmt: skip
             spare = options.max_width - 1 - sum(widths[i] + PADDING for i in columns)
+            wide = {}
             for i in columns:
-                wider = min(max(natural[i] - widths[i], 0), spare)
-                grid.add_column(sheet.headings[i], width=widths[i] + wider, overflow="fold")
-                spare -= wider
+                wide[i] = widths[i] + min(max(natural[i] - widths[i], 0), spare)
+                grid.add_column(_broken(sheet.headings[i], wide[i]), width=wide[i], overflow="fold")
+                spare -= wide[i] - widths[i]
             for row in sheet.rows:
-                grid.add_row(*(row[i] for i in columns))
+                grid.add_row(_broken(row[0], wide[0]), *(row[i] for i in columns[1:]))
             yield grid
             title = ""
 
 
-def _side_by_side(widths: Sequence[int], width: int) -> Iterator[list[int]]:
+def _is_whole(sheet: Sheet, widths: Sequence[int]) -> bool:
+    """Whether no word in the first column is cut."""
+    return widths[0] >= sheet.least()[0]
+
+
+PARTS = re.compile(r"(?<=[:,])(?=\S)")  # where NAME:key=value,key=value is broken
+
+
+def _in_words(text: str) -> str:
+    return "\n".join(PARTS.sub(" ", text).split())
+
+
+def _broken(text: str, width: int) -> str:
+    return text if len(text) <= width else PARTS.sub("\n", text)
+
+
+def _side_by_side(widths: Sequence[int], width: int) -> list[list[int]]:
     """Columns of each table: the first, and as many of the others as fit."""
-    columns = [0]
+    tables = [[0]]
     for i in range(1, len(widths)):
-        if len(columns) > 1 and 1 + sum(widths[j] + PADDING for j in (*columns, i)) > width:
-            yield columns
-            columns = [0]
-        columns.append(i)
-    yield columns
+        if len(tables[-1]) > 1 and 1 + sum(widths[j] + PADDING for j in (*tables[-1], i)) > width:
+            tables.append([0])
+        tables[-1].append(i)
+    return tables
 
 
 class Sayings(NamedTuple):
@@ -136,15 +129,10 @@ class Sayings(NamedTuple):
 
 
 def figures_table(title: str, rows: dict[str, dict[str, Estimate]]) -> Sheet:
-    """A table of the main figures with their intervals, one row per tracker."""
-    metrics = on_screen(rows)
+    """A table of figures with their intervals, one row per tracker."""
+    metrics = [*next(iter(rows.values()))]
     cells = [[name, *(shown(metric, row[metric]) for metric in metrics)] for name, row in rows.items()]
-    return Sheet(title, _headings(metrics), cells)
-
-
-def on_screen(rows: dict[str, dict[str, Estimate]]) -> list[str]:
-    """The metrics that `figures_table` shows."""
-    return [metric for metric in next(iter(rows.values())) if metric not in LEFT_TO_FILES]
+    return Sheet(title, ["", *map(heading, metrics)], cells)
 
 
 def comparison(title: str, record: dict[str, Any], metrics: Sequence[str]) -> Sheet:
@@ -154,12 +142,12 @@ def comparison(title: str, record: dict[str, Any], metrics: Sequence[str]) -> Sh
         cells = []
         for metric in metrics:
             cell = row["metrics"][metric]
-            text = shown(metric, _figure(cell))
+            text = shown(metric, figure_of(cell))
             if "paper" in cell:
                 text += f"\npaper {cell['paper'] * _scale(metric):.4g} {cell.get('verdict', '')}"
             cells.append(text)
         rows.append([row["tracker"], *cells])
-    return Sheet(title, _headings(metrics), rows)
+    return Sheet(title, ["", *map(heading, metrics)], rows)
 
 
 def claims_table(records: list[dict[str, Any]]) -> Sayings:
@@ -167,19 +155,12 @@ def claims_table(records: list[dict[str, Any]]) -> Sayings:
     headings = ["table", "runs", "claim", "measure", "value", "holds above", "verdict"]
     rows = [
         [
-            record["table"], record["runs"], record["claim"], record["measure"], shown("", _figure(record)),
+            record["table"], record["runs"], record["claim"], record["measure"], shown("", figure_of(record)),
             f"{record['threshold']:g}", record["verdict"],
         ]
         for record in records
     ]  # fmt: skip
     return Sayings(Sheet("what the paper says", headings, rows))
-
-
-def legend(metrics: Iterable[str]) -> list[str]:
-    """A line on the words in the headings of these metrics; none where no word needs one."""
-    words = {word for metric in metrics for word in HEADINGS.get(metric, metric).replace(",", "").split()}
-    said = [f"{word}: {meaning}" for word, meaning in LEGEND.items() if word in words]
-    return ["; ".join(said)] if said else []
 
 
 def notes(rows: dict[str, dict[str, Estimate]], runs: int) -> list[str]:
@@ -202,9 +183,16 @@ def notes(rows: dict[str, dict[str, Estimate]], runs: int) -> list[str]:
 
 def shown(metric: str, figure: Estimate) -> str:
     """The figure and its interval, in the unit of the screen; a dash for one that is not defined."""
+    if np.isnan(figure.value):
+        return "-"
     scaled = (_scale(metric) * number for number in figure)
     value, low, high = (f"{number:.3g}" if abs(number) < 1000 else f"{number:.0f}" for number in scaled)
     return value if np.isnan(figure.low) else f"{value} [{low}, {high}]"
+
+
+def figure_of(cell: dict[str, Any]) -> Estimate:
+    """The figure and its interval of a record."""
+    return Estimate(*(np.nan if cell[key] is None else cell[key] for key in Estimate._fields))
 
 
 def plain(text: str) -> str:
@@ -222,14 +210,6 @@ def _plain(said: Any, encoding: str) -> Any:
         return said
     except UnicodeEncodeError:
         return plain(said)
-
-
-def _figure(cell: dict[str, Any]) -> Estimate:
-    return Estimate(*(np.nan if cell[key] is None else cell[key] for key in Estimate._fields))
-
-
-def _headings(metrics: Sequence[str]) -> list[str]:
-    return ["", *(HEADINGS.get(metric, metric) for metric in metrics)]
 
 
 def _scale(metric: str) -> float:

@@ -2,20 +2,16 @@
 
 import errno
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from gmr_gym.envs.lookup import scenario_of
+from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, tracker_entry_points
+from gmr_gym.envs.lookup import parsed, scenario_of
 from gmr_gym.envs.registry import TRACKING
 from gmr_gym.evaluation.blocks import check_folder
-from gmr_gym.evaluation.multi_target_summary import multi_target_differences, multi_target_summary
-from gmr_gym.evaluation.summary import differences, summary
-from gmr_gym.experiments.output import write_json, write_runs
-from gmr_gym.experiments.records import answered
-from gmr_gym.experiments.sheets import figures_table, legend, notes, on_screen
-from gmr_gym.experiments.sweeps import Sweep, runs_shown
-from gmr_gym.experiments.tables import table_record
+from gmr_gym.filters.registry import FORMER_PARAMETERS
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
 
@@ -58,33 +54,24 @@ def single_target(env_id: str, world: Mapping[str, Any]) -> Scenario:
     return scenario
 
 
-def evaluated(
-    asked: dict[str, Any],
-    scenario: Scenario | MultiTargetScenario,
-    trackers: Mapping[str, Any],
-    sweep: Sweep,
-    out: Path,
-    copy: Path | None,
-) -> Iterator[Any]:
-    """Runs trackers in a scenario, leaves record and runs in `out`, and then gives what a screen shows."""
-    (results,) = runs_shown(asked["env"], [(scenario, trackers)], sweep)
-    if isinstance(scenario, MultiTargetScenario):
-        rows, paired = multi_target_summary(scenario, results), multi_target_differences(scenario, results)
-    else:
-        rows, paired = summary(scenario, results), differences(scenario, results)
-    tables = [table_record(asked["env"], asked["settings"], rows)]
-    if paired:
-        tables.append(table_record("paired differences", asked["settings"], paired))
-    remarks = notes(rows, sweep.runs)
-    write_runs(out / "runs.csv", scenario, results)
-    for file in filter(None, (out / "evaluate.json", copy)):
-        write_json(file, answered(asked, tables, notes=remarks))
-    yield figures_table(f"{asked['env']}: {sweep.runs} runs, seed {sweep.seed}", rows)
-    if paired:
-        yield figures_table("paired differences", paired)
-    yield from legend(on_screen(rows))
-    yield from remarks
-    yield f"written to {out}"
+def complete(spec: str, scenario: Scenario | MultiTargetScenario) -> dict[str, Any]:
+    """All parameters of the tracker NAME:key=value,key=value, those that are not given as they are by
+    default."""
+    name, given = parsed(spec)
+    known = tracker_entry_points(MULTI_TARGET_GROUP if isinstance(scenario, MultiTargetScenario) else GROUP)
+    base, _, number = name.rpartition("-")
+    name, given = (name, given) if name in known else (base, {"components": int(number)} | given)
+    takes = list(signature(known[name].load()).parameters.values())[1:]
+    usual = {one.name: one.default for one in takes if one.default is not one.empty}
+    return usual | {
+        next((new for new in FORMER_PARAMETERS.get(key, ()) if new in usual), key): value
+        for key, value in given.items()
+    }
+
+
+def parsed_all(specs: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Names and parameters of trackers, as a question has them."""
+    return {spec: dict(zip(("name", "parameters"), parsed(spec), strict=True)) for spec in specs}
 
 
 def check_writable(*files: Path | None, beside: Path | None = None) -> None:

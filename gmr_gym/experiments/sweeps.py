@@ -28,6 +28,7 @@ class Sweep(NamedTuple):
     scheduler: str | None
     shard: tuple[int, int] | None  # which part of how many
     blocks: Path  # the folder in which finished blocks of runs are kept
+    command: str  # to be typed again
 
 
 def shard_of(text: str | None, out: Path | None) -> tuple[int, int] | None:

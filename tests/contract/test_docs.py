@@ -23,6 +23,7 @@ PAGES = [ROOT / "README.md", *sorted({*(ROOT / "docs").rglob("*.md")} - RESULTS)
 EQUATIONS = ROOT / "docs" / "reference" / "equations.md"
 RUN = (
     "evaluate",
+    "sweep",
     "merge",
     "record",
     "track",
@@ -76,7 +77,7 @@ def execute(language, title, text, namespace):
             file.write("\n".join([f"[{lines[0]}]", *lines[1:], ""]))
     elif language == "sh":
         for words in commands(text):
-            if words[0] == "evaluate":
+            if words[0] in ("evaluate", "sweep"):
                 words = [*without(words, "--runs", "--jobs"), "--runs", "2", "--jobs", "1"]
             app(words, standalone_mode=False)
 

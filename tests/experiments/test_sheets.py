@@ -6,16 +6,8 @@ import pytest
 from rich.console import Console
 
 from gmr_gym.evaluation.summary import Estimate
-from gmr_gym.experiments.sheets import (
-    METRICS,
-    claims_table,
-    comparison,
-    figures_table,
-    legend,
-    notes,
-    plain,
-    shown,
-)
+from gmr_gym.experiments.figures import METRICS, legend
+from gmr_gym.experiments.sheets import claims_table, comparison, figures_table, notes, plain, shown
 
 NAMES = ["runnalls-30", "mmg-15:reduction=average-isd", "clairvoyant"]
 METRIC_NAMES = ["track_loss", "rmse_own", "velocity_rmse_own", "gate_area", "localisation", "time_per_scan"]
@@ -56,8 +48,23 @@ def test_no_figure_and_no_interval_is_cut_at_any_width(width, terminal):
 
 def test_a_screen_that_is_wide_enough_has_one_table_and_one_of_80_has_several_that_name_the_rows_again():
     wide, narrow = ("\n".join(printed(figures_table("a title", ROWS), width)) for width in (240, 80))
-    assert wide.count("clairvoyant") == 1 and narrow.count("clairvoyant") == 4
+    assert wide.count("clairvoyant") == 1 and narrow.count("clairvoyant") == 3
     assert wide.count("a title") == narrow.count("a title") == 1
+
+
+@pytest.mark.parametrize(("trackers", "tables", "turned"), [(2, 1, True), (4, 2, True), (12, 3, False)])
+def test_a_table_is_turned_where_it_takes_fewer_tables_then(trackers, tables, turned):
+    row = dict.fromkeys(METRIC_NAMES, Estimate(0.01234, 0.01123, 0.02346))
+    rows = {f"runnalls-{i}": row for i in range(trackers)}
+    lines = printed(figures_table("", rows), 80, terminal=False)
+    heads = [line for line in lines if line.startswith("|  ")]
+    assert len(heads) == tables and all(("runnalls" in head) == turned for head in heads)
+
+
+def test_the_name_of_a_tracker_is_broken_between_its_parameters_where_it_is_too_long():
+    spec = "mmg-15:reduction=average-isd,prune_weight=0.001,max_hypotheses=200"
+    text = "\n".join(printed(figures_table("", {name: ROWS["clairvoyant"] for name in ("pda", spec)}), 60))
+    assert all(f" {part}" in text for part in spec.replace(":", ": ").replace(",", ", ").split())
 
 
 def test_a_printed_figure_and_its_verdict_stay_with_ours():

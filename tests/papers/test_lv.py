@@ -13,6 +13,7 @@ from gmr_gym import cli
 from gmr_gym.envs.lookup import scenario_of, tracker_of
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.experiments.evidence import Evidence, measured
+from gmr_gym.experiments.figures import HEADINGS
 from gmr_gym.experiments.papers import lv, lv_episode
 from gmr_gym.experiments.papers.lv import (
     ACROSS,
@@ -25,7 +26,6 @@ from gmr_gym.experiments.papers.lv import (
     TABLES,
     UNIFORM,
 )
-from gmr_gym.experiments.sheets import HEADINGS
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.scenarios.lv import unknown_clutter
 from gmr_gym.simulation.multi_target import draw, scan

@@ -20,9 +20,9 @@ from gmr_gym.evaluation.curves import CURVES, Curves, curves, errors_of
 from gmr_gym.evaluation.summary import FEWEST, Estimate
 from gmr_gym.experiments.claims import Claim, judged
 from gmr_gym.experiments.evidence import Evidence, measured
+from gmr_gym.experiments.figures import HEADINGS
 from gmr_gym.experiments.papers import dortenzio, li, lv, maybeck, maybeck_zhang, zhang
 from gmr_gym.experiments.papers.zhang_claims import BOTH, CASE_1, CASE_2, QUANTITIES, ROLES, Trio
-from gmr_gym.experiments.sheets import HEADINGS
 from gmr_gym.experiments.tables import Table, printed_in, table_record, verdict
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.dortenzio import turning_target
