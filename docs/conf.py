@@ -21,7 +21,7 @@ extensions = [
     "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "numpydoc", "sphinx_design",
     "sphinx_copybutton", "ages", "datasheets", "mathml", "pages", "rooms",
 ]  # fmt: skip
-exclude_patterns = ["static", "extensions", "results"]
+exclude_patterns = ["static", "extensions", "results", "pages"]
 
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 4
@@ -41,6 +41,7 @@ viewcode_line_numbers = True
 html_theme = "pydata_sphinx_theme"
 html_title = "gmr_gym"
 html_static_path = ["static"]
+html_extra_path = ["pages"]  # whole pages, as commands leave them
 html_css_files = ["site.css"]
 html_math_renderer = "mathml"
 html_show_sourcelink = False

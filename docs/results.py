@@ -4,10 +4,12 @@ which version, when and from which code, and pages include it.
 `python docs/results.py check` names those that are older than the code they depend on; `write NAME ...` runs
 their commands again. A new one begins as a file with `command`, `needs` and what is shown in its head:
 
-- `table`, `columns`: tables of the record that `gmr-gym evaluate`, `sweep` or `reproduce` leaves, and metrics
+- `table`, `columns`: tables of the record that `gmr-gym evaluate`, `leaderboard`, `sweep` or `reproduce`
+  leaves, and metrics
 - `across`: the record's claims, those of a `table` or of runs where one is named; a column for each `table`,
   each of the `runs`, or each `measure`
-- `left`: a file that the command leaves, with `figure` a drawing, and what it is called in docs/images
+- `left`: a file that the command leaves, with `figure` a drawing, and what it is called in docs/images, or a
+  page of its own, in docs/pages
 - none of these: what the command prints
 
 A table that no command makes has the command `none`.
@@ -146,7 +148,8 @@ def written(head: Mapping[str, str]) -> str:
 def shown(head: Mapping[str, str], printed: str, record: Mapping[str, Any]) -> str:
     """What the head asks for of what a command printed and of its record."""
     if "figure" in head:
-        shutil.copy(ROOT / head["left"], ROOT / "docs" / "images" / head["figure"])
+        folder = "pages" if head["figure"].endswith(".html") else "images"
+        shutil.copy(ROOT / head["left"], ROOT / "docs" / folder / head["figure"])
         return ""
     if "left" in head:
         return (ROOT / head["left"]).read_text(encoding="utf-8")
@@ -168,7 +171,7 @@ def ran(command: str) -> tuple[str, dict[str, Any]]:
     name, *words = shlex.split(command)
     with TemporaryDirectory() as folder:
         record = Path(folder, "record.json")
-        if words[0] in ("evaluate", "reproduce", "sweep"):
+        if words[0] in ("evaluate", "leaderboard", "reproduce", "sweep"):
             words += ["--json", str(record)]
         if name == "gmr-gym":
             words = ["-c", "from gmr_gym.cli import main; main()", *words]

@@ -14,6 +14,7 @@ from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described, reductions
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.registry import ABOUT
 from gmr_gym.experiments.options import (
+    TRACKED,
     Backend,
     EnvId,
     Environments,
@@ -185,6 +186,41 @@ def sweep(
         return
     lines = grid.swept(asked, asked_for, work, shared, out, json_file, metric, plot)
     formats.write_out(lines, form, out / "sweep.json", metric)
+
+
+@command()
+def leaderboard(
+    environment: Environments = [],  # noqa: B006
+    tracker: Annotated[
+        list[str], tracker_option("also this tracker, NAME or NAME:key=value,key=value; repeatable")
+    ] = [],  # noqa: B006
+    *,
+    runs: RunCount = 200,
+    seed: Seed = 0,
+    jobs: Jobs = -1,
+    backend: Backend = "loky",
+    scheduler: Scheduler = None,
+    shard: Shard = None,
+    out: Annotated[Path, typer.Option("--out", help="folder of results")] = Path("results/leaderboard"),
+    json_file: Json = None,
+) -> None:
+    """Every installed tracker in every environment that it has a model for, on one page."""
+    from gmr_gym.experiments import leaderboard, records, specs, sweeps
+
+    part = sweeps.shard_of(shard, out)
+    specs.check_once("--tracker", tracker)
+    chosen = environment or [*TRACKED]
+    work, unfit = leaderboard.entries(chosen, tracker)
+    asked = records.question(environments=chosen, trackers=tracker, runs=runs, seed=seed)
+    again = records.command("leaderboard", env=environment, tracker=tracker, runs=[runs], seed=[seed])
+    specs.check_writable(out / "leaderboard.json", json_file)
+    shared = sweeps.Sweep(runs, seed, jobs, backend, scheduler, part, out / sweeps.BLOCKS, again)
+    if part:
+        left = sweeps.runs_shown("leaderboard", work.values(), shared)
+        sweeps.say_what_is_left(shared.blocks, *map(sum, zip(*left, strict=True)))
+        return
+    records.check_free(out / "leaderboard.json", asked)
+    _show(leaderboard.leaderboard(asked, work, unfit, shared, out, json_file))
 
 
 @command()

@@ -8,8 +8,9 @@ from gmr_gym.evaluation.multi_target_summary import multi_target_differences, mu
 from gmr_gym.evaluation.summary import differences, summary
 from gmr_gym.experiments.by_scan import by_scan
 from gmr_gym.experiments.figures import MULTI_TARGET, ONE_TARGET, Evaluated, legend
-from gmr_gym.experiments.output import write_json, write_runs
+from gmr_gym.experiments.output import write_json, write_runs, write_text
 from gmr_gym.experiments.records import answered
+from gmr_gym.experiments.report import report
 from gmr_gym.experiments.sheets import comparison, notes
 from gmr_gym.experiments.specs import complete
 from gmr_gym.experiments.sweeps import Sweep, runs_shown
@@ -45,6 +46,7 @@ def evaluated(
     )  # fmt: skip
     for file in filter(None, (out / "evaluate.json", copy)):
         write_json(file, record)
+    write_text(out / "report.html", report(record, scenario.period))
     yield comparison(f"{asked['env']}: {sweep.runs} runs, seed {sweep.seed}", tables[0], metrics)
     for paired in tables[1:]:
         there = [metric for metric in metrics if metric in paired["rows"][0]["metrics"]]

@@ -30,6 +30,7 @@ METRICS = {
     "position_anees_own": Metric("ANEES of position"),
     "gate_area": Metric("gate area", "m^2 (volume, m^3)"), "gate_volume": Metric("gate volume", "m^3"),
     "time_per_scan": Metric("time a scan", *TIME), "time_worst": Metric("longest", *TIME),
+    "time_in_pda_scans": Metric("time, in scans of PDA"),
     "ospa": Metric("OSPA", "m"), "gospa": Metric("GOSPA", "m"),
     **{part: Metric(part, "m^2") for part in ("localisation", "missed", "false")},
     "cardinality_bias": Metric("named less there"), "cardinality_error": Metric("number wrong by"),

@@ -76,8 +76,13 @@ def write_rows(file: Path, header: Sequence[str], rows: Iterable[Sequence]) -> N
 
 def write_json(file: Path, record: dict[str, Any]) -> None:
     """Plain data as JSON."""
+    write_text(file, text_of(record))
+
+
+def write_text(file: Path, text: str) -> None:
+    """Text as UTF-8."""
     with whole(file) as partial:
-        partial.write_text(text_of(record), encoding="utf-8")
+        partial.write_text(text, encoding="utf-8")
 
 
 def write_csv(file: Path, record: dict[str, Any]) -> None:

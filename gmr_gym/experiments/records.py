@@ -31,12 +31,12 @@ def named(question: dict[str, Any]) -> str:
     return sha256(json.dumps(question, sort_keys=True).encode()).hexdigest()[:8]
 
 
-def command(name: str, what: str, **options: Iterable[Any]) -> str:
+def command(*words: str, **options: Iterable[Any]) -> str:
     """A command as it is typed, with each value of an option under it."""
-    words = (
+    further = (
         word for option, values in options.items() for value in values for word in (f"--{option}", str(value))
     )
-    return shlex.join(["gmr-gym", name, what, *words])
+    return shlex.join(["gmr-gym", *words, *further])
 
 
 def answered(question: dict[str, Any], tables: list[dict[str, Any]], **further: Any) -> dict[str, Any]:
