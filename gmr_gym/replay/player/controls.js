@@ -63,7 +63,7 @@ function timeSlider(player) {
 function transport(player) {
   const pieces = {
     play: button("play", "Play", () => player.toggle(), icon("play")),
-    clock: make("span", { class: "gmr-clock" }),
+    clock: make("span", { class: "gmr-clock" }, make("span"), make("span")),
     switches: switchesOf(player),
     views: choice("View", viewsOf(player.episode), "whole", (value) => player.look(value)),
     ...(player.episode.traced && stageSlider(player)),

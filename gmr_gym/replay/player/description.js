@@ -25,8 +25,9 @@ function describeKept(episode, { panel, t, i, rows }, go) {
 
 function describeFull(episode, { panel, t, i }, go) {
   const { tracker } = panel, { full } = tracker, into = full.into[i], all = counts(tracker, t).all;
+  const number = i - full.start[t] + 1;
   const nodes = [
-    heading(`Hypothesis ${i - full.start[t] + 1} of ${all}`, `${tracker.name}, scan ${t + 1}, not yet reduced`),
+    heading(`Hypothesis ${number} of ${all}`, `${tracker.name}, scan ${t + 1}, before the reduction`),
     line(`Weight ${share(full.w[i])}, ${associationName(full.detection[i])}`),
   ];
   if (episode.modes.length > 1) nodes.push(line(`Motion model: ${modeName(episode, full.mode[i])}`));
@@ -45,7 +46,7 @@ function describeDetection(episode, { panel, t, i, rows }, go) {
   const sum = rows.reduce((total, row) => total + full.w[row], 0);
   if (!rows.length) return [...nodes, line("In no gate, or of no weight")];
   nodes.push(line(`Used by ${plural(rows.length, "hypothesis")}, summed weight ${share(sum)}`));
-  const into = (row) => (full.into[row] < 0 ? "pruned" : `into hypothesis ${full.into[row] + 1}`);
+  const into = (row) => (full.into[row] < 0 ? "pruned" : `hypothesis ${full.into[row] + 1}`);
   nodes.push(bars("Where they went", sums(rows, full.w, into)));
   const heavy = rows.find((row) => full.into[row] >= 0);
   if (heavy !== undefined)

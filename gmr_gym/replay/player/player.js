@@ -20,7 +20,6 @@ class Player {
     this.pieces = build(this);
     this.tick = this.tick.bind(this);
     this.resize();
-    this.look(episode.many ? "whole" : "both", true);
     this.panels.forEach((panel) => listen(this, panel));
     listenToKeys(this);
     this.dark.addEventListener("change", () => this.dye());
@@ -35,7 +34,10 @@ class Player {
     const home = this.root.clientWidth < 760 ? bar : charts;
     if (time.parentNode !== home) home.prepend(time);
     for (const panel of this.panels) panel.plane.resize();
-    this.camera.side = Math.min(plane.width, plane.height);
+    const side = Math.min(plane.width, plane.height), first = !this.camera.side;
+    if (!side) return; // hidden
+    this.camera.resize(side);
+    if (first) this.look(this.episode.many ? "whole" : "both", true);
     this.dye();
   }
 
@@ -79,15 +81,24 @@ class Player {
   }
 
   zoom(factor, { plane } = this.panels[0], X = plane.width / 2, Y = plane.height / 2) {
-    this.camera.zoom(factor, X - plane.width / 2, Y - plane.height / 2);
+    const { camera } = this, { where } = this.panels[0];
+    // a view that has widened by itself would widen again
+    if (camera.mode === "both" && where.scale < 0.99 * camera.scale) this.free(this.panels[0]);
+    camera.zoom(factor, X - plane.width / 2, Y - plane.height / 2);
     this.wake();
   }
 
-  pan({ where }, dX, dY) {
-    if (this.camera.mode !== "free") this.camera.stay(where);
+  pan(panel, dX, dY) {
+    if (this.camera.mode !== "free") this.free(panel);
     this.camera.pan(dX, dY);
     this.pieces.views.value = "free";
     this.wake();
+  }
+
+  /** Follow nothing: look where this panel looks. */
+  free({ where }) {
+    this.camera.stay(where);
+    this.pieces.views.value = "free";
   }
 
   /** Turn something on or off. */
@@ -149,9 +160,9 @@ class Player {
 
   toggle() {
     if (this.playing) return this.pause();
+    // the end of a scan is the beginning of the next
     if (this.show.t === this.episode.last && this.show.phase === 1) this.show.t = -1;
     this.play(true);
-    if (this.show.phase === 1) this.advance(1);
   }
 
   pause() {
@@ -208,6 +219,7 @@ class Player {
   }
 
   draw() {
+    if (!this.ink) return; // hidden since the start
     const { show, pieces } = this, stage = stageAt(show.phase);
     for (const panel of this.panels) panel.draw(show, this.camera, this.ink, this.calm.matches);
     for (const strip of this.strips) strip.draw(show.t);
@@ -220,11 +232,12 @@ class Player {
     const { pieces, episode } = this;
     Object.assign(this, { saidScan: t, saidStage: stage });
     this.root.dataset.scan = t + 1;
-    const seconds = +((t + 1) * episode.period).toFixed(2);
-    pieces.clock.textContent = `scan ${t + 1} of ${episode.scans}, ${seconds} s`;
+    pieces.clock.firstChild.textContent = `scan ${t + 1} of ${episode.scans}`;
+    pieces.clock.lastChild.textContent = `, ${+((t + 1) * episode.period).toFixed(2)} s`;
     pieces.time.value = t + 1;
     this.panels.forEach((panel) => panel.say(t, STAGES[stage].name));
     this.strips.forEach((strip) => strip.say(t));
+    if (pieces.stage) pieces.stage.setAttribute("aria-valuetext", STAGES[stage].name);
     (pieces.stageNames || []).forEach((node, i) => node.classList.toggle("gmr-now", i === stage));
   }
 }

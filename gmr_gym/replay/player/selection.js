@@ -81,8 +81,8 @@ function drawChosen(panel, show, whole) {
   const { plane, ink, tracker } = panel, { ctx } = plane;
   ctx.strokeStyle = ink.ink;
   ctx.lineWidth = 0.9;
-  ctx.globalAlpha = 0.55;
   drawRows(panel, chosen);
+  ctx.globalAlpha = 0.6;
   if (whole && chosen.line.length) {
     plane.path(chosen.line, chosen.line.length / 2 - 1);
     ctx.stroke();
@@ -99,6 +99,7 @@ function drawChosen(panel, show, whole) {
 function drawRows({ plane, tracker }, { t, rows, kind }) {
   const { full, z } = tracker, { ctx } = plane;
   for (const row of rows) {
+    ctx.globalAlpha = 0.7 * opacity(full.w[row], full.w[rows[0]]);
     if (kind !== "full" && ellipseOf(plane, full, row, SIGMAS)) ctx.stroke();
     if (full.detection[row] < 0) continue;
     const seen = z.start[t] + full.detection[row];

@@ -221,7 +221,8 @@ class BandStrip extends Strip {
     const now = Array.from(this.p.subarray(t * this.r, (t + 1) * this.r));
     const best = now.indexOf(Math.max(...now));
     this.values.forEach((node, k) => {
-      node.lastChild.textContent = this.r <= MOST_NAMED ? figures(now[k]) : `${this.names[best]} ${figures(now[best])}`;
+      const one = figures(now[k]), most = `${this.names[best]} ${figures(now[best])}`;
+      node.lastChild.textContent = this.r <= MOST_NAMED ? one : most;
     });
     if (this.r > MOST_NAMED) this.values[0].firstChild.style.background = this.ink.band(best);
   }

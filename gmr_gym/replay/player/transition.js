@@ -72,8 +72,8 @@ function ellipseOnItsWay(plane, tracker, t, i, born, moved) {
 
 /** Row of the gate of a hypothesis' parent; -1 where gates are not one for each parent. */
 function gateOf({ full, gates, kept }, t, i) {
-  const parents = t > 0 ? size(kept, t - 1) : 1;
-  return gates && size(gates, t) === parents ? gates.start[t] + full.parent[i] : -1;
+  if (!gates || (t > 0 && size(gates, t) !== size(kept, t - 1))) return -1;
+  return full.parent[i] < size(gates, t) ? gates.start[t] + full.parent[i] : -1;
 }
 
 /** Coordinate `axis` of the place that a hypothesis comes from: its parent's gate, else its parent. */

@@ -16,7 +16,7 @@ function stageInWords(tracker, t, stage) {
   if (stage === "predict")
     return `Predicted: ${plural(gates, "gate")}, ${plural(size(tracker.z, t), "detection")}`;
   if (stage === "update")
-    return `${plural(now.all, "hypothesis")}: each one missed, and with each detection in its gate`;
+    return `${plural(now.all, "hypothesis")}: missed, or with a detection in the gate`;
   if (stage === "prune")
     return `${plural(now.all, "hypothesis")}: ${now.pruned || "none"} pruned for low weight`;
   return reductionInWords(now);
