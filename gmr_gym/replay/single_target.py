@@ -61,7 +61,7 @@ def columns_of(
         For numbers that are not finite.
     """
     traced, reported, rows = _Traced(tracker), Reported(name), []
-    before = len(scenario.model.prior.w)
+    before = 1 << 31  # of the mixture that it starts with, which the tracker alone knows
     for played in islice(play(scenario, traced, episode), scans):
         reported.scan = played.t + 1
         row = _row(scenario, tracker, reported, played, episode.x[played.t])

@@ -117,6 +117,13 @@ def test_a_tracker_that_knows_the_origin_was_given_the_row_that_is_named():
     assert (own["target"] >= 0).any()
 
 
+def test_a_bank_of_trackers_that_starts_with_several_hypotheses_is_recorded():
+    scenario = airborne_radar()
+    own = of_tracker(record(scenario, {"bank": make_tracker("mmae-of-mhts", scenario.model)}, 1, 2))
+    first = slice(0, own["full_start"][1])
+    assert {0, 1} <= {*own["full_parent"][first]} and {0, 1} == {*own["full_mode"][first]}
+
+
 def test_a_tracker_without_a_trace_is_recorded_without_merges():
     plain = Reporting(partial(replaced))
     own, traced = of_tracker(record(SHORT, {"plain": plain}, 1)), of_tracker(record(SHORT, {"pda": PDA}, 1))
