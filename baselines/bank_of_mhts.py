@@ -13,9 +13,9 @@ import numpy as np
 
 from gmr_gym.filters.association import Expansion, expand
 from gmr_gym.filters.filter_bank import diverging, floored, mmae_weights
-from gmr_gym.filters.joint_gating import Limits, gate_jointly, give_up_limit, scan_rows
+from gmr_gym.filters.joint_gating import Limits, gate_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrow_into, borrowed_states
-from gmr_gym.filters.trace import Trace
+from gmr_gym.filters.trace import Trace, rows_of_scan
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, joined, mean_and_covariance, normalised, take
 from gmr_gym.models.gating import Gates
@@ -26,6 +26,8 @@ from gmr_gym.reduction.protocol import Reduced, check_reduced, through
 from gmr_gym.reduction.pruning import entering
 from gmr_gym.reduction.registry import reducer
 from gmr_gym.reduction.runnalls import runnalls
+
+Origins = tuple[np.ndarray, np.ndarray]  # of the pruning, and of the reduction after it
 
 
 class Mixtures(NamedTuple):
@@ -111,19 +113,21 @@ class BankOfMhts:
         hypothesis is predicted from several. An MHT that is reset to the others leaves its hypotheses pruned,
         and nothing goes into its new ones.
         """
-        after, report, expansions, origins = self._scan(belief, z)
+        after, report, expansions, near, origins = self._scan(belief, z)
         full = weighed(after.w, [expansion.mixture for expansion in expansions])
         mode = np.repeat(np.arange(len(expansions)), [len(e.parent) for e in expansions])
         parent = _pooled_rows(belief, [e.parent for e in expansions])
         if self.mixing is not None:
             parent = np.full_like(parent, -1)
-        detection = np.concatenate([e.detection for e in expansions])
-        return after, report, Trace(full, parent, detection, _pooled_rows(after, origins), mode)
+        detection = rows_of_scan(np.concatenate([e.detection for e in expansions]), near)
+        into = _pooled_rows(after, [through(*pair) for pair in origins])
+        return after, report, Trace(full, parent, detection, into, mode)
 
     def _scan(
         self, belief: Mixtures, z: np.ndarray
-    ) -> tuple[Mixtures, Report, list[Expansion], list[np.ndarray]]:
-        """Belief and report; the full posterior of each MHT, and the origin of its reduction."""
+    ) -> tuple[Mixtures, Report, list[Expansion], np.ndarray, list[Origins]]:
+        """Belief and report; the full posterior of each MHT, the mask (k,) of the detections in them, and the
+        origins of their hypotheses."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         w, each = belief if self.mixing is None else self._mixed(belief)
@@ -140,7 +144,7 @@ class BankOfMhts:
             log_density[i] = equivalent_residual(
                 p, expansion, model.sensor.predict_detections(p, gates.z, gates.S, listed)
             )
-            expansions.append(expansion._replace(detection=scan_rows(expansion.detection, near)))
+            expansions.append(expansion)
         w = mmae_weights(w, log_density)
         reduced = self._restarted(w, [self._reduced(e.mixture) for e in expansions], log_density)
         belief = Mixtures(floored(w, self.floor), tuple(p for p, _ in reduced))
@@ -148,7 +152,7 @@ class BankOfMhts:
         pooled = take(pooled, pooled.w > 0)  # the likelihood of a motion may underflow
         mean, covariance = mean_and_covariance(pooled)
         report = Report(mean[None], covariance[None], gates_used, pooled, alive, belief.w)
-        return belief, report, expansions, [origin for _, origin in reduced]
+        return belief, report, expansions, near, [origins for _, origins in reduced]
 
     def _mixed(self, belief: Mixtures) -> Mixtures:
         """Mix the MHTs before the prediction.
@@ -175,12 +179,14 @@ class BankOfMhts:
             borrow_into(p.m, p.P, np.tile(mean, (n, 1)), np.tile(covariance, (n, 1, 1)), states)
         return lent
 
-    def _reduced(self, p: Mixture) -> Reduced:
+    def _reduced(self, p: Mixture) -> tuple[Mixture, Origins]:
         lighter, kept = entering(p, self.work_limits.prune_weight, self.work_limits.max_hypotheses)
         reduced, origin = self.reduce(lighter)
-        return normalised(reduced), through(kept, origin)
+        return normalised(reduced), (kept, origin)
 
-    def _restarted(self, w: np.ndarray, each: list[Reduced], log_density: np.ndarray) -> list[Reduced]:
+    def _restarted(
+        self, w: np.ndarray, each: list[tuple[Mixture, Origins]], log_density: np.ndarray
+    ) -> list[tuple[Mixture, Origins]]:
         """The MHTs, those that diverge reset to the mixture of the others; where all diverge, none."""
         diverged = diverging(log_density, self.restart)
         if not diverged.any():
@@ -189,8 +195,8 @@ class BankOfMhts:
         share = rest if rest.any() else 1.0 - diverged  # where the others have probability 0
         restarted, _ = self._reduced(normalised(weighed(share, [p for p, _ in each])))
         return [
-            (restarted, np.full_like(origin, -1)) if lost else (p, origin)
-            for lost, (p, origin) in zip(diverged, each, strict=True)
+            (restarted, (kept, np.full_like(origin, -1))) if lost else (p, (kept, origin))
+            for lost, (p, (kept, origin)) in zip(diverged, each, strict=True)
         ]
 
 

@@ -10,7 +10,7 @@ from gmr_gym.filters.filter_bank import FilterBank, initial_bank
 from gmr_gym.filters.imm import mix_and_predict, pda_every_mode
 from gmr_gym.filters.joint_gating import expand_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrowed_states
-from gmr_gym.filters.trace import Trace
+from gmr_gym.filters.trace import Trace, rows_of_scan
 from gmr_gym.filters.tracker import CompiledTracker, Report, check_scan
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, collapsed
@@ -113,9 +113,10 @@ class ImmPda:
         """What `step` gives, and the full posterior by mode, all of which is merged into `report.mixture`,
         the output of the IMM."""
         scan = check_scan(z, len(self.model.sensor.H))
-        expansion, _, _ = expand_jointly(self._predicted(belief), self.model, scan, self.give_up_limit)
+        expansion, near, *_ = expand_jointly(self._predicted(belief), self.model, scan, self.give_up_limit)
         full, mode, detection, _ = expansion
-        return *self.step(belief, z), Trace(full, np.zeros_like(mode), detection, np.zeros_like(mode), mode)
+        one = np.zeros_like(mode)
+        return *self.step(belief, z), Trace(full, one, rows_of_scan(detection, near), one, mode)
 
     def _predicted(self, belief: FilterBank) -> Mixture:
         """The filters, mixed and predicted."""

@@ -25,7 +25,7 @@ from gmr_gym.filters.filter_bank import (
 )
 from gmr_gym.filters.joint_gating import Limits, expand_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrowed_states
-from gmr_gym.filters.trace import Trace
+from gmr_gym.filters.trace import Trace, rows_of_scan
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, match_all, mean_and_covariance, normalised
 from gmr_gym.models.model import Model
@@ -92,20 +92,21 @@ class MhtOfBanks:
         `full` are the filters of all banks after their interaction, by mode; those of one bank go into the
         same row of `report.mixture`, the output of the bank.
         """
-        after, report, expansion, filters, into = self._scan(belief, z)
+        after, report, expansion, near, filters, into = self._scan(belief, z)
         r, n = belief.w.shape
         mode, parent = np.divmod(expansion.parent, n)
-        return after, report, Trace(filters, parent, expansion.detection, np.tile(into, r), mode)
+        detection = rows_of_scan(expansion.detection, near)
+        return after, report, Trace(as_mixture(filters), parent, detection, np.tile(into, r), mode)
 
     def _scan(
         self, belief: FilterBank, z: np.ndarray
-    ) -> tuple[FilterBank, Report, Expansion, Mixture, np.ndarray]:
-        """Belief and report; the full posterior, its filters after their interaction, and the hypothesis that
-        each bank went into."""
+    ) -> tuple[FilterBank, Report, Expansion, np.ndarray, FilterBank, np.ndarray]:
+        """Belief and report; the full posterior, the mask (k,) of the detections in it, its banks after their
+        interaction, and the hypothesis that each bank went into."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
         predicted = predict_bank(self.before(belief, model.switching), model.motions)
-        expansion, gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
+        expansion, near, gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
         posterior = as_bank(expansion.mixture, len(model.motions))
         posterior = self.after(posterior, expansion.log_density.reshape(posterior.w.shape))
         limits = self.work_limits
@@ -118,7 +119,7 @@ class MhtOfBanks:
         mean, covariance = mean_and_covariance(mixture)
         mode_probabilities = belief.w.sum(axis=1)
         report = Report(mean[None], covariance[None], gates_used, mixture, alive, mode_probabilities)
-        return belief, report, expansion, as_mixture(posterior), into
+        return belief, report, expansion, near, posterior, into
 
 
 def imm_mht(

@@ -14,7 +14,7 @@ from gmr_gym.filters import mode_mixture
 from gmr_gym.filters.association import Expansion
 from gmr_gym.filters.joint_gating import Limits, expand_jointly, give_up_limit
 from gmr_gym.filters.mode_mixture import MixtureWithModes, merge_mode_probabilities, predict_every_mode
-from gmr_gym.filters.trace import Trace
+from gmr_gym.filters.trace import Trace, rows_of_scan
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, mean_and_covariance, normalised
 from gmr_gym.models.model import Model
@@ -78,18 +78,19 @@ class Mmg:
 
     def trace(self, belief: MixtureWithModes, z: np.ndarray) -> tuple[MixtureWithModes, Report, Trace]:
         """What `step` gives, and what became of every hypothesis with the scan."""
-        after, report, full, mode, kept, origin = self._scan(belief, z)
-        parent = full.parent % len(belief.mixture.w)
-        return after, report, Trace(full.mixture, parent, full.detection, through(kept, origin), mode)
+        after, report, full, near, mode, into = self._scan(belief, z)
+        parent, detection = full.parent % len(belief.mixture.w), rows_of_scan(full.detection, near)
+        return after, report, Trace(full.mixture, parent, detection, through(*into), mode)
 
     def _scan(
         self, belief: MixtureWithModes, z: np.ndarray
-    ) -> tuple[MixtureWithModes, Report, Expansion, np.ndarray, np.ndarray, np.ndarray]:
-        """Belief and report; the full posterior, its modes (N,), and the origins of pruning and reduction."""
+    ) -> tuple[MixtureWithModes, Report, Expansion, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
+        """Belief and report; the full posterior, the mask (k,) of the detections in it, its modes (N,), and
+        the origins of pruning and reduction."""
         model, limits = self.model, self.work_limits
         z = check_scan(z, len(model.sensor.H))
         predicted, mode = predict_every_mode(belief, model.motions, model.switching)
-        full, gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
+        full, near, gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
         posterior, kept = entering(full.mixture, limits.prune_weight, limits.max_hypotheses)
         mode = mode[full.parent]
         mode_kept = mode[kept >= 0]
@@ -99,7 +100,7 @@ class Mmg:
         mean, covariance = mean_and_covariance(belief.mixture)
         mode_probabilities = belief.mixture.w @ shares
         report = Report(mean[None], covariance[None], gates_used, belief.mixture, alive, mode_probabilities)
-        return belief, report, full, mode, kept, reduced[1]
+        return belief, report, full, near, mode, (kept, reduced[1])
 
 
 def mmg(

@@ -361,6 +361,16 @@ def test_watch_films_every_scan(call, settings):
         assert len(film.convert("RGB").getcolors()) > 10
 
 
+def test_watch_leaves_a_page_of_several_trackers_unless_it_is_told_otherwise(call):
+    words = "watch", TURNING, "--tracker", "pda", "--tracker", "nearest-neighbour", "--seed", 3, "--scans", 4
+    code, printed, errors = call(*words)
+    assert code == 0 and "written to episode.html" in printed and "tracking: 8 of 8" in errors
+    text = Path("episode.html").read_text(encoding="utf-8")
+    assert text == gmr_gym.show(TURNING, "pda", "nearest-neighbour", seed=3, scans=4).page
+    assert call(*words, "--out", "again.html")[0] == 0
+    assert Path("again.html").read_text(encoding="utf-8") == text
+
+
 def test_watch_pictures_one_scan_by_several_trackers(call):
     words = "watch", JUMP, "--tracker", "mmg-5", "--tracker", "imm-pda", "--frame", 2, "--size", 600
     code, _, errors = call(*words, "--out", "f.png")
@@ -553,6 +563,17 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
             ("watch", JUMP, "--out", "f.gif", "--size", "4x"),
             "--size must be WIDTH or WIDTHxHEIGHT in pixels, as",
         ),
+        (("watch", JUMP, "--scans", "0"), "scans must be from 1 to the 45 of the episode, got 0"),
+        (
+            ("watch", JUMP, *(word for i in range(5) for word in ("--tracker", f"mmg-{i + 1}"))),
+            "trackers must be from 1 to 4, got 5",
+        ),
+        (
+            ("watch", TURNING, "--tracker", "gm-phd"),
+            f"'gm-phd' cannot run in {TURNING}: tracker 'gm-phd' is for many targets, the model for one",
+        ),
+        (("watch", JUMP, "--tracker", "pda"), f"'pda' cannot run in {JUMP}: this tracker knows one motion"),
+        (("watch", TURNING, "--out", "z.csv/f.html"), "error: z.csv: not a directory"),
         (("track", "missing.csv", *TRACK[2:]), "error: missing.csv: no such file or directory"),
         (("evaluate", TURNING, "--tracker", "pda", "--out", "z.csv"), "error: z.csv: not a directory"),
         ((*EVALUATE, "imm-pda", "--json", "z.csv/f.json"), "error: z.csv: not a directory"),
@@ -839,7 +860,8 @@ def test_a_tracker_that_lost_every_run_is_named_and_the_others_are_compared(call
         ((*QUICK, "--tracker", "runnalls-3:components=4"), "components is given twice, as 3 in the name and"),
         ((*QUICK, "--seed", 1, "--seed=2"), "--seed is given 2 times"),
         ((*QUICK, "--jobs", 2), "--jobs is given 2 times"),
-        (("watch", JUMP, "--tracker", "imm", "--tracker", "imm"), "--tracker imm is given twice"),
+        (("watch", JUMP, "--tracker", "imm", "--tracker", "imm:"), "--tracker imm: is given twice"),
+        (("watch", JUMP, "--scans", 1, "--scans", 2), "--scans is given 2 times"),
         (("watch", JUMP, "--set", "case=1", "--set", "case=2"), "case is given twice, as 1 and as 2"),
         (("record", JUMP, "--out", "a", "--out", "b", "--out", "c"), "--out is given 3 times"),
         (("reproduce", "zhang", "--table", 1, "--table", 1), "--table 1 is given twice"),

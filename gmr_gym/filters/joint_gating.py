@@ -42,7 +42,7 @@ class Limits:
 
 def expand_jointly(
     predicted: Mixture, model: Model, z: np.ndarray, give_up_limit: float
-) -> tuple[Expansion, Gates, bool]:
+) -> tuple[Expansion, np.ndarray, Gates, bool]:
     """Expand components of different motion models with one common list of detections.
 
     Components whose likelihoods are compared must account for the same detections; see
@@ -61,6 +61,9 @@ def expand_jointly(
     Returns
     -------
     expansion : Expansion
+        Its `detection` counts those that are near alone.
+    near : ndarray of bool, shape (k,)
+        Which detections are in the gate of any component, see `gate_jointly`.
     gates_used : Gates
     alive : bool
         False where the track is to be given up.
@@ -70,12 +73,7 @@ def expand_jointly(
         predicted, own, model.sensor, z[near],
         model.detection_probability, model.gate_probability, model.clutter_density,
     )  # fmt: skip
-    return posterior._replace(detection=scan_rows(posterior.detection, near)), gates_used, alive
-
-
-def scan_rows(detection: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Rows of the scan of detections that are counted among those `near` (k,); -1 stays."""
-    return np.append(np.flatnonzero(near), -1)[detection]
+    return posterior, near, gates_used, alive
 
 
 def gate_jointly(

@@ -22,8 +22,8 @@ class Trace(NamedTuple):
     full : Mixture
         N hypotheses; weights sum to 1.
     parent : ndarray of int, shape (N,)
-        Row of the `report.mixture` of the scan before that each came from, at the first scan of the prior;
-        -1 where it came from no single one.
+        Row of the `report.mixture` of the scan before that each came from, at the first scan of the mixture
+        that the tracker starts with; -1 where it came from no single one.
     detection : ndarray of int, shape (N,)
         Row of the scan that each was updated with, -1 for a missed detection.
     into : ndarray of int, shape (N,)
@@ -67,6 +67,11 @@ def trace_of(posterior: Expansion, into: np.ndarray) -> Trace:
     """The Trace of a full posterior under one motion model whose hypotheses went `into` (N,)."""
     full, parent, detection, _ = posterior
     return Trace(full, parent, detection, into, np.zeros(len(parent), np.int64))
+
+
+def rows_of_scan(detection: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Rows of the scan of detections (N,) that are counted among the `near` ones (k,) alone; -1 stays."""
+    return np.append(np.flatnonzero(near), -1)[detection]
 
 
 def origin_of_reduction(

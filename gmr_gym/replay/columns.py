@@ -45,11 +45,11 @@ class Reported:
         try:
             numbers = np.array(value, float)
         except (TypeError, ValueError):
-            raise ValueError(f"{self._place(what)}: expected numbers, got {value!r:.60}") from None
+            raise ValueError(f"{self.place(what)}: expected numbers, got {value!r:.60}") from None
         sizes = zip(numbers.shape, shape, strict=False)
         if numbers.ndim != len(shape) or any(want not in (None, got) for got, want in sizes):
             wanted = ", ".join("n" if size is None else str(size) for size in shape)
-            raise ValueError(f"{self._place(what)}: expected shape ({wanted}), got {numbers.shape}")
+            raise ValueError(f"{self.place(what)}: expected shape ({wanted}), got {numbers.shape}")
         sound = np.abs(numbers) <= LARGEST  # nan is not
         if not sound.all():
             self._unsound.add(self.scan)
@@ -61,19 +61,16 @@ class Reported:
         try:
             w, m, P = p
         except (TypeError, ValueError):
-            raise ValueError(f"{self._place(what)}: expected a Mixture, got {p!r:.60}") from None
+            raise ValueError(f"{self.place(what)}: expected a Mixture, got {p!r:.60}") from None
         w = self.array(f"{what}.w", w, None)
         return Mixture(w, self.array(f"{what}.m", m, len(w), d), self.array(f"{what}.P", P, len(w), d, d))
 
     def rows(self, what: str, value: Any, length: int, below: int) -> np.ndarray:
         """The value as integers (length,) from -1 to `below` - 1; ValueError for anything else."""
         rows = np.asarray(value)
-        if (
-            rows.shape != (length,)
-            or rows.dtype.kind not in "iu"
-            or not ((rows >= -1) & (rows < below)).all()
-        ):
-            raise ValueError(f"{self._place(what)}: expected {length} whole numbers from -1 to {below - 1}")
+        whole = rows.shape == (length,) and rows.dtype.kind in "iu"
+        if not whole or rows.min(initial=-1) < -1 or rows.max(initial=-1) >= below:
+            raise ValueError(f"{self.place(what)}: expected {length} whole numbers from -1 to {below - 1}")
         return rows
 
     def warn(self) -> None:
@@ -81,11 +78,12 @@ class Reported:
         if self._unsound:
             warnings.warn(
                 f"tracker {self.tracker!r} reported numbers that are not finite in {len(self._unsound)} of "
-                f"{self.scan} scans; they are left out",
-                stacklevel=2,
+                f"{self.scan} scans; they are not shown",
+                stacklevel=4,  # at who calls `record`
             )
 
-    def _place(self, what: str) -> str:
+    def place(self, what: str) -> str:
+        """The beginning of a message about a field."""
         return f"tracker {self.tracker!r}, {what} at scan {self.scan}"
 
 

@@ -15,7 +15,7 @@ from gmr_gym.simulation.single_target import Scenario
 HEIGHT = 760  # pixels
 
 
-class Shown:
+class NotebookPage:
     """An episode's page, as the value of a notebook's cell.
 
     Attributes
@@ -42,7 +42,7 @@ class Shown:
 
 def show(
     environment: str | Scenario | MultiTargetScenario, *trackers: Any, seed: int = 0, scans: int | None = None
-) -> Shown:
+) -> NotebookPage:
     """Run trackers through an episode, and show it in a notebook.
 
     Parameters
@@ -58,7 +58,7 @@ def show(
 
     Returns
     -------
-    Shown
+    NotebookPage
         A notebook shows it as a player; `save` writes the same page to a file.
 
     Raises
@@ -71,7 +71,7 @@ def show(
     --------
     >>> import gmr_gym
     >>> shown = gmr_gym.show("gmr_gym/TurningTarget-v0", "pda", "nearest-neighbour", seed=1, scans=3)
-    >>> "pda, nearest-neighbour in gmr_gym/TurningTarget-v0, seed 1" in shown.page
+    >>> "pda, nearest-neighbour: gmr_gym/TurningTarget-v0 seed 1" in shown.page
     True
     """
     name, scenario = "", environment
@@ -79,4 +79,6 @@ def show(
         name, scenario = environment, scenario_of(environment, {})
     if not isinstance(scenario, Scenario | MultiTargetScenario):
         raise ValueError(f"environment must be an id or a scenario, got {environment!r:.60}")
-    return Shown(page(record(scenario, trackers_of(trackers, scenario, name), seed, scans, environment=name)))
+    return NotebookPage(
+        page(record(scenario, trackers_of(trackers, scenario, name), seed, scans, environment=name))
+    )

@@ -1,7 +1,7 @@
 """Columns of numbers as compact text: quantised, one after the other, deflated, in base64.
 
-Integers are exact. Positions are multiples of a step, all other real numbers floats of 10 significant bits:
-weights and covariances span many orders of magnitude.
+Integers are exact. Positions are multiples of a step. All other real numbers are 32-bit floats; of weights
+and covariances, which are many and span orders of magnitude, nine significant bits are kept.
 """
 
 import base64
@@ -13,7 +13,8 @@ import numpy as np
 
 POSITIONS = "truth", "z", "gate", "kept", "full", "estimate", "declared", "guess", "clutter"
 COARSEST = 0.5  # m, the largest step of a position
-DROPPED_BITS = 14  # of the 23 that a float32 has after the leading one
+ROUNDED = "_w", "_P", "_shape"  # endings of the names of weights and covariances
+DROPPED_BITS = 15  # of the 23 that a float32 has after the leading one
 INTEGERS = "u1", "i1", "u2", "i2", "u4", "i4"
 ALIGNMENT = 4  # bytes: a typed array begins at a multiple of its element
 
@@ -54,7 +55,7 @@ def pack(columns: Mapping[str, np.ndarray]) -> tuple[dict[str, Any], str]:
         entries[name] = {"dtype": stored.dtype.str[1:], "shape": list(column.shape), "at": size, **scale}
         parts.append(raw)
         size += len(raw)
-    return entries, base64.b64encode(zlib.compress(b"".join(parts), 9)).decode("ascii")
+    return entries, base64.b64encode(zlib.compress(b"".join(parts))).decode("ascii")
 
 
 def _equal(a: np.ndarray, b: np.ndarray) -> bool:
@@ -67,10 +68,11 @@ def _coded(name: str, column: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
         return _integers(name, column), {"low": 0, "step": 1}
     if name.rpartition("/")[2] in POSITIONS:
         return _steps(column)
-    bits = column.astype("<f4").view("<u4") + np.uint32(1 << DROPPED_BITS - 1)
-    stored = (bits >> DROPPED_BITS << DROPPED_BITS).view("<f4")
-    stored[np.isnan(column)] = np.nan
-    return stored, {}
+    stored = column.astype("<f4")
+    if name.endswith(ROUNDED):
+        bits = stored.view("<u4") + np.uint32(1 << DROPPED_BITS - 1)
+        stored = np.where(np.isnan(stored), np.nan, (bits >> DROPPED_BITS << DROPPED_BITS).view("<f4"))
+    return stored.astype("<f4"), {}
 
 
 def _integers(name: str, column: np.ndarray) -> np.ndarray:

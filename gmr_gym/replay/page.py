@@ -9,7 +9,7 @@ from gmr_gym.replay.packing import pack
 from gmr_gym.replay.recording import Recording
 from gmr_gym.version import __version__
 
-PLAYER = Path(__file__).with_name("player")  # .js and .css
+PLAYER = Path(__file__).with_name("player")
 PAGE = """<!doctype html>
 <html lang="en">
 <head>
@@ -48,12 +48,19 @@ def page(recording: Recording) -> str:
         HTML: the recording, the player and its style. It loads nothing.
     """
     data = _data(recording)
-    js, css = (PLAYER.with_suffix(end).read_text(encoding="utf-8") for end in (".js", ".css"))
+    css = (PLAYER / "player.css").read_text(encoding="utf-8")
     # within a script element no text can end it, and no line separator is bare
     text = json.dumps(data, separators=(",", ":"))
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
-    return PAGE.format(title=escape(data["title"]), css=css, data=text, js=js)
+    title = f"{data['title']}: {recording.environment} seed {recording.seed}"
+    return PAGE.format(title=escape(title), css=css, data=text, js=_script())
+
+
+def _script() -> str:
+    """The parts of the player as one script, which defines GmrPlayer and nothing else."""
+    parts = "\n".join(part.read_text(encoding="utf-8") for part in sorted(PLAYER.glob("*.js")))
+    return f'var GmrPlayer = (function () {{\n"use strict";\n\n{parts}\nreturn {{ start }};\n}})();'
 
 
 def write_page(recording: Recording, out: Path | str) -> None:
@@ -79,9 +86,8 @@ def _data(recording: Recording) -> dict:
     told = recording._asdict()
     entries, blob = pack(told.pop("columns"))
     names = told.pop("trackers")
-    where = f" in {recording.environment}" if recording.environment else ""
     return {
-        "title": f"{', '.join(names)}{where}, seed {recording.seed}",
+        "title": ", ".join(names),
         **told,
         "axes": ["x, m", "y, m"],
         "trackers": [{"name": name} for name in names],

@@ -109,9 +109,10 @@ def record(
     for name, tracker in trackers.items():
         check_fits(name, tracker, scenario, environment)
     episode = kind.draw(world, seed)
-    total = len(episode.x) if scans is None else scans
-    if not 1 <= total <= len(episode.x):
-        raise ValueError(f"scans must be from 1 to the {len(episode.x)} of the episode, got {scans}")
+    there = len(episode.x)
+    if scans is not None and scans not in range(1, there + 1):
+        raise ValueError(f"scans must be from 1 to the {there} of the episode, got {scans}")
+    total = there if scans is None else int(scans)
     columns = kind.truth_of(world, episode, total)
     for i, (name, tracker) in enumerate(trackers.items()):
 

@@ -1,0 +1,33 @@
+// Counts and numbers in words.
+
+const plural = (n, word, many = word.replace(/is$/, "es")) =>
+  `${n} ${n === 1 ? word : many === word ? `${word}s` : many}`;
+
+function reductionInWords({ all, pruned, merged, kept }) {
+  if (all === undefined || all === kept) return plural(kept, "hypothesis");
+  const parts = [merged > kept ? `${merged} merged into ${kept}` : `${kept} kept`];
+  if (pruned) parts.unshift(`${pruned} pruned`);
+  return `${plural(all, "hypothesis")}: ${parts.join(", ")}`;
+}
+
+function stageInWords(tracker, t, stage) {
+  const now = counts(tracker, t);
+  const gates = tracker.gates ? size(tracker.gates, t) : 0;
+  if (stage === "predict")
+    return `Predicted: ${plural(gates, "gate")}, ${plural(size(tracker.z, t), "detection")}`;
+  if (stage === "update")
+    return `${plural(now.all, "hypothesis")}: missed, or with a detection in the gate`;
+  if (stage === "prune")
+    return `${plural(now.all, "hypothesis")}: ${now.pruned || "none"} pruned for low weight`;
+  return reductionInWords(now);
+}
+
+function figures(value, unit = "") {
+  if (!Number.isFinite(value)) return "none";
+  const digits = Math.abs(value) >= 100 ? 0 : Math.abs(value) >= 10 ? 1 : 2;
+  return value.toFixed(digits) + unit;
+}
+
+const share = (w) => (w >= 0.0995 ? w.toFixed(2) : w >= 0.001 ? w.toFixed(3) : w.toExponential(0));
+
+const modeName = ({ modes }, k) => modes[k] || `model ${k + 1}`;
