@@ -29,13 +29,14 @@ function build(player) {
     ...transport(player),
   };
   pieces.charts = make("div", { class: "gmr-strips" }, pieces.time, ...strips.map(({ node }) => node));
+  pieces.aside = make("aside", {}, pieces.chosen, keyOf(episode));
   root.classList.add("gmr");
   root.tabIndex = -1; // a click gives it the keys
   root.replaceChildren(
     header(player),
     make("div", { class: "gmr-panels", "data-count": panels.length }, ...panels.map(({ node }) => node)),
     pieces.transport,
-    make("div", { class: "gmr-below" }, pieces.charts, make("aside", {}, pieces.chosen, keyOf(episode))),
+    make("div", { class: "gmr-below" }, pieces.charts, pieces.aside),
     pieces.help,
   );
   return pieces;
@@ -106,7 +107,7 @@ function switchesOf(player) {
   const titles = {
     truth: "The true path",
     origin: "Ring the target's own detection",
-    ...(player.episode.traced && { merges: "Animate the reduction", lines: "Lines to the parents" }),
+    ...(player.episode.traced && { merges: `Animate the reduction, up to ${SLOW} scans/s`, lines: "Lines to the parents" }),
   };
   const nodes = Object.entries(titles).map(([key, title]) => {
     const node = button("toggle", title, () => player.turn(key), key);
