@@ -44,10 +44,11 @@ function build(player) {
 
 function header(player) {
   const { title, environment, seed } = player.episode, about = `${environment} seed ${seed}`.trim();
+  const shade = () => player.shade(player.root.dataset.theme === "light");
   return make(
     "header", {},
     make("div", {}, make("h2", {}, title || environment), make("span", {}, about)),
-    button("plain", "Light or dark", () => player.turnLight(), icon("theme")),
+    button("plain", "Light or dark", shade, icon("theme")),
     button("plain", "Keys and help", () => player.toggleHelp(), "?"),
   );
 }
@@ -104,10 +105,11 @@ function stageSlider(player) {
 }
 
 function switchesOf(player) {
+  const ofTraces = { merges: `Animate the reduction, up to ${SLOW} scans/s`, lines: "Lines to the parents" };
   const titles = {
     truth: "The true path",
     origin: "Ring the target's own detection",
-    ...(player.episode.traced && { merges: `Animate the reduction, up to ${SLOW} scans/s`, lines: "Lines to the parents" }),
+    ...(player.episode.traced && ofTraces),
   };
   const nodes = Object.entries(titles).map(([key, title]) => {
     const node = button("toggle", title, () => player.turn(key), key);

@@ -14,16 +14,15 @@ class Player {
       truth: true, origin: false, lines: false, merges: episode.traced,
     };
     this.calm = window.matchMedia("(prefers-reduced-motion: reduce)");
-    this.dark = window.matchMedia("(prefers-color-scheme: dark)");
     this.camera = new Camera(episode);
     this.panels = episode.trackers.map((tracker, i) => new Panel(episode, tracker, i));
     this.strips = chartsOf(episode, (t) => this.go(t));
     this.pieces = build(this);
     this.tick = this.tick.bind(this);
+    this.followTheme();
     this.resize();
     this.panels.forEach((panel) => listen(this, panel));
     listenToKeys(this);
-    this.dark.addEventListener("change", () => this.dye());
     new ResizeObserver(() => this.resize()).observe(root);
   }
 
@@ -50,10 +49,15 @@ class Player {
     this.wake();
   }
 
-  turnLight() {
-    const { dataset } = this.root;
-    const dark = dataset.theme ? dataset.theme === "dark" : this.dark.matches;
-    dataset.theme = dark ? "light" : "dark";
+  /** Light or dark as the reader's system is, also when that changes. */
+  followTheme() {
+    const system = window.matchMedia("(prefers-color-scheme: dark)");
+    system.addEventListener("change", () => this.shade(system.matches));
+    this.shade(system.matches);
+  }
+
+  shade(dark) {
+    this.root.dataset.theme = dark ? "dark" : "light";
     this.dye();
   }
 
