@@ -38,6 +38,38 @@ class Recording(NamedTuple):
     trackers : tuple of str
     columns : dict of str to ndarray
         By name; those of tracker i begin with "i/".
+
+    Notes
+    -----
+    Positions have two coordinates, m, and covariances three entries: xx, xy, yy. Rows of scan t, from 0, are
+    at G_start[t] : G_start[t + 1] where there is such a column; all others have a row a scan. What is missing
+    is nan. Of one target there is the `truth` (T, 2), and of each tracker:
+
+    ==================================================  ======================================================
+    z; target                                           detections; row of the target-originated one, or -1
+    gate, gate_shape                                    gates: (z - gate)' shape^-1 (z - gate) <= 1
+    kept_w, kept, kept_P; count                         mixture after the reduction; number of its components
+    full_w, full, full_P                                hypotheses before it, where the tracker has a trace
+    full_parent, full_detection, full_into, full_mode   of each, as in `gmr_gym.filters.trace.Trace`
+    full_rest_count, full_rest_merged, full_rest_w      hypotheses of negligible weight that are left out:
+                                                        number of pruned and of merged ones, weight of all
+    estimate, estimate_P, error                         position, its covariance, distance from the truth, m
+    alive, off_target                                   not given up; off target by the loss rule
+    lost_at                                             (1,), scan at which the track is lost, or -1
+    mode_p                                              (T, r), probabilities of motion models, where r > 1
+    ==================================================  ======================================================
+
+    Of many targets there is the `truth` (T, n, 2), nan where a target is absent, the ellipses of the true
+    clutter, `clutter` and `clutter_P`, and of each tracker:
+
+    ==================================================  ======================================================
+    z, origin                                           detections; index of the target of each, or -1
+    declared, existence, label                          declared targets
+    kept_w, kept, kept_P; count                         intensity; number of its components
+    guess, guess_P                                      ellipses of the clutter that the tracker assumes
+    expected, present, gospa                            expected and true number of targets; distance of the
+                                                        declared ones from the true ones, m
+    ==================================================  ======================================================
     """
 
     environment: str

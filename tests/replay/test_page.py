@@ -4,6 +4,7 @@ import html
 import os
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,10 +14,12 @@ import gmr_gym
 from gmr_gym.evaluation.loop import play
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.replay import page, record, write_page
+from gmr_gym.replay.page import PLAYER
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.lv import unknown_clutter
 from gmr_gym.simulation.single_target import draw
 
+WATCH = Path(__file__).parents[2] / "docs" / "watch.md"
 SCANS = 12
 SCENARIO = turning_target(clutter_rate=170, horizon=SCANS)
 TURNING = "gmr_gym/TurningTarget-v0"
@@ -208,3 +211,10 @@ def test_what_cannot_be_shown_is_refused_in_a_line(arguments, options, message):
     with pytest.raises(ValueError) as refused:
         gmr_gym.show(*arguments, **options)
     assert str(refused.value).startswith(message) and "\n" not in str(refused.value)
+
+
+def test_the_page_about_watching_lists_the_keys_of_the_player():
+    text = (PLAYER / "controls.js").read_text(encoding="utf-8").partition("const KEYS = [")[2]
+    keys = re.findall(r'^  \["(.+)", "(.+)"\],$', text.partition("];")[0], re.M)
+    rows = re.findall(r"^\| (.+) \| (.+) \|$", WATCH.read_text(encoding="utf-8"), re.M)
+    assert len(keys) > 8 and not {*keys} - {*rows}

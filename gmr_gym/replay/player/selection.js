@@ -60,7 +60,7 @@ function ancestry(tracker, t, i) {
   for (; t >= 0; t--) {
     points.push(tracker.kept.m[2 * i], tracker.kept.m[2 * i + 1]);
     const [heaviestMember] = t > 0 ? membersOf(tracker, t, i) : [];
-    if (heaviestMember === undefined) break;
+    if (heaviestMember === undefined || tracker.full.parent[heaviestMember] < 0) break;
     i = tracker.kept.start[t - 1] + tracker.full.parent[heaviestMember];
   }
   return points;
