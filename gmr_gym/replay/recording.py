@@ -159,5 +159,14 @@ def record(
     modes = tuple(f"motion {i + 1}" for i in range(motions))
     radar = isinstance(scenario.model.sensor, Radar)
     return Recording(
-        environment, seed, label, scenario.period, total, patience, radar, modes, tuple(trackers), columns
+        environment,
+        int(seed),
+        label,
+        scenario.period,
+        total,
+        patience,
+        radar,
+        modes,
+        tuple(trackers),
+        columns,
     )
