@@ -56,8 +56,9 @@ function describeDetection(episode, { panel, t, i, rows }, go) {
 
 function parentLine({ full, kept }, t, rows, go) {
   const parents = new Set(rows.map((row) => full.parent[row]));
-  if (!rows.length) return line("");
-  const first = full.parent[rows[0]], show = () => go(t - 1, kept.start[t - 1] + first);
+  const first = rows.length ? full.parent[rows[0]] : -1;
+  if (first < 0) return line("");
+  const show = () => go(t - 1, kept.start[t - 1] + first);
   const node = line("Parent: ", link(`hypothesis ${first + 1} of scan ${t}`, show));
   if (parents.size > 1) node.append(`, and ${parents.size - 1} more`);
   return node;
