@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gmr_gym.models.model import Model
 from gmr_gym.models.radar import Radar
 from gmr_gym.replay import multi_target, single_target
 from gmr_gym.replay.lineup import check_fits
@@ -133,33 +132,41 @@ def record(
     >>> kept.columns["truth"].shape, kept.columns["0/count"].tolist()
     ((3, 2), [1, 1, 1])
     """
-    many = isinstance(scenario, MultiTargetScenario)
-    world: Any = scenario
-    kind: Any = multi_target if many else single_target
     if not 1 <= len(trackers) <= MOST_TRACKERS:
         raise ValueError(f"trackers must be from 1 to {MOST_TRACKERS}, got {len(trackers)}")
     for name, tracker in trackers.items():
         check_fits(name, tracker, scenario, environment)
-    episode = kind.draw(world, seed)
+    kind: Any = single_target
+    if isinstance(scenario, MultiTargetScenario):
+        kind, label, patience, motions = multi_target, "many", 0, 0
+    else:
+        label, patience = "one", scenario.patience
+        motions = max(len(tracker.model.motions) for tracker in trackers.values())
+    episode = kind.draw(scenario, seed)
     there = len(episode.x)
     if scans is not None and scans not in range(1, there + 1):
         raise ValueError(f"scans must be from 1 to the {there} of the episode, got {scans}")
     total = there if scans is None else int(scans)
-    columns = kind.truth_of(world, episode, total)
+    columns = kind.truth_of(scenario, episode, total)
     for i, (name, tracker) in enumerate(trackers.items()):
 
         def tell(done: int, before: int = i * total) -> None:
             if progress:
                 progress(before + done, total * len(trackers))
 
-        own = kind.columns_of(world, tracker, name, episode, total, tell)
+        own = kind.columns_of(scenario, tracker, name, episode, total, tell)
         columns |= {f"{i}/{column}": values for column, values in own.items()}
+    modes = tuple(f"motion {i + 1}" for i in range(motions))
+    radar = isinstance(scenario.model.sensor, Radar)
     return Recording(
-        environment, seed, "many" if many else "one", world.period, total, 0 if many else world.patience,
-        isinstance(world.model.sensor, Radar), () if many else motions(world.model), tuple(trackers), columns,
-    )  # fmt: skip
-
-
-def motions(model: Model) -> tuple[str, ...]:
-    """Names of the motion models of a filter model."""
-    return tuple(f"motion {i + 1}" for i in range(len(model.motions)))
+        environment,
+        int(seed),
+        label,
+        scenario.period,
+        total,
+        patience,
+        radar,
+        modes,
+        tuple(trackers),
+        columns,
+    )

@@ -169,7 +169,7 @@ def test_five_thousand_detections_are_a_scan_like_any_other():
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1e300])
-def test_what_is_no_number_is_missing_and_told(wrong):
+def test_what_is_no_number_is_missing_with_a_warning(wrong):
     spoilt = Reporting(
         partial(replaced, x=lambda x: x * wrong, gates=lambda g: g._replace(z=g.z + wrong)), SHORT.model
     )
@@ -196,10 +196,10 @@ class Declaring:
 
     def step(self, belief, z):
         none = no_components(6)
-        told = MultiTargetReport(
+        report = MultiTargetReport(
             np.zeros((1, 6)), np.ones(1), np.zeros(1, int), 1.0, none, self.model.clutter
         )
-        return belief, told._replace(**self.fields)
+        return belief, report._replace(**self.fields)
 
 
 def test_what_is_no_number_is_missing_of_many_targets_too():
@@ -336,6 +336,6 @@ def test_trackers_that_cannot_run_are_named_with_the_environment(given, message)
 
 
 def test_progress_is_of_the_scans_of_all_trackers():
-    told = []
-    record(SHORT, {"a": PDA, "b": NEAREST}, 1, 2, progress=lambda *done: told.append(done))
-    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    done = []
+    record(SHORT, {"a": PDA, "b": NEAREST}, 1, 2, progress=lambda *counts: done.append(counts))
+    assert done == [(1, 4), (2, 4), (3, 4), (4, 4)]
