@@ -175,17 +175,19 @@ def test_a_click_tells_the_associations_of_a_hypothesis_and_the_uses_of_a_detect
     assert "4 hypotheses, summed weight 0.10" in tab.inner_text(".gmr-chosen")
 
 
-def test_keys_step_hide_the_truth_and_open_the_help(opened):
+def test_keys_step_hide_the_truth_select_and_open_the_help(opened):
     tab = opened(recorded("a"))
     for key, scan in (("ArrowRight", 2), ("End", SCANS), ("ArrowLeft", SCANS - 1), ("Home", 1)):
         tab.keyboard.press(key)
         assert scan_of_soon(tab, scan)
     tab.keyboard.press("t")
     assert tab.get_attribute("text=truth >> nth=0", "aria-pressed") == "false"
+    tab.keyboard.press("n")
+    assert "Hypothesis 1 of 5" in tab.inner_text(".gmr-chosen")
     tab.keyboard.press("?")
     assert tab.is_visible("role=dialog")
     tab.keyboard.press("Escape")
-    assert not tab.is_visible("role=dialog")
+    assert not tab.is_visible("role=dialog") and tab.inner_text(".gmr-chosen") == ""
 
 
 def test_a_lost_target_a_given_up_one_and_a_missing_estimate_are_said(opened):

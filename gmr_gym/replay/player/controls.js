@@ -12,6 +12,7 @@ const KEYS = [
   ["o", "the target's own detection"],
   ["m", "animate the reduction"],
   ["l", "lines to the parents"],
+  ["n", "select the next hypothesis by weight"],
   ["esc", "end a selection"],
   ["?", "this help"],
 ];

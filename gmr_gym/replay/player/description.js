@@ -18,7 +18,7 @@ function describeKept(episode, { panel, t, i, rows }, go) {
   nodes[1].append(rows.length > 1 ? `, merged from ${rows.length} hypotheses` : ", not merged");
   nodes.push(bars("Associations", sums(rows, full.w, (row) => associationName(full.detection[row]))));
   if (t > 0) nodes.push(parentLine(tracker, t, rows, go));
-  if (episode.modes.length > 1)
+  if (tracker.mode_p)
     nodes.push(bars("Motion models", sums(rows, full.w, (row) => modeName(episode, full.mode[row]))));
   return nodes;
 }
@@ -30,7 +30,7 @@ function describeFull(episode, { panel, t, i }, go) {
     heading(`Hypothesis ${number} of ${all}`, `${tracker.name}, scan ${t + 1}, before the reduction`),
     line(`Weight ${share(full.w[i])}, ${associationName(full.detection[i])}`),
   ];
-  if (episode.modes.length > 1) nodes.push(line(`Motion model: ${modeName(episode, full.mode[i])}`));
+  if (tracker.mode_p) nodes.push(line(`Motion model: ${modeName(episode, full.mode[i])}`));
   if (t > 0) nodes.push(parentLine(tracker, t, [i], go));
   const kept = tracker.kept.start[t] + into;
   const toKept = link(`hypothesis ${into + 1}`, () => go(t, kept));

@@ -82,6 +82,7 @@ function actionsOf(player) {
     t: () => player.turn("truth"),
     o: () => player.turn("origin"),
     ...(player.episode.traced && { m: () => player.turn("merges"), l: () => player.turn("lines") }),
+    n: () => player.selectNext(),
     "?": () => player.toggleHelp(),
     Escape: () => player.escape(),
   };

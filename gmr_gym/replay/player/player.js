@@ -122,6 +122,14 @@ class Player {
     this.choose(found && selection(panel, this.show.t, found));
   }
 
+  /** Select the heaviest hypothesis kept, or the next lighter one than that selected. */
+  selectNext() {
+    const { chosen, t } = this.show, panel = chosen ? chosen.panel : this.panels[0];
+    const rows = rowsWhere(panel.tracker.kept, t, () => true);
+    const i = rows[(chosen && chosen.kind === "kept" ? rows.indexOf(chosen.i) + 1 : 0) % rows.length];
+    if (rows.length) this.choose(selection(panel, t, { kind: "kept", i }));
+  }
+
   choose(chosen) {
     const go = (t, i) => {
       this.go(t);
@@ -248,15 +256,5 @@ class Player {
     this.strips.forEach((strip) => strip.say(t));
     if (pieces.stage) pieces.stage.setAttribute("aria-valuetext", STAGES[stage].name);
     (pieces.stageNames || []).forEach((node, i) => node.classList.toggle("gmr-now", i === stage));
-  }
-}
-
-/** Fill the element with a player of the data; a promise of the player. */
-async function start(element, data) {
-  try {
-    return new Player(element, recording(data, await unpack(data)));
-  } catch (error) {
-    element.textContent = `The episode cannot be shown: ${error.message}`;
-    throw error;
   }
 }
