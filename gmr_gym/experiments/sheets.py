@@ -144,7 +144,7 @@ def comparison(title: str, record: dict[str, Any], metrics: Sequence[str]) -> Sh
             cell = row["metrics"][metric]
             text = shown(metric, figure_of(cell))
             if "paper" in cell:
-                text += f"\npaper {cell['paper'] * _scale(metric):.4g} {cell.get('verdict', '')}"
+                text += f"\npaper {cell['paper'] * _scale(metric):.4g} {cell.get('verdict', '')}".rstrip()
             cells.append(text)
         rows.append([row["tracker"], *cells])
     return Sheet(title, ["", *map(heading, metrics)], rows)

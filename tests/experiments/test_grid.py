@@ -123,6 +123,7 @@ def test_every_setting_is_run_as_evaluate_runs_it_and_finds_what_that_has_run(ca
     for mine, theirs in zip(record["tables"][2:], alone["tables"], strict=True):
         assert mine["rows"] == theirs["rows"] and mine["settings"] == theirs["settings"]  # times too
     assert record["settings"] == {"horizon": 5} and record["axes"] == {"clutter_rate": [20, 100]}
+    assert record["notes"] == alone["notes"] and errors.count("too few to judge") == 1
     (folder,) = Path("results/sweep").iterdir()
     assert (folder / "sweep.json").read_text() == printed
     rows = list(csv.DictReader(io.StringIO((folder / "sweep.csv").read_text())))
