@@ -52,8 +52,11 @@ def set_distances(x: np.ndarray, y: np.ndarray, cutoff: float, order: float) -> 
     tuple of five floats
     """
     rule = rule_of(cutoff, order)
-    found = compared(x, y, rule) if rule else (np.nan,)
-    return (*gospa(x, y, cutoff, order), ospa(x, y, cutoff, order)) if np.isnan(found[0]) else found
+    if rule is not None:
+        found = compared(x, y, rule)
+        if not math.isnan(found[0]):
+            return found
+    return *gospa(x, y, cutoff, order), ospa(x, y, cutoff, order)
 
 
 def rule_of(cutoff: float, order: float) -> Rule | None:

@@ -1,5 +1,6 @@
 """Kernels compiled ahead: which pairs are played, and what is refused."""
 
+import gymnasium as gym
 import pytest
 
 from gmr_gym.catalogue import GROUP
@@ -55,6 +56,16 @@ def test_an_environment_without_trackers_is_stepped(played):
     assert played == [(TUNING, "")]
     with pytest.raises(ValueError, match=f"'pda' fits none of {TUNING}: no tracker runs there"):
         warming.warm([TUNING], ["pda"], 1, lambda *_: None)
+
+
+@pytest.mark.parametrize("env_id", [TURNING, CLUTTER])
+def test_every_environment_is_stepped_side_by_side_too(monkeypatch, env_id):
+    envs = gym.make_vec(env_id, 2)
+    stepped = []
+    monkeypatch.setattr(envs, "step", lambda actions: stepped.append(actions.shape))
+    monkeypatch.setattr(gym, "make_vec", lambda *named, **told: envs)
+    warming._step_all(env_id)
+    assert stepped == [envs.action_space.shape]
 
 
 def test_no_jobs_are_refused(played):
