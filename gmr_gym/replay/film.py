@@ -79,22 +79,15 @@ def film(
     play_one: Any = _many if many else _single
     tracked = [play_one(scenario, tracker, episode) for tracker in trackers.values()]
 
-    def pictures() -> Iterator[Any]:
-        for t, shown in enumerate(islice(zip(*tracked, strict=True), total)):
-            if frame is None:
-                yield canvas.draw(episode, t, shown)
-            elif t == total - 1:
-                canvas.place(episode, t, shown)
-            if progress:
-                progress(t + 1, total)
-
+    moments = _moments(zip(*tracked, strict=True), total, progress)
     if frame is None:
-        write(out, pictures(), total, fps)
-    else:
-        for _ in pictures():
-            pass
-        with whole(out) as partial:
-            canvas.save(partial)
+        write(out, (canvas.draw(episode, t, shown) for t, shown in moments), total, fps)  # type: ignore[misc]
+        return
+    for t, shown in moments:  # the last is drawn
+        pass
+    canvas.place(episode, t, shown)
+    with whole(out) as partial:
+        canvas.save(partial)
 
 
 def check_film(out: Path, trackers: int, frame: int | None, size: tuple[int, int] | None, fps: float) -> None:
@@ -142,6 +135,16 @@ def _total(there: int, frame: int | None, scans: int | None) -> int:
     if frame is not None and not 1 <= frame <= there:
         raise ValueError(f"frame must be from 1 to the {there} scans of the episode, got {frame}")
     return frame or there
+
+
+def _moments(
+    shown: Iterable[tuple[Tracked, ...]], total: int, progress: Callable[[int, int], None] | None
+) -> Iterator[tuple[int, tuple[Tracked, ...]]]:
+    """The first scans, numbered from 0; `progress` is called after each."""
+    for t, each in enumerate(islice(shown, total)):
+        yield t, each
+        if progress:
+            progress(t + 1, total)
 
 
 def _single(scenario: Scenario, tracker: Any, episode: Any) -> Iterator[Tracked]:
