@@ -104,7 +104,7 @@ def _row(
     points = tracker.model.sensor.to_gate_space(scan.z)
     modes = {}
     if len(report.modes) > 1:
-        modes["mode_p"] = reported.array("modes", report.modes, len(scenario.model.motions))
+        modes["mode_p"] = reported.array("modes", report.modes, len(tracker.model.motions))
     return {
         "z": sensor.to_gate_space(scan.z)[:, :2],
         "target": np.append(np.flatnonzero(scan.origin == 0), -1)[0],
@@ -147,13 +147,13 @@ def _full(
     full = reported.mixture("trace.full", traced.trace.full, scenario.model.prior.m.shape[1])
     given = np.append(np.flatnonzero((played.scan.origin >= 0) | (not traced.knows_origin)), -1)
     kept = len(played.report.mixture.w)
-    below = before, len(given) - 1, kept, len(scenario.model.motions)
-    told = {
+    below = before, len(given) - 1, kept, len(traced.model.motions)
+    rows = {
         field: reported.rows(f"trace.{field}", getattr(traced.trace, field), len(full.w), end)
         for field, end in zip(("parent", "detection", "into", "mode"), below, strict=True)
     }
-    told["detection"] = given[told["detection"]]
-    into, heaviest = told["into"], np.zeros(kept)
+    rows["detection"] = given[rows["detection"]]
+    into, heaviest = rows["into"], np.zeros(kept)
     merged = into >= 0
     np.maximum.at(heaviest, into[merged], full.w[merged])
     shown = full.w >= NEGLIGIBLE
@@ -163,7 +163,7 @@ def _full(
         "full_w": full.w[shown],
         "full": full.m[shown][:, at],
         "full_P": upper(full.P[shown], at),
-        **{f"full_{field}": rows[shown] for field, rows in told.items()},
+        **{f"full_{field}": values[shown] for field, values in rows.items()},
         "full_rest_count": (~shown & ~merged).sum(),
         "full_rest_merged": (~shown & merged).sum(),
         "full_rest_w": full.w[~shown].sum(),

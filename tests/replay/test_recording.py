@@ -13,6 +13,9 @@ from gmr_gym.evaluation.montecarlo import run_once
 from gmr_gym.evaluation.multi_target_runs import run_multi_target_once
 from gmr_gym.evaluation.summary import errors
 from gmr_gym.filters.registry import make_tracker
+from gmr_gym.filters.tracker import MultiTargetReport
+from gmr_gym.mixture import Mixture
+from gmr_gym.models.clutter import no_components
 from gmr_gym.replay import record
 from gmr_gym.replay.lineup import trackers_of
 from gmr_gym.scenarios.dortenzio import turning_target
@@ -166,7 +169,7 @@ def test_five_thousand_detections_are_a_scan_like_any_other():
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1e300])
-def test_what_is_no_number_is_missing_and_told(wrong):
+def test_what_is_no_number_is_missing_with_a_warning(wrong):
     spoilt = Reporting(
         partial(replaced, x=lambda x: x * wrong, gates=lambda g: g._replace(z=g.z + wrong)), SHORT.model
     )
@@ -179,6 +182,50 @@ def test_what_is_no_number_is_missing_and_told(wrong):
         np.testing.assert_array_equal(own[name][~away], right[name][~away])
     assert own["off_target"][away].all() and own["gate_start"].tolist() == [0, 1, 2, 2, 2, 2, 3]
     np.testing.assert_array_equal(own["kept"], right["kept"])
+
+
+@dataclass(frozen=True)
+class Declaring:
+    """Declares one target at the origin, with the fields changed."""
+
+    fields: dict
+    model: object = MANY.model
+
+    def init(self):
+        return None
+
+    def step(self, belief, z):
+        none = no_components(6)
+        report = MultiTargetReport(
+            np.zeros((1, 6)), np.ones(1), np.zeros(1, int), 1.0, none, self.model.clutter
+        )
+        return belief, report._replace(**self.fields)
+
+
+def test_what_is_no_number_is_missing_of_many_targets_too():
+    nowhere = np.full((1, 6), np.nan)
+    spoilt = Mixture(np.ones(1), nowhere[:, :2], np.full((1, 2, 2), np.inf))
+    tracker = Declaring({"x": nowhere, "clutter": MANY.model.clutter._replace(gaussians=spoilt)})
+    with pytest.warns(UserWarning, match=r"^tracker 'mine' reported numbers that are not finite in 3 of 3"):
+        own = of_tracker(record(MANY, {"mine": tracker}, 2, 3))
+    assert np.isnan(own["declared"]).all() and np.isnan(own["guess_P"]).all()
+    nothing = Declaring({"x": np.empty((0, 6)), "existence": [], "label": []})
+    np.testing.assert_array_equal(own["gospa"], record(MANY, {"a": nothing}, 2, 3).columns["0/gospa"])
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"x": np.zeros(6)}, r"x at scan 1: expected shape \(n, 6\), got \(6,\)"),
+        ({"existence": np.ones(2)}, r"existence at scan 1: expected shape \(1\), got \(2,\)"),
+        ({"label": np.array([0.5])}, r"label at scan 1: expected 1 whole numbers from -1"),
+        ({"expected_targets": np.ones(2)}, r"expected_targets at scan 1: expected shape \(\), got \(2,\)"),
+        ({"intensity": 3}, "intensity at scan 1: expected a Mix"),
+    ],
+)
+def test_reports_of_many_targets_of_wrong_shapes_are_refused_in_a_line(fields, message):
+    with pytest.raises(ValueError, match=f"^tracker 'mine', {message}"):
+        record(MANY, {"mine": Declaring(fields)}, 2, 3)
 
 
 def test_a_window_cannot_follow_what_is_no_number():
@@ -289,6 +336,6 @@ def test_trackers_that_cannot_run_are_named_with_the_environment(given, message)
 
 
 def test_progress_is_of_the_scans_of_all_trackers():
-    told = []
-    record(SHORT, {"a": PDA, "b": NEAREST}, 1, 2, progress=lambda *done: told.append(done))
-    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    done = []
+    record(SHORT, {"a": PDA, "b": NEAREST}, 1, 2, progress=lambda *counts: done.append(counts))
+    assert done == [(1, 4), (2, 4), (3, 4), (4, 4)]

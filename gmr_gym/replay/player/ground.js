@@ -125,6 +125,7 @@ function drawOverview({ plane, ink, episode, tracker }, { t, truth }) {
   const small = OVERVIEW / Math.max(across, up), X = width - 12 - across * small, Y = 12;
   const corner = { x: plane.x(0), y: plane.y(0) }, part = small / plane.scale;
   const before = { left: plane.left, top: plane.top, scale: plane.scale };
+  ctx.save();
   paper(plane, ink, X - 8, Y - 8, across * small + 16, up * small + 16);
   Object.assign(plane, { left: X - left * small, top: Y + high * small, scale: small });
   ctx.strokeStyle = truth ? ink.truth : ink.estimate;
@@ -136,16 +137,20 @@ function drawOverview({ plane, ink, episode, tracker }, { t, truth }) {
   ctx.stroke();
   ctx.strokeStyle = ink.ink;
   ctx.strokeRect(plane.X(corner.x), plane.Y(corner.y), width * part, height * part);
+  ctx.restore();
   Object.assign(plane, before);
 }
 
-/** A clear rectangle with a thin edge. */
+/** A clear rectangle with a thin edge, out of which nothing is drawn. */
 function paper({ ctx }, ink, X, Y, width, height) {
+  ctx.beginPath();
+  ctx.rect(X, Y, width, height);
   ctx.globalAlpha = 0.85;
   ctx.fillStyle = ink.paper;
-  ctx.fillRect(X, Y, width, height);
+  ctx.fill();
   ctx.globalAlpha = 1;
   ctx.lineWidth = 1;
   ctx.strokeStyle = ink.gates;
-  ctx.strokeRect(X, Y, width, height);
+  ctx.stroke();
+  ctx.clip();
 }

@@ -1,5 +1,6 @@
 // The player: what is shown, and how it changes in time and by hand.
 
+const NARROW = 760; // px; the style sheet has it too
 const SLOW = 2; // scans a second up to which the reduction is animated
 
 /** One recording in one element. `show` is what the panels draw: scan t, the phase of its transition (1 after
@@ -13,16 +14,15 @@ class Player {
       truth: true, origin: false, lines: false, merges: episode.traced,
     };
     this.calm = window.matchMedia("(prefers-reduced-motion: reduce)");
-    this.dark = window.matchMedia("(prefers-color-scheme: dark)");
     this.camera = new Camera(episode);
     this.panels = episode.trackers.map((tracker, i) => new Panel(episode, tracker, i));
     this.strips = chartsOf(episode, (t) => this.go(t));
     this.pieces = build(this);
     this.tick = this.tick.bind(this);
+    this.followTheme();
     this.resize();
     this.panels.forEach((panel) => listen(this, panel));
     listenToKeys(this);
-    this.dark.addEventListener("change", () => this.dye());
     new ResizeObserver(() => this.resize()).observe(root);
   }
 
@@ -30,8 +30,9 @@ class Player {
 
   resize() {
     const { bar, charts, time } = this.pieces, { plane } = this.panels[0];
+    this.narrow = this.root.clientWidth < NARROW;
     // on a phone the slider stays in sight with the buttons; else it lies over the charts
-    const home = this.root.clientWidth < 760 ? bar : charts;
+    const home = this.narrow ? bar : charts;
     if (time.parentNode !== home) home.prepend(time);
     for (const panel of this.panels) panel.plane.resize();
     const side = Math.min(plane.width, plane.height), first = !this.camera.side;
@@ -48,10 +49,15 @@ class Player {
     this.wake();
   }
 
-  turnLight() {
-    const { dataset } = this.root;
-    const dark = dataset.theme ? dataset.theme === "dark" : this.dark.matches;
-    dataset.theme = dark ? "light" : "dark";
+  /** Light or dark as the reader's system is, also when that changes. */
+  followTheme() {
+    const system = window.matchMedia("(prefers-color-scheme: dark)");
+    system.addEventListener("change", () => this.shade(system.matches));
+    this.shade(system.matches);
+  }
+
+  shade(dark) {
+    this.root.dataset.theme = dark ? "dark" : "light";
     this.dye();
   }
 
@@ -121,8 +127,11 @@ class Player {
       this.go(t);
       this.choose(selection(chosen.panel, t, { kind: "kept", i }));
     };
+    const { aside, chosen: box } = this.pieces;
     this.show.chosen = chosen;
-    this.pieces.chosen.replaceChildren(...(chosen ? describe(this.episode, chosen, go) : []));
+    box.replaceChildren(...(chosen ? describe(this.episode, chosen, go) : []));
+    if (this.narrow && chosen) chosen.panel.node.append(box);
+    else aside.prepend(box);
     this.wake();
   }
 

@@ -7,7 +7,7 @@ function hit(panel, show, X, Y) {
   const { plane, tracker } = panel, { t, phase } = show;
   const detection = nearest(plane, tracker.z, t, X, Y, HIT);
   if (detection >= 0) return { kind: "detection", i: detection };
-  const before = tracker.full && phase < 0.76;
+  const before = tracker.full && phase < 0.76; // then half of the way to what they are merged into is gone
   const i = innermost(plane, before ? tracker.full : tracker.kept, t, X, Y);
   return i < 0 ? null : { kind: before ? "full" : "kept", i };
 }
@@ -45,7 +45,7 @@ function rowsWhere({ start, w }, t, test) {
   return rows.sort((a, b) => w[b] - w[a]);
 }
 
-/** Rows of the full posterior (of the kept mixture where there is none) that a selection is about. */
+/** Rows of the full posterior that a selection is about; none where it is not known. */
 function rowsOf(tracker, { t, kind, i }) {
   const { full, z } = tracker;
   if (!full) return [];

@@ -118,8 +118,8 @@ class LineStrip extends Strip {
 
   ticks() {
     if (!this.log) {
-      const step = niceStep(this.high / 2.01);
-      return [0, step, 2 * step].filter((value) => value < this.high);
+      const step = Math.max(niceStep(this.high / 3.2), this.unit ? 0 : 1);
+      return [0, 1, 2, 3].map((k) => k * step).filter((value) => value < this.high);
     }
     const lowest = Math.ceil(Math.log10(this.low)), highest = Math.floor(Math.log10(this.high));
     const every = Math.max(1, Math.ceil((highest - lowest + 1) / 3)), ticks = [];

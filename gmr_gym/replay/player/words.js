@@ -1,7 +1,10 @@
 // Counts and numbers in words.
 
-const plural = (n, word, many = word.replace(/is$/, "es")) =>
-  `${n} ${n === 1 ? word : many === word ? `${word}s` : many}`;
+/** So many of a thing: 1 gate, 2 gates, 2 hypotheses. */
+function plural(n, word) {
+  const many = word.endsWith("is") ? word.replace(/is$/, "es") : `${word}s`;
+  return `${n} ${n === 1 ? word : many}`;
+}
 
 function reductionInWords({ all, pruned, merged, kept }) {
   if (all === undefined || all === kept) return plural(kept, "hypothesis");
