@@ -1,29 +1,26 @@
 """An episode as a film, or a scan of it as a picture: what the sensor saw, and what trackers made of it."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import combinations, islice
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from gmr_gym.envs.render import Canvas, Tracked
 from gmr_gym.envs.render_multi_target import MultiTargetCanvas
-from gmr_gym.envs.render_sheet import INKS, PAPER, check_size
+from gmr_gym.envs.render_sheet import check_size
 from gmr_gym.evaluation.loop import is_off_target, play
 from gmr_gym.evaluation.multi_target_runs import play as play_multi_target
 from gmr_gym.evaluation.writing import whole
+from gmr_gym.replay.gif import write_gif
 from gmr_gym.replay.recording import MOST_TRACKERS
 from gmr_gym.simulation import multi_target, single_target
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
 
 FPS, FASTEST = 10.0, 50.0  # frames a second; a .gif counts time in hundredths of a second
-STAYS = 1.5  # seconds, that the last frame of a .gif is shown
 WIDTH, NARROW = 640, 480  # pixels, of one panel, and of each of several
-# shares of an ink in a pixel at an edge of what it draws, or that is drawn faintly
-TINTS = 1.0, 0.82, 0.65, 0.49, 0.34, 0.2, 0.08
 FILMS, PICTURES = (".gif", ".mp4"), (".png", ".svg")
 
 
@@ -82,22 +79,15 @@ def film(
     play_one: Any = _many if many else _single
     tracked = [play_one(scenario, tracker, episode) for tracker in trackers.values()]
 
-    def pictures() -> Iterator[Any]:
-        for t, shown in enumerate(islice(zip(*tracked, strict=True), total)):
-            if frame is None:
-                yield canvas.draw(episode, t, shown)
-            elif t == total - 1:
-                canvas.place(episode, t, shown)
-            if progress:
-                progress(t + 1, total)
-
+    moments = _moments(zip(*tracked, strict=True), total, progress)
     if frame is None:
-        write(out, pictures(), total, fps)
-    else:
-        for _ in pictures():
-            pass
-        with whole(out) as partial:
-            canvas.save(partial)
+        write(out, (canvas.draw(episode, t, shown) for t, shown in moments), total, fps)  # type: ignore[misc]
+        return
+    for t, shown in moments:  # the last is drawn
+        pass
+    canvas.place(episode, t, shown)
+    with whole(out) as partial:
+        canvas.save(partial)
 
 
 def check_film(out: Path, trackers: int, frame: int | None, size: tuple[int, int] | None, fps: float) -> None:
@@ -134,7 +124,7 @@ def write(out: Path | str, pictures: Iterable[np.ndarray], total: int, fps: floa
     """
     out = Path(out)
     with whole(out) as partial:
-        (_gif if out.suffix.lower() == ".gif" else _mp4)(partial, pictures, total, fps)
+        (write_gif if out.suffix.lower() == ".gif" else _mp4)(partial, pictures, total, fps)
 
 
 def _total(there: int, frame: int | None, scans: int | None) -> int:
@@ -145,6 +135,16 @@ def _total(there: int, frame: int | None, scans: int | None) -> int:
     if frame is not None and not 1 <= frame <= there:
         raise ValueError(f"frame must be from 1 to the {there} scans of the episode, got {frame}")
     return frame or there
+
+
+def _moments(
+    shown: Iterable[tuple[Tracked, ...]], total: int, progress: Callable[[int, int], None] | None
+) -> Iterator[tuple[int, tuple[Tracked, ...]]]:
+    """The first scans, numbered from 0; `progress` is called after each."""
+    for t, each in enumerate(islice(shown, total)):
+        yield t, each
+        if progress:
+            progress(t + 1, total)
 
 
 def _single(scenario: Scenario, tracker: Any, episode: Any) -> Iterator[Tracked]:
@@ -165,71 +165,6 @@ def _many(scenario: MultiTargetScenario, tracker: Any, episode: Any) -> Iterator
     for t, (report, _) in enumerate(play_multi_target(tracker, episode)):
         estimates.append(report.x[:, list(scenario.position)])
         yield Tracked(multi_target.scan(episode, t), estimates, report)
-
-
-class Palette:
-    """The colours of a .gif, the same for every film: inks as they are, their tints, and what two of them mix
-    to. So no colour flickers, and one that covers little is there from the first frame to the last.
-
-    Attributes
-    ----------
-    colours : ndarray (n, 3)
-    """
-
-    def __init__(self) -> None:
-        from PIL import ImageColor
-
-        *inks, paper = np.array([ImageColor.getrgb(ink) for ink in (*INKS, PAPER)], float)
-        tints = [paper + share * (ink - paper) for ink in inks for share in TINTS]
-        mixed = [(one + other) / 2 for one, other in combinations(inks, 2)]
-        self.colours = np.round([paper, *tints, *mixed]).astype(np.uint8)
-        self._tree = cKDTree(self.colours)
-        self._nearest = np.full(1 << 24, len(self.colours), np.uint8)  # by colour, where it has been met
-
-    def indices(self, picture: np.ndarray) -> np.ndarray:
-        """Rows of `colours` (height, width), the nearest to each pixel of a picture."""
-        numbers = picture.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
-        new = np.unique(numbers[self._nearest[numbers] == len(self.colours)])
-        self._nearest[new] = self._tree.query(np.stack([new >> 16, new >> 8 & 255, new & 255], axis=1))[1]
-        return self._nearest[numbers]
-
-
-def _gif(out: Path, pictures: Iterable[np.ndarray], total: int, fps: float) -> None:
-    """Each frame is the part that differs from the frame before, see-through where it does not."""
-    from PIL import Image
-    from PIL.GifImagePlugin import getdata, getheader
-
-    palette = Palette()
-    clear, colours = len(palette.colours), palette.colours.tobytes() + bytes(3)
-    before = None
-    with out.open("wb") as file:
-        for i, picture in enumerate(pictures):
-            now = palette.indices(picture)
-            rows, columns = _differing(now, before)
-            part = now[rows, columns]
-            if before is not None:
-                part = np.where(part == before[rows, columns], clear, part).astype(np.uint8)
-            image = Image.fromarray(part)
-            image.putpalette(colours)
-            if before is None:
-                file.writelines(getheader(image, info={"loop": 0})[0])
-            last = i == total - 1
-            file.writelines(getdata(
-                image, (columns.start, rows.start), transparency=clear, disposal=1,
-                duration=round(100 / fps) * 10 + 1000 * STAYS * last,
-            ))  # fmt: skip
-            before = now
-        file.write(b";")
-
-
-def _differing(now: np.ndarray, before: np.ndarray | None) -> tuple[slice, slice]:
-    """Rows and columns of the box in which two frames differ; one pixel where they do not."""
-    if before is None:
-        return slice(0, now.shape[0]), slice(0, now.shape[1])
-    differs = now != before
-    sides = (np.flatnonzero(differs.any(axis=axis)) for axis in (1, 0))
-    rows, columns = (slice(side[0], side[-1] + 1) if len(side) else slice(0, 1) for side in sides)
-    return rows, columns
 
 
 def _mp4(out: Path, pictures: Iterable[np.ndarray], total: int, fps: float) -> None:

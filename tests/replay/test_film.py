@@ -9,12 +9,13 @@ import pytest
 from PIL import Image, ImageColor
 
 from gmr_gym.envs.render import Canvas
+from gmr_gym.envs.render_marks import CLUTTER, ESTIMATE, GATES, HYPOTHESIS, INK, TRUTH
 from gmr_gym.envs.render_multi_target import MultiTargetCanvas
-from gmr_gym.envs.render_sheet import CLUTTER, ESTIMATE, GATES, HYPOTHESIS, INK, TRUTH
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.filters.tracker import Report
 from gmr_gym.models.gating import Gates
-from gmr_gym.replay.film import Palette, _many, _single, film, write
+from gmr_gym.replay.film import _many, _single, film, write
+from gmr_gym.replay.gif import Palette
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.lv import unknown_clutter
 from gmr_gym.simulation.multi_target import draw as draw_many
@@ -172,9 +173,9 @@ def test_a_scan_as_pixels_is_of_the_size_that_is_asked_for(one, tmp_path):
         ("f.gif", 1, {"scans": 4}, "scans must be from 1 to the 3 of the episode, got 4"),
         ("f.gif", 1, {"fps": 0}, "fps must be between 0.1 and 50, got 0"),
         ("f.gif", 1, {"fps": float("nan")}, "fps must be between 0.1 and 50, got nan"),
-        ("f.gif", 1, {"size": (4001, 0)}, "size must be between 1 and 4000 pixels a side, got 4001x"),
-        ("f.gif", 1, {"size": (300, -1)}, "size must be between 1 and 4000 pixels a side, got 300x-1"),
-        ("f.gif", 4, {"size": (300, 300)}, "size 300x300 leaves no room for 4 pictures side by side"),
+        ("f.gif", 1, {"size": (4001, 0)}, "size must be between 1 and 4000 pixels a side, got 4001"),
+        ("f.gif", 1, {"size": (300, -1)}, "size must be between 1 and 4000 pixels a side, got -1"),
+        ("f.gif", 4, {"size": (300, 300)}, "size 300x300 leaves no room for 4 panels and the legend"),
         ("f.gif", 5, {}, "trackers must be from 1 to 4, got 5"),
         ("f.gif", 0, {}, "trackers must be from 1 to 4, got 0"),
     ],
