@@ -892,7 +892,9 @@ def test_a_console_of_any_encoding_gets_what_it_can_show_and_the_files_are_there
     assert ("gate area, m²" if encoding == "utf-8" else "gate area, m^2") in shown
     rows = [line for line in shown.splitlines() if line.startswith(("|", "+"))]
     assert len({len(row) for row in rows}) == 1
-    assert {file.name for file in (tmp_path / "é²").iterdir()} == {"blocks", "runs.csv", "evaluate.json"}
+    assert {file.name for file in (tmp_path / "é²").iterdir()} == {
+        "blocks", "runs.csv", "evaluate.json", "report.html",
+    }  # fmt: skip
     if encoding == "cp1251":
         run_command("reproduce", "zhang", "--table", "clear", "--runs", 1, "--jobs", 1, "--out", "r")
         assert (tmp_path / "r/zhang.json").exists() and (tmp_path / "r/zhang.csv").exists()
