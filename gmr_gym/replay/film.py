@@ -1,5 +1,6 @@
 """An episode as a film, or a scan of it as a picture: what the sensor saw, and what trackers made of it."""
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
 from pathlib import Path
@@ -83,8 +84,7 @@ def film(
     if frame is None:
         write(out, (canvas.draw(episode, t, shown) for t, shown in moments), total, fps)  # type: ignore[misc]
         return
-    for t, shown in moments:  # the last is drawn
-        pass
+    ((t, shown),) = deque(moments, maxlen=1)
     canvas.place(episode, t, shown)
     with whole(out) as partial:
         canvas.save(partial)
