@@ -144,7 +144,8 @@ def weigh_associations(w, predicted_z, threshold, log_miss, log_detect):
         for h in range(first[i], first[i + 1]):
             j = near[h]
             if len(R) or h == first[i]:  # every detection has its own noise, or all of the gate the same
-                _factor_sum_into(L, pair, S[i], R, j)
+                _sum_into(pair, S, i, R, j)
+                cholesky_into(L, pair)
                 log_peak = log_gaussian_scale(L)
             log_density[at] = log_peak - 0.5 * d2[h] + log_jacobian[j]
             w_out[at] = log_w + log_detect + log_density[at]
@@ -172,8 +173,9 @@ def update_associated(m, P, predicted_z, parent, detection):
     for at in range(len(parent)):
         i, j = parent[at], detection[at]
         if j >= 0 and (len(R) or i != conditioned):
-            _factor_sum_into(L, pair, S[i], R, j)
-            _sum_into(pair, noise[0 if len(noise) == 1 else i], R, j)
+            _sum_into(pair, S, i, R, j)
+            cholesky_into(L, pair)
+            _sum_into(pair, noise, 0 if len(noise) == 1 else i, R, j)
             posterior_into(P_hit, K, room, L, P[i], C[i], H[0 if len(H) == 1 else i], pair)
             conditioned = i
         own = i if lists > 1 else 0
@@ -188,14 +190,8 @@ def update_associated(m, P, predicted_z, parent, detection):
 
 
 @leaf_kernel
-def _factor_sum_into(L, pair, S, R, j):
-    """Writes S plus the noise R[j], if detections have their own, to `pair`, and its Cholesky factor to L."""
-    _sum_into(pair, S, R, j)
-    cholesky_into(L, pair)
-
-
-@leaf_kernel
-def _sum_into(pair, S, R, j):
-    for r in range(len(S)):
-        for c in range(len(S)):
-            pair[r, c] = S[r, c] + (R[j, r, c] if len(R) else 0.0)
+def _sum_into(pair, S, i, R, j):
+    """Writes the covariance S[i] plus the noise R[j], where detections have their own, to `pair`."""
+    for r in range(len(pair)):
+        for c in range(len(pair)):
+            pair[r, c] = S[i, r, c] + (R[j, r, c] if len(R) else 0.0)

@@ -302,9 +302,7 @@ def prune_by_weight(w, m, P, prune_weight, max_hypotheses):
 def prune_by_density(w, m, P, density):
     """NWP: hypotheses whose weight over the root of the determinant is at least density, normalised."""
     w = rescaled(w)
-    kept = above_threshold(w, w / root_determinants(P), density)
-    if kept.sum() < len(w):
-        w, m, P, _ = select(w, m, P, kept)
+    w, m, P, _ = select(w, m, P, above_threshold(w, w / root_determinants(P), density))
     return rescaled(w), m, P
 
 

@@ -198,8 +198,7 @@ def gated_pairs(z_hat, S, z, R, threshold):
                 if not cholesky_into(L, S_pair):
                     raise ValueError("an innovation covariance S = H P H' + R is not positive definite")
             distance = mahalanobis_squared(L, z[own, j], z_hat[i], y)
-            if distance <= threshold:
-                detection[hits], d2[hits] = j, distance
-                hits += np.uint64(1)
+            detection[hits], d2[hits] = j, distance
+            hits += np.uint64(distance <= threshold)
         first[i + 1] = hits
     return first, detection, d2
