@@ -192,7 +192,14 @@ def reduce_and_estimate(
     density: float,
     max_hypotheses: int,
 ) -> tuple[Mixture, np.ndarray, np.ndarray]:
-    """`prune_and_reduce`, and the mean (1, d) and covariance (1, d, d) of what it leaves."""
+    """`prune_and_reduce`, of the same parameters, and the moments of what it leaves.
+
+    Returns
+    -------
+    left : Mixture
+    mean : ndarray, shape (1, d)
+    covariance : ndarray, shape (1, d, d)
+    """
     if isinstance(reduce, Greedy):
         limits = prune_weight, max_hypotheses, reduce.components, reduce.loss_bound, density
         w, m, P, mean, covariance = estimate_scan(*posterior, *limits)
