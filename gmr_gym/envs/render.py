@@ -227,7 +227,8 @@ class Canvas:
     def _view(self, episode: Any, t: int, shown: Sequence[Tracked]) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper corner (2,), m, of the window: one that follows is about the estimate, or about the
         target where there is none, or several."""
-        about = shown[0].estimates[-1:] if len(shown) == 1 else ()
+        latest = shown[0].estimates[-1:] if len(shown) == 1 else ()
+        about = [state for state in latest if np.isfinite(state).all()]
         return view(self.scenario, [*about, episode.x[min(t, len(episode.x) - 1)]][0])
 
 

@@ -54,12 +54,13 @@ def add_ellipses(
     opacity: np.ndarray | float = 1.0,
     **style: Any,
 ) -> None:
-    """Draw `ellipses` (n), in points wide, and as opaque as given for all or for each (n,)."""
-    colours = np.hstack([np.tile(to_rgb(colour), (len(centres), 1)), np.full((len(centres), 1), 1.0)])
-    colours[:, 3] = opacity
-    axes.add_collection(
-        ellipses(axes, centres, shapes, edgecolors=colours, linewidths=width, **style), autolim=False
-    )
+    """Draw `ellipses` (n), in points wide, as opaque as given for all or for each (n,), but for those with a
+    number that is not finite."""
+    opacity = np.broadcast_to(opacity, len(centres))
+    sound = np.isfinite(centres).all(axis=1) & np.isfinite(shapes).all(axis=(1, 2)) & np.isfinite(opacity)
+    colours = [(*to_rgb(colour), share) for share in opacity[sound]]
+    drawn = ellipses(axes, centres[sound], shapes[sound], edgecolors=colours, linewidths=width, **style)
+    axes.add_collection(drawn, autolim=False)
 
 
 def style_plane(axes: Axes, labelled: bool) -> None:
