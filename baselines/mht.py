@@ -17,6 +17,7 @@ from gmr_gym.filters.mht import (
     expand_and_prune,
     gate_and_log_weights,
     predict_and_prune,
+    predict_and_update,
     reduce_and_estimate,
 )
 from gmr_gym.filters.trace import Trace, origin_of_reduction, trace_of
