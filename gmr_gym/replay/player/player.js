@@ -22,7 +22,7 @@ class Player {
     this.resize();
     this.look(episode.many ? "whole" : "both", true);
     this.panels.forEach((panel) => listen(this, panel));
-    listenToKeys(this);
+    listenToKeys(this, actionsOf);
     this.dark.addEventListener("change", () => this.dye());
     new ResizeObserver(() => this.resize()).observe(root);
   }
