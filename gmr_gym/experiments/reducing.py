@@ -9,6 +9,7 @@ from gmr_gym.evaluation.reductions import Cost, cost, reduced
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.experiments import specs
 from gmr_gym.experiments.mixtures import EXAMPLES, FORMATS, read_mixture, write_mixture
+from gmr_gym.experiments.screen import progress
 from gmr_gym.experiments.sheets import Sheet
 from gmr_gym.mixture import Mixture
 from gmr_gym.replay.reduction import method_named, reduction_page
@@ -60,7 +61,8 @@ def reduction(
     functions = {method: partial(method_named(method), components=left) for method in methods}
     if page:
         drawn = _axes(axes, p.m.shape[1]) if axes else (0, 1)
-        text = reduction_page(p, methods, components or 1, axes=drawn, title=name)
+        with progress("reducing") as tell:
+            text = reduction_page(p, methods, components or 1, axes=drawn, title=name, progress=tell)
         with whole(out) as file:
             file.write_text(text, encoding="utf-8")
     else:
@@ -72,6 +74,8 @@ def reduction(
 
 def _axes(text: str, d: int) -> tuple[int, int]:
     numbers = specs.numbers("--axes", text)
+    if d == 1:
+        raise ValueError("--axes is for coordinates of more than one dimension")
     if len(numbers) != 2 or len({*numbers} & {*range(1, d + 1)}) != 2:
         raise ValueError(f"--axes must be two different ones of 1 to {d}, got {text!r}")
     return int(numbers[0]) - 1, int(numbers[1]) - 1

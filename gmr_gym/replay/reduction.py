@@ -1,6 +1,8 @@
 """A mixture reduced by several methods side by side, as a page and in a notebook."""
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +70,7 @@ def reduction_page(
     *,
     axes: tuple[int, int] = (0, 1),
     title: str = "",
+    progress: Callable[[int, int], None] | None = None,
 ) -> str:
     """The page of a mixture that several methods reduce, one component after another.
 
@@ -84,6 +87,8 @@ def reduction_page(
         The two coordinates that are drawn, where there are more than two.
     title : str
         Of the page.
+    progress : callable, optional
+        Called with the numbers of reductions done and of all.
 
     Returns
     -------
@@ -107,20 +112,17 @@ def reduction_page(
     n, d = p.m.shape
     if not 2 <= n <= MOST_COMPONENTS:
         raise ValueError(f"the mixture must have from 2 to {MOST_COMPONENTS} components, got {n}")
-    if check_count(components) > n:
+    least = check_count(components)
+    if least > n:
         raise ValueError(f"components must be at most the {n} of the mixture, got {components}")
     drawn = [0] if d == 1 else _axes(axes, d)
-    data = {
-        "title": title or f"{n} components",
-        "axes": drawn,
-        "versions": {"gmr_gym": __version__},
-        "methods": [
-            {"name": name} | _columns(steps(p, method, components), drawn) for name, method in by_name.items()
-        ],
-    }
+    by_name = _counted(by_name, len(by_name) * (n - least), progress)
+    shown = [{"name": name} | _columns(steps(p, by_name[name], least), drawn) for name in by_name]
+    title = title or f"{n} components"
+    data = {"title": title, "axes": drawn, "versions": {"gmr_gym": __version__}, "methods": shown}
     styles = [PLAYER / "player.css", HERE / "reduction.css"]
     parts = [*(PLAYER / f"{name}.js" for name in SHARED), *sorted(HERE.glob("*.js"))]
-    return document(f"{data['title']}: {', '.join(by_name)}", data, "GmrReduction", styles, parts)
+    return document(f"{title}: {', '.join(by_name)}", data, "GmrReduction", styles, parts)
 
 
 def show_reduction(
@@ -159,6 +161,21 @@ def _methods(given: Iterable[str] | Mapping[str, Method]) -> dict[str, Method]:
     if not 1 <= len(by_name) <= MOST_METHODS:
         raise ValueError(f"methods must be from 1 to {MOST_METHODS}, got {len(by_name)}")
     return by_name
+
+
+def _counted(
+    methods: Mapping[str, Method], total: int, progress: Callable[[int, int], None] | None
+) -> dict[str, Method]:
+    """The methods, whose calls are counted."""
+    done = count(1)
+
+    def counted(p: Mixture, components: int, method: Method) -> Reduced:
+        reduced = method(p, components=components)
+        if progress:
+            progress(next(done), total)
+        return reduced
+
+    return {name: partial(counted, method=method) for name, method in methods.items()}
 
 
 def _axes(axes: tuple[int, int], d: int) -> list[int]:

@@ -33,6 +33,8 @@ class EllipseScene {
     const { panel } = this, { plane, ink, method } = panel, { ctx } = plane;
     drawUprights(panel, plane.height, plane.height - 2);
     drawLevels(panel, this.stretch);
+    ctx.fillText(`x${this.axes[0] + 1}`, plane.width - 18, plane.height - 2);
+    ctx.fillText(`x${this.axes[1] + 1}`, 4, 16);
     this.outline(this.full, ink.detections, 0.8);
     const shown = inSight(method, k, u);
     const most = Math.max(this.most, ...shown.map(({ w }) => w));

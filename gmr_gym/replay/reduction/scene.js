@@ -23,7 +23,7 @@ function drawUprights({ plane, ink }, height, below) {
   for (let i = Math.ceil(plane.x(0) / step); i * step < plane.x(width); i++) {
     const X = Math.round(plane.X(i * step)) + 0.5;
     stroke(ctx, X, 0, X, height);
-    if (X > 12 && X < width - 30) ctx.fillText(tick(i * step, step), X + 3, below);
+    if (X > 24 && X < width - 50) ctx.fillText(tick(i * step, step), X + 3, below);
   }
 }
 
