@@ -75,8 +75,8 @@ class Panel:
         self.detections, self.truth, self.own, self.estimate = self._lines()
         self._above = plane.text(0, 1.02, "", color=INK, size=11, transform=plane.transAxes)
         self._lost = plane.annotate(
-            "", (0, 1), (8, -8), xycoords="axes fraction", textcoords="offset points", va="top",
-            color=ESTIMATE, weight="bold", bbox={"facecolor": PAPER, "edgecolor": ESTIMATE},
+            "", (0, 0), (8, 8), xycoords="axes fraction", textcoords="offset points", color=ESTIMATE,
+            weight="bold", bbox={"facecolor": PAPER, "edgecolor": ESTIMATE},
         )  # fmt: skip
 
     def _lines(self) -> list[Line2D]:

@@ -68,13 +68,10 @@ class Reported:
     def rows(self, what: str, value: Any, length: int, below: int) -> np.ndarray:
         """The value as integers (length,) from -1 to `below` - 1; ValueError for anything else."""
         rows = np.asarray(value)
-        if (
-            rows.shape != (length,)
-            or rows.dtype.kind not in "iu"
-            or not ((rows >= -1) & (rows < below)).all()
-        ):
+        whole = rows.shape == (length,) and (rows.dtype.kind in "iu" or length == 0)
+        if not whole or rows.min(initial=-1) < -1 or rows.max(initial=-1) >= below:
             raise ValueError(f"{self.place(what)}: expected {length} whole numbers from -1 to {below - 1}")
-        return rows
+        return rows.astype(int)
 
     def warn(self) -> None:
         """Warns, if there was any, of scans with numbers that were not finite."""

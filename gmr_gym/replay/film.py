@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from gmr_gym.envs.render import Canvas, Tracked
 from gmr_gym.envs.render_multi_target import MultiTargetCanvas
-from gmr_gym.envs.render_sheet import INKS, PAPER, check_size
+from gmr_gym.envs.render_sheet import HYPOTHESIS, INKS, PAPER, check_size
 from gmr_gym.evaluation.loop import is_off_target, play
 from gmr_gym.evaluation.multi_target_runs import play as play_multi_target
 from gmr_gym.evaluation.writing import whole
@@ -22,8 +22,8 @@ from gmr_gym.simulation.single_target import Scenario
 FPS, FASTEST = 10.0, 50.0  # frames a second; a .gif counts time in hundredths of a second
 STAYS = 1.5  # seconds, that the last frame of a .gif is shown
 WIDTH, NARROW = 640, 480  # pixels, of one panel, and of each of several
-# shares of an ink in a pixel at an edge of what it draws, or that is drawn faintly
-TINTS = 1.0, 0.86, 0.72, 0.58, 0.45, 0.33, 0.22, 0.13, 0.06
+# shares of an ink in a pixel at an edge of what it draws; and of the one whose faintness says something
+TINTS, FAINT = (1.0, 0.7, 0.4, 0.15), (1.0, 0.86, 0.72, 0.58, 0.45, 0.33, 0.22, 0.13, 0.06)
 FILMS, PICTURES = (".gif", ".mp4"), (".png", ".svg")
 
 
@@ -180,7 +180,8 @@ class Palette:
         from PIL import ImageColor
 
         *inks, paper = np.array([ImageColor.getrgb(ink) for ink in (*INKS, PAPER)], float)
-        tints = [paper + share * (ink - paper) for ink in inks for share in TINTS]
+        shares = [FAINT if ink == HYPOTHESIS else TINTS for ink in INKS]
+        tints = [paper + s * (ink - paper) for ink, own in zip(inks, shares, strict=True) for s in own]
         mixed = [(one + other) / 2 for one, other in combinations(inks, 2)]
         self.colours = np.round([paper, *tints, *mixed]).astype(np.uint8)
         self._tree = cKDTree(self.colours)

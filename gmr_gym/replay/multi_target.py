@@ -9,7 +9,7 @@ import numpy as np
 from gmr_gym.evaluation.metrics import gospa
 from gmr_gym.evaluation.multi_target_runs import play
 from gmr_gym.filters.tracker import MultiTargetReport, MultiTargetTracker
-from gmr_gym.mixture import joined
+from gmr_gym.mixture import Mixture, joined
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.replay.columns import Reported, gathered, upper
 from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario, draw
@@ -33,7 +33,7 @@ def truth_of(scenario: MultiTargetScenario, episode: MultiTargetEpisode, scans: 
     scans : int
     """
     clutter = gathered(
-        (_ellipses("clutter", scenario.clutter(t)) for t in range(scans)),
+        (_ellipses("clutter", _groups(scenario.clutter(t))) for t in range(scans)),
         {"clutter": ("clutter", "clutter_P")},
     )
     return {"truth": episode.x[:scans][:, :, list(scenario.position[:2])], **clutter}
@@ -69,15 +69,16 @@ def _row(
     d, at = states.shape[1], list(scenario.position)
     x = reported.array("x", report.x, None, d)
     intensity = reported.mixture("intensity", report.intensity, d)
+    guess = reported.mixture("clutter", _groups(report.clutter), len(scenario.sensor.R))
     found, truth = x[np.isfinite(x).all(axis=1)], states[np.isfinite(states).all(axis=1)]
     return {
         "declared": x[:, at[:2]],
         "existence": reported.array("existence", report.existence, len(x)),
-        "label": reported.array("label", report.label, len(x)).astype(int),
+        "label": reported.rows("label", report.label, len(x), 1 << 31),
         "kept_w": intensity.w,
         "kept": intensity.m[:, at[:2]],
         "kept_P": upper(intensity.P, at[:2]),
-        **_ellipses("guess", report.clutter),
+        **_ellipses("guess", guess),
         "expected": reported.array("expected_targets", report.expected_targets),
         "gospa": gospa(found[:, at], truth[:, at], scenario.cutoff, scenario.order).total,
         "present": len(truth),
@@ -85,7 +86,11 @@ def _row(
     }
 
 
-def _ellipses(name: str, clutter: Clutter) -> dict[str, np.ndarray]:
-    """The 95 % ellipse of each Gaussian of the clutter, and each uniform ellipse."""
-    groups = joined((clutter.gaussians._replace(P=EDGE * clutter.gaussians.P), clutter.ellipses))
+def _groups(clutter: Clutter) -> Mixture:
+    """The parts of the clutter that are not uniform in its box: ellipses that hold 95 % of each."""
+    return joined((clutter.gaussians._replace(P=EDGE * clutter.gaussians.P), clutter.ellipses))
+
+
+def _ellipses(name: str, groups: Mixture) -> dict[str, np.ndarray]:
+    """The columns of ellipses."""
     return {name: groups.m[:, :2], f"{name}_P": upper(groups.P)}

@@ -102,12 +102,12 @@ def write_page(recording: Recording, out: Path | str) -> None:
 
 def _data(recording: Recording) -> dict:
     """What the player is given."""
-    told = recording._asdict()
-    entries, blob = pack(told.pop("columns"))
-    names = told.pop("trackers")
+    fields = recording._asdict()
+    entries, blob = pack(fields.pop("columns"))
+    names = fields.pop("trackers")
     return {
         "title": ", ".join(names),
-        **told,
+        **fields,
         "axes": ["x, m", "y, m"],
         "trackers": [{"name": name} for name in names],
         "versions": {"gmr_gym": __version__},

@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gmr_gym.models.model import Model
 from gmr_gym.models.radar import Radar
 from gmr_gym.replay import multi_target, single_target
 from gmr_gym.replay.lineup import check_fits
@@ -38,6 +37,38 @@ class Recording(NamedTuple):
     trackers : tuple of str
     columns : dict of str to ndarray
         By name; those of tracker i begin with "i/".
+
+    Notes
+    -----
+    Positions have two coordinates, m, and covariances three entries: xx, xy, yy. Rows of scan t, from 0, are
+    at G_start[t] : G_start[t + 1] where there is such a column; all others have a row a scan. What is missing
+    is nan. Of one target there is the `truth` (T, 2), and of each tracker:
+
+    ==================================================  ======================================================
+    z; target                                           detections; row of the target-originated one, or -1
+    gate, gate_shape                                    gates: (z - gate)' shape^-1 (z - gate) <= 1
+    kept_w, kept, kept_P; count                         mixture after the reduction; number of its components
+    full_w, full, full_P                                hypotheses before it, where the tracker has a trace
+    full_parent, full_detection, full_into, full_mode   of each, as in `gmr_gym.filters.trace.Trace`
+    full_rest_count, full_rest_merged, full_rest_w      hypotheses of negligible weight that are left out:
+                                                        number of pruned and of merged ones, weight of all
+    estimate, estimate_P, error                         position, its covariance, distance from the truth, m
+    alive, off_target                                   not given up; off target by the loss rule
+    lost_at                                             (1,), scan at which the track is lost, or -1
+    mode_p                                              (T, r), probabilities of motion models, where r > 1
+    ==================================================  ======================================================
+
+    Of many targets there is the `truth` (T, n, 2), nan where a target is absent, the ellipses of the true
+    clutter, `clutter` and `clutter_P`, and of each tracker:
+
+    ==================================================  ======================================================
+    z, origin                                           detections; index of the target of each, or -1
+    declared, existence, label                          declared targets
+    kept_w, kept, kept_P; count                         intensity; number of its components
+    guess, guess_P                                      ellipses of the clutter that the tracker assumes
+    expected, present, gospa                            expected and true number of targets; distance of the
+                                                        declared ones from the true ones, m
+    ==================================================  ======================================================
     """
 
     environment: str
@@ -101,33 +132,41 @@ def record(
     >>> kept.columns["truth"].shape, kept.columns["0/count"].tolist()
     ((3, 2), [1, 1, 1])
     """
-    many = isinstance(scenario, MultiTargetScenario)
-    world: Any = scenario
-    kind: Any = multi_target if many else single_target
     if not 1 <= len(trackers) <= MOST_TRACKERS:
         raise ValueError(f"trackers must be from 1 to {MOST_TRACKERS}, got {len(trackers)}")
     for name, tracker in trackers.items():
         check_fits(name, tracker, scenario, environment)
-    episode = kind.draw(world, seed)
+    kind: Any = single_target
+    if isinstance(scenario, MultiTargetScenario):
+        kind, label, patience, motions = multi_target, "many", 0, 0
+    else:
+        label, patience = "one", scenario.patience
+        motions = max(len(tracker.model.motions) for tracker in trackers.values())
+    episode = kind.draw(scenario, seed)
     there = len(episode.x)
     if scans is not None and scans not in range(1, there + 1):
         raise ValueError(f"scans must be from 1 to the {there} of the episode, got {scans}")
     total = there if scans is None else int(scans)
-    columns = kind.truth_of(world, episode, total)
+    columns = kind.truth_of(scenario, episode, total)
     for i, (name, tracker) in enumerate(trackers.items()):
 
         def tell(done: int, before: int = i * total) -> None:
             if progress:
                 progress(before + done, total * len(trackers))
 
-        own = kind.columns_of(world, tracker, name, episode, total, tell)
+        own = kind.columns_of(scenario, tracker, name, episode, total, tell)
         columns |= {f"{i}/{column}": values for column, values in own.items()}
+    modes = tuple(f"motion {i + 1}" for i in range(motions))
+    radar = isinstance(scenario.model.sensor, Radar)
     return Recording(
-        environment, seed, "many" if many else "one", world.period, total, 0 if many else world.patience,
-        isinstance(world.model.sensor, Radar), () if many else motions(world.model), tuple(trackers), columns,
-    )  # fmt: skip
-
-
-def motions(model: Model) -> tuple[str, ...]:
-    """Names of the motion models of a filter model."""
-    return tuple(f"motion {i + 1}" for i in range(len(model.motions)))
+        environment,
+        int(seed),
+        label,
+        scenario.period,
+        total,
+        patience,
+        radar,
+        modes,
+        tuple(trackers),
+        columns,
+    )

@@ -9,6 +9,7 @@ import numpy as np
 from gmr_gym.evaluation.loop import Played, is_off_target, play
 from gmr_gym.evaluation.metrics import lost_at
 from gmr_gym.filters.tracker import Report, Tracker
+from gmr_gym.mixture import Mixture
 from gmr_gym.models.gating import Gates
 from gmr_gym.replay.columns import Reported, gathered, upper
 from gmr_gym.simulation.single_target import Episode, Scenario, draw
@@ -60,7 +61,7 @@ def columns_of(
         For numbers that are not finite.
     """
     traced, reported, rows = _Traced(tracker), Reported(name), []
-    before = len(scenario.model.prior.w)
+    before = 1 << 31  # of the mixture that it starts with, which the tracker alone knows
     for played in islice(play(scenario, traced, episode), scans):
         reported.scan = played.t + 1
         row = _row(scenario, tracker, reported, played, episode.x[played.t])
@@ -95,31 +96,39 @@ def _row(
 ) -> dict[str, Any]:
     """What is shown of a scan, but for its full posterior."""
     _, scan, report, _ = played
-    d, at, position = len(truth), scenario.position[:2], list(scenario.position)
+    d, position, sensor = len(truth), list(scenario.position), scenario.model.sensor
     x, P = reported.array("x", report.x, 1, d), reported.array("P", report.P, 1, d, d)
     if scenario.window.follows and not np.isfinite(x).all():
         raise ValueError(f"{reported.place('x')}: the window follows the estimate, which is not finite")
     kept, gates = reported.mixture("mixture", report.mixture, d), _gates(reported, report.gates, scenario)
     points = tracker.model.sensor.to_gate_space(scan.z)
-    ends = gates if np.isfinite(gates.threshold) else Gates(gates.z[:0], gates.S[:0], 1.0)
-    row = {
-        "z": scenario.model.sensor.to_gate_space(scan.z)[:, :2],
+    modes = {}
+    if len(report.modes) > 1:
+        modes["mode_p"] = reported.array("modes", report.modes, len(tracker.model.motions))
+    return {
+        "z": sensor.to_gate_space(scan.z)[:, :2],
         "target": np.append(np.flatnonzero(scan.origin == 0), -1)[0],
-        "gate": ends.z[:, :2],
-        "gate_shape": upper(ends.S * ends.threshold),
+        "estimate": x[0, position[:2]],
+        "estimate_P": upper(P, position[:2])[0],
+        "error": np.linalg.norm(x[0, position] - truth[position]),
+        "alive": bool(report.alive),
+        "off_target": is_off_target(scenario, report._replace(gates=gates), truth, points, scan.origin),
+        **_ellipses(kept, gates, position[:2]),
+        **modes,
+    }
+
+
+def _ellipses(kept: Mixture, gates: Gates, at: list[int]) -> dict[str, Any]:
+    """The hypotheses that were kept, and the outlines of the gates, none where they are without end."""
+    z, S, threshold = gates if np.isfinite(gates.threshold) else (gates.z[:0], gates.S[:0], 1.0)
+    return {
+        "gate": z[:, :2],
+        "gate_shape": upper(S * threshold),
         "kept_w": kept.w,
         "kept": kept.m[:, at],
         "kept_P": upper(kept.P, at),
-        "estimate": x[0, at],
-        "estimate_P": upper(P, at)[0],
-        "error": np.linalg.norm(x[0, position] - truth[position]),
         "count": len(kept.w),
-        "alive": bool(report.alive),
-        "off_target": is_off_target(scenario, report._replace(gates=gates), truth, points, scan.origin),
     }
-    if len(report.modes) > 1:
-        row["mode_p"] = reported.array("modes", report.modes, len(scenario.model.motions))
-    return row
 
 
 def _gates(reported: Reported, gates: Gates, scenario: Scenario) -> Gates:
@@ -138,18 +147,13 @@ def _full(
     full = reported.mixture("trace.full", traced.trace.full, scenario.model.prior.m.shape[1])
     given = np.append(np.flatnonzero((played.scan.origin >= 0) | (not traced.knows_origin)), -1)
     kept = len(played.report.mixture.w)
-    limits = {
-        "parent": before,
-        "detection": len(given) - 1,
-        "into": kept,
-        "mode": len(scenario.model.motions),
+    below = before, len(given) - 1, kept, len(traced.model.motions)
+    rows = {
+        field: reported.rows(f"trace.{field}", getattr(traced.trace, field), len(full.w), end)
+        for field, end in zip(("parent", "detection", "into", "mode"), below, strict=True)
     }
-    told = {
-        field: reported.rows(f"trace.{field}", getattr(traced.trace, field), len(full.w), below)
-        for field, below in limits.items()
-    }
-    told["detection"] = given[told["detection"]]
-    into, heaviest = told["into"], np.zeros(kept)
+    rows["detection"] = given[rows["detection"]]
+    into, heaviest = rows["into"], np.zeros(kept)
     merged = into >= 0
     np.maximum.at(heaviest, into[merged], full.w[merged])
     shown = full.w >= NEGLIGIBLE
@@ -159,7 +163,7 @@ def _full(
         "full_w": full.w[shown],
         "full": full.m[shown][:, at],
         "full_P": upper(full.P[shown], at),
-        **{f"full_{field}": rows[shown] for field, rows in told.items()},
+        **{f"full_{field}": values[shown] for field, values in rows.items()},
         "full_rest_count": (~shown & ~merged).sum(),
         "full_rest_merged": (~shown & merged).sum(),
         "full_rest_w": full.w[~shown].sum(),

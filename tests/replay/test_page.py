@@ -4,6 +4,7 @@ import html
 import os
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,10 +14,12 @@ import gmr_gym
 from gmr_gym.evaluation.loop import play
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.replay import page, record, write_page
+from gmr_gym.replay.page import PLAYER
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.lv import unknown_clutter
 from gmr_gym.simulation.single_target import draw
 
+WATCH = Path(__file__).parents[2] / "docs" / "watch.md"
 SCANS = 12
 SCENARIO = turning_target(clutter_rate=170, horizon=SCANS)
 TURNING = "gmr_gym/TurningTarget-v0"
@@ -60,16 +63,16 @@ def shown():
 
 
 @pytest.fixture(scope="module")
-def told():
+def played():
     """The scans and reports of the tracker that merges, and its traces."""
     account = Account(make_tracker(GAMMA, SCENARIO.model), [])
     return [*play(SCENARIO, account, draw(SCENARIO, 3))], account.traces
 
 
 @pytest.mark.parametrize("t", [0, 5, SCANS - 1])
-def test_the_numbers_of_a_scan_are_those_of_the_trackers_report(shown, told, t):
+def test_the_numbers_of_a_scan_are_those_of_the_trackers_report(shown, played, t):
     _, data, columns = shown
-    _, seen, report, _ = told[0][t]
+    _, seen, report, _ = played[0][t]
 
     def there(name, group):
         start = columns[f"0/{group}_start"]
@@ -96,9 +99,9 @@ def test_the_numbers_of_a_scan_are_those_of_the_trackers_report(shown, told, t):
 
 
 @pytest.mark.parametrize("t", [0, 5, SCANS - 1])
-def test_the_merges_of_a_scan_are_those_of_the_trackers_trace(shown, told, t):
+def test_the_merges_of_a_scan_are_those_of_the_trackers_trace(shown, played, t):
     _, data, columns = shown
-    trace, start = told[1][t], columns["0/full_start"]
+    trace, start = played[1][t], columns["0/full_start"]
     span = slice(start[t], start[t + 1])
     left_out = trace.full.w < 1e-4
     for i in np.flatnonzero(left_out & (trace.into >= 0)):  # the heaviest of a merge is never left out
@@ -139,7 +142,7 @@ def test_the_page_says_what_is_shown(shown):
 @pytest.mark.parametrize("names", [("pda",), ("learning-pmb",)])
 def test_the_same_seed_has_the_same_bytes_and_another_has_others(names):
     scenario = SCENARIO if names == ("pda",) else unknown_clutter(horizon=5)
-    first, again, other = (page(recorded(scenario, names, seed, scans=5)) for seed in (1, 1, 2))
+    first, again, other = (page(recorded(scenario, names, seed, scans=5)) for seed in (1, np.int64(1), 2))
     assert first == again != other
 
 
@@ -208,3 +211,10 @@ def test_what_cannot_be_shown_is_refused_in_a_line(arguments, options, message):
     with pytest.raises(ValueError) as refused:
         gmr_gym.show(*arguments, **options)
     assert str(refused.value).startswith(message) and "\n" not in str(refused.value)
+
+
+def test_the_page_about_watching_lists_the_keys_of_the_player():
+    text = (PLAYER / "controls.js").read_text(encoding="utf-8").partition("const KEYS = [")[2]
+    keys = re.findall(r'^  \["(.+)", "(.+)"\],$', text.partition("];")[0], re.M)
+    rows = re.findall(r"^\| (.+) \| (.+) \|$", WATCH.read_text(encoding="utf-8"), re.M)
+    assert len(keys) > 8 and not {*keys} - {*rows}

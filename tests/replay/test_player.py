@@ -60,6 +60,25 @@ def recorded(*names, scans=SCANS, hypotheses=40, change=lambda columns: None, **
     return Recording("gmr_gym/TurningTarget-v0", 1, "one", 1.0, scans, 5, False, (), names, columns)
 
 
+def of_many_targets(scans=6):
+    """A recording of two targets, of which the second is declared from the third scan on, with label 7."""
+    truth = np.stack([[[0.0, 10.0 * t], [50.0, 10.0 * t]] for t in range(scans)])
+    truth[:2, 1] = np.nan
+    both = [truth[t][np.isfinite(truth[t, :, 0])] for t in range(scans)]
+    declared, start = np.concatenate(both), np.cumsum([0, *map(len, both)])
+    spread = np.tile([9.0, 0.0, 9.0], (len(declared), 1))
+    own = {
+        "z": declared, "z_start": start, "origin": np.zeros(len(declared), int),
+        "declared": declared, "declared_start": start, "existence": np.ones(len(declared)),
+        "label": np.concatenate([[-1, 7][: len(one)] for one in both]),
+        "kept_w": np.ones(len(declared)), "kept": declared, "kept_P": spread, "kept_start": start,
+        "guess": truth[:, 0], "guess_P": spread[:scans], "guess_start": np.arange(scans + 1),
+        "expected": np.diff(start) + 0.25, "gospa": np.ones(scans), "present": np.diff(start),
+    }  # fmt: skip
+    columns = {"truth": truth} | {f"0/{name}": column for name, column in own.items()}
+    return Recording("gmr_gym/UnknownClutter-v0", 1, "many", 1.0, scans, 0, False, (), ("a",), columns)
+
+
 @pytest.fixture(scope="module")
 def browser():
     with playwright.sync_playwright() as driver:
@@ -124,7 +143,7 @@ def test_playing_goes_on_and_stops_at_the_last_scan(opened):
 def test_the_slider_and_a_chart_go_to_a_scan(opened):
     tab = opened(recorded("a"))
     tab.fill("input[aria-label=Scan]", "7")
-    assert scan_of_soon(tab, 7) and "scan 7 of 12" in tab.inner_text(".gmr-clock")
+    assert scan_of_soon(tab, 7) and "scan 7 of 12, 7 s" in tab.inner_text(".gmr-clock")
     box = tab.locator(".gmr-strip canvas").first.bounding_box()
     tab.mouse.click(box["x"] + box["width"] - 9, box["y"] + 20)
     assert scan_of_soon(tab, SCANS)
@@ -156,17 +175,19 @@ def test_a_click_tells_the_associations_of_a_hypothesis_and_the_uses_of_a_detect
     assert "4 hypotheses, summed weight 0.10" in tab.inner_text(".gmr-chosen")
 
 
-def test_keys_step_hide_the_truth_and_open_the_help(opened):
+def test_keys_step_hide_the_truth_select_and_open_the_help(opened):
     tab = opened(recorded("a"))
     for key, scan in (("ArrowRight", 2), ("End", SCANS), ("ArrowLeft", SCANS - 1), ("Home", 1)):
         tab.keyboard.press(key)
         assert scan_of_soon(tab, scan)
     tab.keyboard.press("t")
     assert tab.get_attribute("text=truth >> nth=0", "aria-pressed") == "false"
+    tab.keyboard.press("n")
+    assert "Hypothesis 1 of 5" in tab.inner_text(".gmr-chosen")
     tab.keyboard.press("?")
     assert tab.is_visible("role=dialog")
     tab.keyboard.press("Escape")
-    assert not tab.is_visible("role=dialog")
+    assert not tab.is_visible("role=dialog") and tab.inner_text(".gmr-chosen") == ""
 
 
 def test_a_lost_target_a_given_up_one_and_a_missing_estimate_are_said(opened):
@@ -182,6 +203,35 @@ def test_a_lost_target_a_given_up_one_and_a_missing_estimate_are_said(opened):
     tab.fill("input[aria-label=Scan]", "4")
     assert soon(tab, "figure:nth-child(2) .gmr-note", "given up")
     assert "target lost at scan 3" in stages.nth(0).inner_text()
+
+
+def test_many_targets_are_said_and_charted_against_their_true_number(opened):
+    tab = opened(of_many_targets())
+    assert "1 target declared, 1.25 expected; 1 component" in tab.inner_text(".gmr-words")
+    tab.fill("input[aria-label=Scan]", "4")
+    assert soon(tab, ".gmr-words", "2 targets declared, 2.25 expected; 2 components")
+    assert "true number 2" in tab.locator(".gmr-strip-head").nth(1).inner_text()
+
+
+def test_a_radar_is_seen_from_where_it_stands(opened):
+    tab = opened(recorded("a")._replace(radar=True))
+    image = "document.querySelector('canvas').toDataURL()"
+    before = tab.evaluate(image)
+    tab.select_option("select[aria-label=View]", "radar")
+    tab.wait_for_function(f"before => {image} != before", arg=before)
+
+
+def test_two_players_of_a_page_keep_apart(opened):
+    tab = opened(recorded("a"))
+    tab.evaluate("""() => {
+        const other = document.body.appendChild(document.createElement("div"));
+        const data = document.querySelector(".gmr-data").textContent;
+        return GmrPlayer.start(other, JSON.parse(data));
+    }""")
+    tab.locator(".gmr-stage").nth(1).click()
+    tab.keyboard.press("ArrowRight")
+    assert soon(tab, "div.gmr:last-of-type", "scan 2 of 12")
+    assert scan_of(tab) == 1
 
 
 def test_names_are_text_and_never_markup(opened):

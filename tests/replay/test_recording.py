@@ -13,6 +13,9 @@ from gmr_gym.evaluation.montecarlo import run_once
 from gmr_gym.evaluation.multi_target_runs import run_multi_target_once
 from gmr_gym.evaluation.summary import errors
 from gmr_gym.filters.registry import make_tracker
+from gmr_gym.filters.tracker import MultiTargetReport
+from gmr_gym.mixture import Mixture
+from gmr_gym.models.clutter import no_components
 from gmr_gym.replay import record
 from gmr_gym.replay.lineup import trackers_of
 from gmr_gym.scenarios.dortenzio import turning_target
@@ -117,6 +120,13 @@ def test_a_tracker_that_knows_the_origin_was_given_the_row_that_is_named():
     assert (own["target"] >= 0).any()
 
 
+def test_a_bank_of_trackers_that_starts_with_several_hypotheses_is_recorded():
+    scenario = airborne_radar()
+    own = of_tracker(record(scenario, {"bank": make_tracker("mmae-of-mhts", scenario.model)}, 1, 2))
+    first = slice(0, own["full_start"][1])
+    assert {0, 1} <= {*own["full_parent"][first]} and {0, 1} == {*own["full_mode"][first]}
+
+
 def test_a_tracker_without_a_trace_is_recorded_without_merges():
     plain = Reporting(partial(replaced))
     own, traced = of_tracker(record(SHORT, {"plain": plain}, 1)), of_tracker(record(SHORT, {"pda": PDA}, 1))
@@ -159,7 +169,7 @@ def test_five_thousand_detections_are_a_scan_like_any_other():
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1e300])
-def test_what_is_no_number_is_missing_and_told(wrong):
+def test_what_is_no_number_is_missing_with_a_warning(wrong):
     spoilt = Reporting(
         partial(replaced, x=lambda x: x * wrong, gates=lambda g: g._replace(z=g.z + wrong)), SHORT.model
     )
@@ -172,6 +182,50 @@ def test_what_is_no_number_is_missing_and_told(wrong):
         np.testing.assert_array_equal(own[name][~away], right[name][~away])
     assert own["off_target"][away].all() and own["gate_start"].tolist() == [0, 1, 2, 2, 2, 2, 3]
     np.testing.assert_array_equal(own["kept"], right["kept"])
+
+
+@dataclass(frozen=True)
+class Declaring:
+    """Declares one target at the origin, with the fields changed."""
+
+    fields: dict
+    model: object = MANY.model
+
+    def init(self):
+        return None
+
+    def step(self, belief, z):
+        none = no_components(6)
+        report = MultiTargetReport(
+            np.zeros((1, 6)), np.ones(1), np.zeros(1, int), 1.0, none, self.model.clutter
+        )
+        return belief, report._replace(**self.fields)
+
+
+def test_what_is_no_number_is_missing_of_many_targets_too():
+    nowhere = np.full((1, 6), np.nan)
+    spoilt = Mixture(np.ones(1), nowhere[:, :2], np.full((1, 2, 2), np.inf))
+    tracker = Declaring({"x": nowhere, "clutter": MANY.model.clutter._replace(gaussians=spoilt)})
+    with pytest.warns(UserWarning, match=r"^tracker 'mine' reported numbers that are not finite in 3 of 3"):
+        own = of_tracker(record(MANY, {"mine": tracker}, 2, 3))
+    assert np.isnan(own["declared"]).all() and np.isnan(own["guess_P"]).all()
+    nothing = Declaring({"x": np.empty((0, 6)), "existence": [], "label": []})
+    np.testing.assert_array_equal(own["gospa"], record(MANY, {"a": nothing}, 2, 3).columns["0/gospa"])
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"x": np.zeros(6)}, r"x at scan 1: expected shape \(n, 6\), got \(6,\)"),
+        ({"existence": np.ones(2)}, r"existence at scan 1: expected shape \(1\), got \(2,\)"),
+        ({"label": np.array([0.5])}, r"label at scan 1: expected 1 whole numbers from -1"),
+        ({"expected_targets": np.ones(2)}, r"expected_targets at scan 1: expected shape \(\), got \(2,\)"),
+        ({"intensity": 3}, "intensity at scan 1: expected a Mix"),
+    ],
+)
+def test_reports_of_many_targets_of_wrong_shapes_are_refused_in_a_line(fields, message):
+    with pytest.raises(ValueError, match=f"^tracker 'mine', {message}"):
+        record(MANY, {"mine": Declaring(fields)}, 2, 3)
 
 
 def test_a_window_cannot_follow_what_is_no_number():
@@ -207,13 +261,27 @@ def test_reports_of_wrong_shapes_are_refused_in_a_line(change, message):
 
 @pytest.mark.parametrize("field", ["parent", "detection", "into", "mode"])
 def test_traces_that_name_what_is_not_there_are_refused(field):
-    class Wrong(type(PDA)):
-        def trace(self, belief, z):
-            belief, report, trace = super().trace(belief, z)
-            return belief, report, trace._replace(**{field: getattr(trace, field) + len(z) + 1})
+    mht = make_tracker("runnalls-30", SHORT.model)
 
-    with pytest.raises(ValueError, match=f"^tracker 'mine', trace.{field} at scan 1: expected . whole numb"):
-        record(SHORT, {"mine": Wrong(SHORT.model)}, 1)
+    class Wrong(type(mht)):
+        def trace(self, belief, z):
+            kept, report, trace = super().trace(belief, z)
+            ends = {"parent": len(belief.w), "detection": len(z), "into": len(kept.w), "mode": 1}
+            named = getattr(trace, field).copy()
+            named[0] = ends[field] - (len(belief.w) == 1)  # one too many, but for the first scan
+            return kept, report, trace._replace(**{field: named})
+
+    with pytest.raises(ValueError, match=f"^tracker 'mine', trace.{field} at scan 2: expected .* whole numb"):
+        record(SHORT, {"mine": Wrong(SHORT.model, mht.reduce)}, 1)
+
+
+def test_every_hypothesis_that_is_kept_shows_where_it_came_from_however_light():
+    tracker = make_tracker("runnalls-30", SCENARIO.model, prune_weight=0, prune_density=0)
+    own = of_tracker(record(SCENARIO, {"all": tracker}, 0, 30))
+    for t in range(30):
+        into = own["full_into"][slice(*own["full_start"][t : t + 2])]
+        np.testing.assert_array_equal(np.unique(into), np.arange(own["count"][t]))
+    assert (own["full_w"] < 1e-4).any() and own["full_rest_merged"].any() and not own["full_rest_count"].any()
 
 
 @pytest.mark.parametrize(
@@ -268,6 +336,6 @@ def test_trackers_that_cannot_run_are_named_with_the_environment(given, message)
 
 
 def test_progress_is_of_the_scans_of_all_trackers():
-    told = []
-    record(SHORT, {"a": PDA, "b": NEAREST}, 1, 2, progress=lambda *done: told.append(done))
-    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    done = []
+    record(SHORT, {"a": PDA, "b": NEAREST}, 1, 2, progress=lambda *counts: done.append(counts))
+    assert done == [(1, 4), (2, 4), (3, 4), (4, 4)]

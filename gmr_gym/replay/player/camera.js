@@ -7,7 +7,8 @@ const WIDEST = 4; // how far the view widens to keep target and estimate in it
 class Camera {
   constructor(episode) {
     this.episode = episode;
-    this.scale = this.side = 1;
+    this.scale = 1;
+    this.side = 0; // px, of a panel; 0 until one is in sight
     this.x = this.y = 0;
     this.slip = { x: 0, y: 0, zoom: 0 };
     this.mode = "free";
@@ -86,12 +87,15 @@ class Camera {
     this.y += dY / this.scale;
   }
 
-  fit(box, width, height) {
-    const across = Math.max(box[2] - box[0], 1e-6), up = Math.max(box[3] - box[1], 1e-6);
-    this.mode = "free";
-    this.scale = 0.86 * Math.min(width / across, height / up);
-    this.x = (box[0] + box[2]) / 2;
-    this.y = (box[1] + box[3]) / 2;
+  fit([left, low, right, high], width, height) {
+    const scale = 0.86 * Math.min(width / Math.max(right - left, 1), height / Math.max(high - low, 1));
+    Object.assign(this, { mode: "free", scale, x: (left + right) / 2, y: (low + high) / 2 });
+  }
+
+  /** Panels are so large now: what was in view stays in view. */
+  resize(side) {
+    if (this.side) this.scale *= side / this.side;
+    this.side = side;
   }
 }
 
@@ -103,19 +107,20 @@ function seenUntil(points, t) {
   return t;
 }
 
-/** What a view of that name shows, as left, low, right, high; none where it goes with something. */
-function boxOf({ truth, targets, many }, { z }, name, t) {
-  if (name === "whole") return many ? boundsOf(truth, z.m) : boundsOf(truth);
+/** What a view of that name shows, as left, low, right, high; null where it goes with something. */
+function boxOf({ truth, targets, many, box }, { z }, name, t) {
+  if (name === "whole") return many ? boundsOf(truth, z.m) : box;
   if (name === "radar") return boundsOf(truth, [0, 0]);
   if (name !== "scan") return null;
   const seen = z.m.subarray(2 * z.start[t], 2 * z.start[t + 1]);
-  return boundsOf(seen, truth.subarray(2 * t * targets, 2 * (t + 1) * targets));
+  const now = boundsOf(seen, truth.subarray(2 * t * targets, 2 * (t + 1) * targets));
+  return Number.isFinite(now[0]) ? now : box;
 }
 
 /** Pixels to the metre at which gates, or hypotheses, fill a good part of a panel of that many pixels. */
 function closeScale({ gates, kept }, side) {
   const set = gates && gates.m.length ? gates : kept, reach = [];
-  for (let i = 0; i < set.m.length / 2; i++) reach.push(Math.sqrt(set.P[3 * i] + set.P[3 * i + 2]));
+  for (let i = 0; i < set.m.length / 2; i++) reach.push(Math.sqrt(set.P[3 * i] + set.P[3 * i + 2]) || 0);
   reach.sort((a, b) => a - b);
   const typical = reach[reach.length >> 1] || 1;
   return side / (3.4 * (set === gates ? 1 : SIGMAS) * typical);

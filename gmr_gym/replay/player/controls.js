@@ -12,6 +12,7 @@ const KEYS = [
   ["o", "the target's own detection"],
   ["m", "animate the reduction"],
   ["l", "lines to the parents"],
+  ["n", "select the next hypothesis by weight"],
   ["esc", "end a selection"],
   ["?", "this help"],
 ];
@@ -29,13 +30,14 @@ function build(player) {
     ...transport(player),
   };
   pieces.charts = make("div", { class: "gmr-strips" }, pieces.time, ...strips.map(({ node }) => node));
+  pieces.aside = make("aside", {}, pieces.chosen, keyOf(episode));
   root.classList.add("gmr");
   root.tabIndex = -1; // a click gives it the keys
   root.replaceChildren(
     header(player),
     make("div", { class: "gmr-panels", "data-count": panels.length }, ...panels.map(({ node }) => node)),
     pieces.transport,
-    make("div", { class: "gmr-below" }, pieces.charts, make("aside", {}, pieces.chosen, keyOf(episode))),
+    make("div", { class: "gmr-below" }, pieces.charts, pieces.aside),
     pieces.help,
   );
   return pieces;
@@ -43,10 +45,11 @@ function build(player) {
 
 function header(player) {
   const { title, environment, seed } = player.episode, about = `${environment} seed ${seed}`.trim();
+  const shade = () => player.shade(player.root.dataset.theme === "light");
   return make(
     "header", {},
     make("div", {}, make("h2", {}, title || environment), make("span", {}, about)),
-    button("plain", "Light or dark", () => player.turnLight(), icon("theme")),
+    button("plain", "Light or dark", shade, icon("theme")),
     button("plain", "Keys and help", () => player.toggleHelp(), "?"),
   );
 }
@@ -63,7 +66,7 @@ function timeSlider(player) {
 function transport(player) {
   const pieces = {
     play: button("play", "Play", () => player.toggle(), icon("play")),
-    clock: make("span", { class: "gmr-clock" }),
+    clock: make("span", { class: "gmr-clock" }, make("span"), make("span")),
     switches: switchesOf(player),
     views: choice("View", viewsOf(player.episode), "whole", (value) => player.look(value)),
     ...(player.episode.traced && stageSlider(player)),
@@ -103,10 +106,11 @@ function stageSlider(player) {
 }
 
 function switchesOf(player) {
+  const ofTraces = { merges: `Animate the reduction, up to ${SLOW} scans/s`, lines: "Lines to the parents" };
   const titles = {
     truth: "The true path",
     origin: "Ring the target's own detection",
-    ...(player.episode.traced && { merges: "Animate the reduction", lines: "Lines to the parents" }),
+    ...(player.episode.traced && ofTraces),
   };
   const nodes = Object.entries(titles).map(([key, title]) => {
     const node = button("toggle", title, () => player.turn(key), key);

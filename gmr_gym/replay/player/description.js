@@ -18,18 +18,19 @@ function describeKept(episode, { panel, t, i, rows }, go) {
   nodes[1].append(rows.length > 1 ? `, merged from ${rows.length} hypotheses` : ", not merged");
   nodes.push(bars("Associations", sums(rows, full.w, (row) => associationName(full.detection[row]))));
   if (t > 0) nodes.push(parentLine(tracker, t, rows, go));
-  if (episode.modes.length > 1)
+  if (tracker.mode_p)
     nodes.push(bars("Motion models", sums(rows, full.w, (row) => modeName(episode, full.mode[row]))));
   return nodes;
 }
 
 function describeFull(episode, { panel, t, i }, go) {
   const { tracker } = panel, { full } = tracker, into = full.into[i], all = counts(tracker, t).all;
+  const number = i - full.start[t] + 1;
   const nodes = [
-    heading(`Hypothesis ${i - full.start[t] + 1} of ${all}`, `${tracker.name}, scan ${t + 1}, not yet reduced`),
+    heading(`Hypothesis ${number} of ${all}`, `${tracker.name}, scan ${t + 1}, before the reduction`),
     line(`Weight ${share(full.w[i])}, ${associationName(full.detection[i])}`),
   ];
-  if (episode.modes.length > 1) nodes.push(line(`Motion model: ${modeName(episode, full.mode[i])}`));
+  if (tracker.mode_p) nodes.push(line(`Motion model: ${modeName(episode, full.mode[i])}`));
   if (t > 0) nodes.push(parentLine(tracker, t, [i], go));
   const kept = tracker.kept.start[t] + into;
   const toKept = link(`hypothesis ${into + 1}`, () => go(t, kept));
@@ -45,7 +46,7 @@ function describeDetection(episode, { panel, t, i, rows }, go) {
   const sum = rows.reduce((total, row) => total + full.w[row], 0);
   if (!rows.length) return [...nodes, line("In no gate, or of no weight")];
   nodes.push(line(`Used by ${plural(rows.length, "hypothesis")}, summed weight ${share(sum)}`));
-  const into = (row) => (full.into[row] < 0 ? "pruned" : `into hypothesis ${full.into[row] + 1}`);
+  const into = (row) => (full.into[row] < 0 ? "pruned" : `hypothesis ${full.into[row] + 1}`);
   nodes.push(bars("Where they went", sums(rows, full.w, into)));
   const heavy = rows.find((row) => full.into[row] >= 0);
   if (heavy !== undefined)
@@ -55,8 +56,9 @@ function describeDetection(episode, { panel, t, i, rows }, go) {
 
 function parentLine({ full, kept }, t, rows, go) {
   const parents = new Set(rows.map((row) => full.parent[row]));
-  if (!rows.length) return line("");
-  const first = full.parent[rows[0]], show = () => go(t - 1, kept.start[t - 1] + first);
+  const first = rows.length ? full.parent[rows[0]] : -1;
+  if (first < 0) return line("");
+  const show = () => go(t - 1, kept.start[t - 1] + first);
   const node = line("Parent: ", link(`hypothesis ${first + 1} of scan ${t}`, show));
   if (parents.size > 1) node.append(`, and ${parents.size - 1} more`);
   return node;

@@ -120,28 +120,37 @@ const OVERVIEW = 84; // px, the longer side of the small map of the whole path
 /** The whole path in a corner, with what is in view framed, where that is a small part of it. */
 function drawOverview({ plane, ink, episode, tracker }, { t, truth }) {
   const [left, low, right, high] = episode.box, { ctx, width, height } = plane;
-  const scale = OVERVIEW / Math.max(right - left, high - low, 1e-9);
-  const whole = Math.min(width / (right - left), height / (high - low));
-  if (plane.scale < 1.5 * whole || height < 260) return;
-  const X = width - 12 - (right - left) * scale, Y = 12;
-  const look = { left: plane.left, top: plane.top, scale: plane.scale };
-  Object.assign(plane, { left: X - left * scale, top: Y + high * scale, scale });
-  ctx.globalAlpha = 0.85;
-  ctx.fillStyle = ink.paper;
-  ctx.fillRect(X - 8, Y - 8, (right - left) * scale + 16, (high - low) * scale + 16);
-  ctx.globalAlpha = 1;
-  ctx.lineWidth = 1;
-  ctx.strokeStyle = ink.gates;
-  ctx.strokeRect(X - 8, Y - 8, (right - left) * scale + 16, (high - low) * scale + 16);
+  const across = right - left, up = high - low;
+  if (plane.scale < 1.5 * Math.min(width / across, height / up) || height < 260) return;
+  const small = OVERVIEW / Math.max(across, up), X = width - 12 - across * small, Y = 12;
+  const corner = { x: plane.x(0), y: plane.y(0) }, part = small / plane.scale;
+  const before = { left: plane.left, top: plane.top, scale: plane.scale };
+  ctx.save();
+  paper(plane, ink, X - 8, Y - 8, across * small + 16, up * small + 16);
+  Object.assign(plane, { left: X - left * small, top: Y + high * small, scale: small });
   ctx.strokeStyle = truth ? ink.truth : ink.estimate;
-  plane.path(truth ? episode.truth : tracker.estimate, truth ? episode.last : t);
+  if (truth) plane.path(episode.truth, episode.last);
   ctx.globalAlpha = 0.35;
-  ctx.stroke();
+  if (truth) ctx.stroke();
   ctx.globalAlpha = 1;
   plane.path(truth ? episode.truth : tracker.estimate, t);
   ctx.stroke();
   ctx.strokeStyle = ink.ink;
-  const small = scale / look.scale, corner = [plane.X(-look.left / look.scale), plane.Y(look.top / look.scale)];
-  ctx.strokeRect(...corner, width * small, height * small);
-  Object.assign(plane, look);
+  ctx.strokeRect(plane.X(corner.x), plane.Y(corner.y), width * part, height * part);
+  ctx.restore();
+  Object.assign(plane, before);
+}
+
+/** A clear rectangle with a thin edge, out of which nothing is drawn. */
+function paper({ ctx }, ink, X, Y, width, height) {
+  ctx.beginPath();
+  ctx.rect(X, Y, width, height);
+  ctx.globalAlpha = 0.85;
+  ctx.fillStyle = ink.paper;
+  ctx.fill();
+  ctx.globalAlpha = 1;
+  ctx.lineWidth = 1;
+  ctx.strokeStyle = ink.gates;
+  ctx.stroke();
+  ctx.clip();
 }

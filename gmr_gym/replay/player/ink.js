@@ -10,7 +10,7 @@ function inkOf(root) {
   const style = getComputedStyle(root), labels = new Map();
   const variable = (name) => style.getPropertyValue(`--gmr-${name}`).trim();
   const ink = Object.fromEntries(COLOURS.map((name) => [name, variable(name)]));
-  const dark = variable("scheme") === "dark";
+  const dark = root.dataset.theme === "dark";
   ink.label = (label) => {
     if (!labels.has(label)) labels.set(label, labelColour(label, dark));
     return labels.get(label);

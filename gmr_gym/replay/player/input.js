@@ -45,7 +45,7 @@ const gap = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
 
 function pinch(player, panel, [a, b], [c, d]) {
   const X = (c[0] + d[0]) / 2, Y = (c[1] + d[1]) / 2;
-  player.pan(panel, X - (a[0] + b[0]) / 2, Y - (a[1] + b[1]) / 2);
+  if (player.camera.mode === "free") player.pan(panel, X - (a[0] + b[0]) / 2, Y - (a[1] + b[1]) / 2);
   player.zoom(gap(c, d) / Math.max(gap(a, b), 1), panel, X, Y);
 }
 
@@ -83,6 +83,7 @@ function actionsOf(player) {
     t: () => player.turn("truth"),
     o: () => player.turn("origin"),
     ...(player.episode.traced && { m: () => player.turn("merges"), l: () => player.turn("lines") }),
+    n: () => player.selectNext(),
     "?": () => player.toggleHelp(),
     Escape: () => player.escape(),
   };

@@ -1,7 +1,7 @@
 // One scan of one target.
 
-const faintest = 0.08;
-const opacity = (w, most) => Math.max(faintest, Math.min(1, Math.sqrt(w / most)));
+const FAINTEST = 0.08; // opacity of a hypothesis of next to no weight
+const opacity = (w, most) => Math.max(FAINTEST, Math.min(1, Math.sqrt(w / most)));
 
 function heaviest(set, t) {
   let most = 1e-300;

@@ -100,11 +100,10 @@ class Plane {
     let down = false;
     this.ctx.beginPath();
     for (let i = first; i <= last; i += stride) {
-      const x = points[2 * i];
-      if (Number.isNaN(x)) down = false;
-      else if (down) this.ctx.lineTo(this.X(x), this.Y(points[2 * i + 1]));
-      else this.ctx.moveTo(this.X(x), this.Y(points[2 * i + 1]));
-      down = !Number.isNaN(x);
+      const X = this.X(points[2 * i]), Y = this.Y(points[2 * i + 1]), there = Number.isFinite(X);
+      if (there && down) this.ctx.lineTo(X, Y);
+      else if (there) this.ctx.moveTo(X, Y);
+      down = there;
     }
   }
 }

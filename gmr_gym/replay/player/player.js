@@ -1,5 +1,6 @@
 // The player: what is shown, and how it changes in time and by hand.
 
+const NARROW = 760; // px; the style sheet has it too
 const SLOW = 2; // scans a second up to which the reduction is animated
 
 /** One recording in one element. `show` is what the panels draw: scan t, the phase of its transition (1 after
@@ -13,17 +14,15 @@ class Player {
       truth: true, origin: false, lines: false, merges: episode.traced,
     };
     this.calm = window.matchMedia("(prefers-reduced-motion: reduce)");
-    this.dark = window.matchMedia("(prefers-color-scheme: dark)");
     this.camera = new Camera(episode);
     this.panels = episode.trackers.map((tracker, i) => new Panel(episode, tracker, i));
     this.strips = chartsOf(episode, (t) => this.go(t));
     this.pieces = build(this);
     this.tick = this.tick.bind(this);
+    this.followTheme();
     this.resize();
-    this.look(episode.many ? "whole" : "both", true);
     this.panels.forEach((panel) => listen(this, panel));
     listenToKeys(this, actionsOf);
-    this.dark.addEventListener("change", () => this.dye());
     new ResizeObserver(() => this.resize()).observe(root);
   }
 
@@ -31,11 +30,15 @@ class Player {
 
   resize() {
     const { bar, charts, time } = this.pieces, { plane } = this.panels[0];
+    this.narrow = this.root.clientWidth < NARROW;
     // on a phone the slider stays in sight with the buttons; else it lies over the charts
-    const home = this.root.clientWidth < 760 ? bar : charts;
+    const home = this.narrow ? bar : charts;
     if (time.parentNode !== home) home.prepend(time);
     for (const panel of this.panels) panel.plane.resize();
-    this.camera.side = Math.min(plane.width, plane.height);
+    const side = Math.min(plane.width, plane.height), first = !this.camera.side;
+    if (!side) return; // hidden
+    this.camera.resize(side);
+    if (first) this.look(this.episode.many ? "whole" : "both", true);
     this.dye();
   }
 
@@ -46,10 +49,15 @@ class Player {
     this.wake();
   }
 
-  turnLight() {
-    const { dataset } = this.root;
-    const dark = dataset.theme ? dataset.theme === "dark" : this.dark.matches;
-    dataset.theme = dark ? "light" : "dark";
+  /** Light or dark as the reader's system is, also when that changes. */
+  followTheme() {
+    const system = window.matchMedia("(prefers-color-scheme: dark)");
+    system.addEventListener("change", () => this.shade(system.matches));
+    this.shade(system.matches);
+  }
+
+  shade(dark) {
+    this.root.dataset.theme = dark ? "dark" : "light";
     this.dye();
   }
 
@@ -79,15 +87,24 @@ class Player {
   }
 
   zoom(factor, { plane } = this.panels[0], X = plane.width / 2, Y = plane.height / 2) {
-    this.camera.zoom(factor, X - plane.width / 2, Y - plane.height / 2);
+    const { camera } = this, { where } = this.panels[0];
+    // a view that has widened by itself would widen again
+    if (camera.mode === "both" && where.scale < 0.99 * camera.scale) this.free(this.panels[0]);
+    camera.zoom(factor, X - plane.width / 2, Y - plane.height / 2);
     this.wake();
   }
 
-  pan({ where }, dX, dY) {
-    if (this.camera.mode !== "free") this.camera.stay(where);
+  pan(panel, dX, dY) {
+    if (this.camera.mode !== "free") this.free(panel);
     this.camera.pan(dX, dY);
     this.pieces.views.value = "free";
     this.wake();
+  }
+
+  /** Follow nothing: look where this panel looks. */
+  free({ where }) {
+    this.camera.stay(where);
+    this.pieces.views.value = "free";
   }
 
   /** Turn something on or off. */
@@ -105,13 +122,24 @@ class Player {
     this.choose(found && selection(panel, this.show.t, found));
   }
 
+  /** Select the heaviest hypothesis kept, or the next lighter one than that selected. */
+  selectNext() {
+    const { chosen, t } = this.show, panel = chosen ? chosen.panel : this.panels[0];
+    const rows = rowsWhere(panel.tracker.kept, t, () => true);
+    const i = rows[(chosen && chosen.kind === "kept" ? rows.indexOf(chosen.i) + 1 : 0) % rows.length];
+    if (rows.length) this.choose(selection(panel, t, { kind: "kept", i }));
+  }
+
   choose(chosen) {
     const go = (t, i) => {
       this.go(t);
       this.choose(selection(chosen.panel, t, { kind: "kept", i }));
     };
+    const { aside, chosen: box } = this.pieces;
     this.show.chosen = chosen;
-    this.pieces.chosen.replaceChildren(...(chosen ? describe(this.episode, chosen, go) : []));
+    box.replaceChildren(...(chosen ? describe(this.episode, chosen, go) : []));
+    if (this.narrow && chosen) chosen.panel.node.append(box);
+    else aside.prepend(box);
     this.wake();
   }
 
@@ -149,9 +177,9 @@ class Player {
 
   toggle() {
     if (this.playing) return this.pause();
+    // the end of a scan is the beginning of the next
     if (this.show.t === this.episode.last && this.show.phase === 1) this.show.t = -1;
     this.play(true);
-    if (this.show.phase === 1) this.advance(1);
   }
 
   pause() {
@@ -208,6 +236,7 @@ class Player {
   }
 
   draw() {
+    if (!this.ink) return; // hidden since the start
     const { show, pieces } = this, stage = stageAt(show.phase);
     for (const panel of this.panels) panel.draw(show, this.camera, this.ink, this.calm.matches);
     for (const strip of this.strips) strip.draw(show.t);
@@ -220,21 +249,12 @@ class Player {
     const { pieces, episode } = this;
     Object.assign(this, { saidScan: t, saidStage: stage });
     this.root.dataset.scan = t + 1;
-    const seconds = +((t + 1) * episode.period).toFixed(2);
-    pieces.clock.textContent = `scan ${t + 1} of ${episode.scans}, ${seconds} s`;
+    pieces.clock.firstChild.textContent = `scan ${t + 1} of ${episode.scans}`;
+    pieces.clock.lastChild.textContent = `, ${+((t + 1) * episode.period).toFixed(2)} s`;
     pieces.time.value = t + 1;
     this.panels.forEach((panel) => panel.say(t, STAGES[stage].name));
     this.strips.forEach((strip) => strip.say(t));
+    if (pieces.stage) pieces.stage.setAttribute("aria-valuetext", STAGES[stage].name);
     (pieces.stageNames || []).forEach((node, i) => node.classList.toggle("gmr-now", i === stage));
-  }
-}
-
-/** Fill the element with a player of the data; a promise of the player. */
-async function start(element, data) {
-  try {
-    return new Player(element, recording(data, await unpack(data)));
-  } catch (error) {
-    element.textContent = `The episode cannot be shown: ${error.message}`;
-    throw error;
   }
 }

@@ -1,4 +1,4 @@
-// What the panels draw: the columns under names of their own, and what follows from them.
+// An episode and its trackers.
 //
 // Lengths are metres, covariances xx, xy, yy. Rows of scan t of a ragged set are start[t] to start[t + 1].
 // Scans count from 0 here and from 1 on the screen.
@@ -26,16 +26,16 @@ function cloud(column, name) {
 
 function trackerOf(data, column, name) {
   const tracker = {
-    name, column,
+    name,
     z: cloud(column, "z"),
     origin: column("origin"),
     kept: cloud(column, "kept"),
     full: fullOf(column),
     lost: (column("lost_at") || [-1])[0],
   };
-  for (const key of ["target", "estimate", "estimate_P", "error", "count", "alive", "mode_p"])
-    tracker[key] = column(key);
-  for (const key of ["expected", "gospa", "present"]) tracker[key] = column(key);
+  const ofOne = ["target", "estimate", "estimate_P", "error", "count", "alive", "mode_p"];
+  const ofMany = ["expected", "gospa", "present"];
+  for (const key of [...ofOne, ...ofMany]) tracker[key] = column(key);
   const gate = column("gate_start");
   tracker.gates = gate && { start: gate, m: column("gate"), P: column("gate_shape") };
   tracker.guess = cloud(column, "guess");

@@ -7,7 +7,7 @@ function hit(panel, show, X, Y) {
   const { plane, tracker } = panel, { t, phase } = show;
   const detection = nearest(plane, tracker.z, t, X, Y, HIT);
   if (detection >= 0) return { kind: "detection", i: detection };
-  const before = tracker.full && phase < 0.76;
+  const before = tracker.full && phase < 0.76; // then half of the way to what they are merged into is gone
   const i = innermost(plane, before ? tracker.full : tracker.kept, t, X, Y);
   return i < 0 ? null : { kind: before ? "full" : "kept", i };
 }
@@ -45,7 +45,7 @@ function rowsWhere({ start, w }, t, test) {
   return rows.sort((a, b) => w[b] - w[a]);
 }
 
-/** Rows of the full posterior (of the kept mixture where there is none) that a selection is about. */
+/** Rows of the full posterior that a selection is about; none where it is not known. */
 function rowsOf(tracker, { t, kind, i }) {
   const { full, z } = tracker;
   if (!full) return [];
@@ -60,7 +60,7 @@ function ancestry(tracker, t, i) {
   for (; t >= 0; t--) {
     points.push(tracker.kept.m[2 * i], tracker.kept.m[2 * i + 1]);
     const [heaviestMember] = t > 0 ? membersOf(tracker, t, i) : [];
-    if (heaviestMember === undefined) break;
+    if (heaviestMember === undefined || tracker.full.parent[heaviestMember] < 0) break;
     i = tracker.kept.start[t - 1] + tracker.full.parent[heaviestMember];
   }
   return points;
@@ -81,8 +81,8 @@ function drawChosen(panel, show, whole) {
   const { plane, ink, tracker } = panel, { ctx } = plane;
   ctx.strokeStyle = ink.ink;
   ctx.lineWidth = 0.9;
-  ctx.globalAlpha = 0.55;
   drawRows(panel, chosen);
+  ctx.globalAlpha = 0.6;
   if (whole && chosen.line.length) {
     plane.path(chosen.line, chosen.line.length / 2 - 1);
     ctx.stroke();
@@ -99,6 +99,7 @@ function drawChosen(panel, show, whole) {
 function drawRows({ plane, tracker }, { t, rows, kind }) {
   const { full, z } = tracker, { ctx } = plane;
   for (const row of rows) {
+    ctx.globalAlpha = 0.7 * opacity(full.w[row], full.w[rows[0]]);
     if (kind !== "full" && ellipseOf(plane, full, row, SIGMAS)) ctx.stroke();
     if (full.detection[row] < 0) continue;
     const seen = z.start[t] + full.detection[row];

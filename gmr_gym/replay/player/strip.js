@@ -118,8 +118,8 @@ class LineStrip extends Strip {
 
   ticks() {
     if (!this.log) {
-      const step = niceStep(this.high / 2.01);
-      return [0, step, 2 * step].filter((value) => value < this.high);
+      const step = Math.max(niceStep(this.high / 3.2), this.unit ? 0 : 1);
+      return [0, 1, 2, 3].map((k) => k * step).filter((value) => value < this.high);
     }
     const lowest = Math.ceil(Math.log10(this.low)), highest = Math.floor(Math.log10(this.high));
     const every = Math.max(1, Math.ceil((highest - lowest + 1) / 3)), ticks = [];
@@ -225,7 +225,8 @@ class BandStrip extends Strip {
     const now = Array.from(this.p.subarray(t * this.r, (t + 1) * this.r));
     const best = now.indexOf(Math.max(...now));
     this.values.forEach((node, k) => {
-      node.lastChild.textContent = this.r <= MOST_NAMED ? figures(now[k]) : `${this.names[best]} ${figures(now[best])}`;
+      const one = figures(now[k]), most = `${this.names[best]} ${figures(now[best])}`;
+      node.lastChild.textContent = this.r <= MOST_NAMED ? one : most;
     });
     if (this.r > MOST_NAMED) this.values[0].firstChild.style.background = this.ink.band(best);
   }

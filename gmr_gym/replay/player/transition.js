@@ -72,15 +72,17 @@ function ellipseOnItsWay(plane, tracker, t, i, born, moved) {
 
 /** Row of the gate of a hypothesis' parent; -1 where gates are not one for each parent. */
 function gateOf({ full, gates, kept }, t, i) {
-  const parents = t > 0 ? size(kept, t - 1) : 1;
-  return gates && size(gates, t) === parents ? gates.start[t] + full.parent[i] : -1;
+  if (!gates || (t > 0 && size(gates, t) !== size(kept, t - 1))) return -1;
+  const parent = full.parent[i];
+  return parent >= 0 && parent < size(gates, t) ? gates.start[t] + parent : -1;
 }
 
 /** Coordinate `axis` of the place that a hypothesis comes from: its parent's gate, else its parent. */
 function originOf(tracker, t, i, axis) {
   const { full, gates, kept } = tracker, gate = gateOf(tracker, t, i);
   if (gate >= 0) return gates.m[2 * gate + axis];
-  return t > 0 ? kept.m[2 * (kept.start[t - 1] + full.parent[i]) + axis] : full.m[2 * i + axis];
+  const parent = t > 0 ? full.parent[i] : -1;
+  return parent >= 0 ? kept.m[2 * (kept.start[t - 1] + parent) + axis] : full.m[2 * i + axis];
 }
 
 /** From each hypothesis, `moved` of the way to what it is merged into, back to its parent before the scan. */
@@ -90,6 +92,7 @@ function drawLines({ plane, ink, tracker }, t, born, moved, gone) {
   ctx.strokeStyle = ink.hypotheses;
   ctx.lineWidth = 0.8;
   for (let i = full.start[t]; i < full.start[t + 1]; i++) {
+    if (full.parent[i] < 0) continue;
     const from = kept.start[t - 1] + full.parent[i], pruned = full.into[i] < 0;
     const j = kept.start[t] + full.into[i], u = pruned ? 0 : moved;
     const x = u > 0 ? mix(full.m[2 * i], kept.m[2 * j], u) : full.m[2 * i];

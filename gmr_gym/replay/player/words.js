@@ -1,7 +1,10 @@
 // Counts and numbers in words.
 
-const plural = (n, word, many = word.replace(/is$/, "es")) =>
-  `${n} ${n === 1 ? word : many === word ? `${word}s` : many}`;
+/** So many of a thing: 1 gate, 2 gates, 2 hypotheses. */
+function plural(n, word) {
+  const many = word.endsWith("is") ? word.replace(/is$/, "es") : `${word}s`;
+  return `${n} ${n === 1 ? word : many}`;
+}
 
 function reductionInWords({ all, pruned, merged, kept }) {
   if (all === undefined || all === kept) return plural(kept, "hypothesis");
@@ -16,7 +19,7 @@ function stageInWords(tracker, t, stage) {
   if (stage === "predict")
     return `Predicted: ${plural(gates, "gate")}, ${plural(size(tracker.z, t), "detection")}`;
   if (stage === "update")
-    return `${plural(now.all, "hypothesis")}: each one missed, and with each detection in its gate`;
+    return `${plural(now.all, "hypothesis")}: missed, or with a detection in the gate`;
   if (stage === "prune")
     return `${plural(now.all, "hypothesis")}: ${now.pruned || "none"} pruned for low weight`;
   return reductionInWords(now);

@@ -32,10 +32,11 @@ function build(view) {
 
 function header(view) {
   const { title, methods } = view.data, about = `reduced by ${listed(methods.map(({ name }) => name))}`;
+  const shade = () => view.shade(view.root.dataset.theme === "light");
   return make(
     "header", {},
     make("div", {}, make("h2", {}, title), make("span", {}, about)),
-    button("plain", "Light or dark", () => view.turnLight(), icon("theme")),
+    button("plain", "Light or dark", shade, icon("theme")),
     button("plain", "Keys and help", () => view.toggleHelp(), "?"),
   );
 }

@@ -102,7 +102,6 @@ class View {
     this.count = this.methods[0].steps[0].kept.length;
     this.last = this.methods[0].steps.length - 1;
     this.calm = window.matchMedia("(prefers-reduced-motion: reduce)");
-    this.dark = window.matchMedia("(prefers-color-scheme: dark)");
     this.panels = this.methods.map((method) => new MethodPanel(this, method, data));
     this.strips = [
       new CostStrip("Integral squared error", "ise", this),
@@ -110,11 +109,11 @@ class View {
     ].filter(({ series }) => series.some(({ values }) => values.some(Number.isFinite)));
     this.pieces = build(this);
     this.tick = this.tick.bind(this);
+    this.followTheme();
     this.resize();
     this.panels.forEach((panel) => listen(this, panel));
     this.panels.forEach((panel) => this.listenToPointer(panel));
     listenToKeys(this, keysOf);
-    this.dark.addEventListener("change", () => this.dye());
     new ResizeObserver(() => this.resize()).observe(root);
   }
 
@@ -136,10 +135,15 @@ class View {
     this.wake();
   }
 
-  turnLight() {
-    const { dataset } = this.root;
-    const dark = dataset.theme ? dataset.theme === "dark" : this.dark.matches;
-    dataset.theme = dark ? "light" : "dark";
+  /** Light or dark as the reader's system is, also when that changes. */
+  followTheme() {
+    const system = window.matchMedia("(prefers-color-scheme: dark)");
+    system.addEventListener("change", () => this.shade(system.matches));
+    this.shade(system.matches);
+  }
+
+  shade(dark) {
+    this.root.dataset.theme = dark ? "dark" : "light";
     this.dye();
   }
 
