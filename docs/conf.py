@@ -41,6 +41,7 @@ viewcode_line_numbers = True
 html_theme = "pydata_sphinx_theme"
 html_title = "gmr_gym"
 html_static_path = ["static"]
+html_extra_path = ["pages"]  # whole pages, as commands leave them
 html_css_files = ["site.css"]
 html_math_renderer = "mathml"
 html_show_sourcelink = False

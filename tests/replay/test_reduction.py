@@ -1,6 +1,7 @@
 """Pages of reductions: their numbers are those of the reductions, and no name can break them."""
 
 import html
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -66,6 +67,16 @@ def test_the_same_reduction_has_the_same_bytes_and_loads_nothing():
     assert text == reduction_page(crouse(), METHODS)
     for word in ("http:", "https:", "fetch(", "import(", "eval(", "src="):
         assert word not in text.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_the_page_of_the_guide_has_the_numbers_of_today():
+    file = Path(__file__).parents[2] / "docs" / "pages" / "reduction-of-crouse.html"
+    kept = data_of(file.read_text(encoding="utf-8"))["methods"]
+    today = data_of(reduction_page(crouse(), ["runnalls", "west", "ise"]))["methods"]
+    for method, now in zip(kept, today, strict=True):
+        assert [step["origin"] for step in method["steps"]] == [step["origin"] for step in now["steps"]]
+        ise = [[step["ise"] for step in each["steps"]] for each in (method, now)]
+        assert ise[0] == pytest.approx(ise[1], rel=1e-6, abs=1e-15)
 
 
 def test_progress_counts_every_reduction():

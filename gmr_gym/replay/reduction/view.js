@@ -290,7 +290,8 @@ class View {
   say(k) {
     const { pieces } = this;
     this.said = k;
-    pieces.clock.textContent = `${this.count - k} of ${plural(this.count, "component")}`;
+    const now = `${this.count - k} of ${this.count}`;
+    pieces.clock.replaceChildren(make("span", {}, now), make("span", {}, " components"));
     pieces.time.value = k;
     pieces.time.setAttribute("aria-valuetext", pieces.clock.textContent);
     for (const part of [...this.panels, ...this.strips]) part.say(k);
