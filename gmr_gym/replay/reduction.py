@@ -19,7 +19,17 @@ from gmr_gym.replay.page import PLAYER, document
 from gmr_gym.version import __version__
 
 HERE = Path(__file__).with_suffix("")  # .js and .css
-SHARED = ("charts", "elements", "ground", "ink", "input", "plane", "strip", "words")  # parts of the player
+SHARED = (
+    "charts",
+    "elements",
+    "frame",
+    "ground",
+    "ink",
+    "input",
+    "plane",
+    "strip",
+    "words",
+)  # parts of the player
 MOST_METHODS, MOST_COMPONENTS = 4, 200  # that are shown
 DIGITS = 9  # of the numbers of a page
 Method = Callable[..., Reduced]  # of a mixture and components

@@ -8,8 +8,8 @@ const densityOf = ({ w, m, P }, x) =>
 
 /** One dimension, drawn in a panel. */
 class DensityScene {
-  constructor(panel, methods) {
-    Object.assign(this, { panel, full: componentsOf(methods[0], 0) });
+  constructor(panel, full) {
+    Object.assign(this, { panel, full });
     const [low, high] = extentOf(this.full, 0, 0, 3.4);
     Object.assign(this, { x: (low + high) / 2, extent: high - low });
     this.high = 1.12 * this.peak(low, high);
@@ -38,7 +38,8 @@ class DensityScene {
     for (const one of shown) this.fill(one, colourOf(ink, one.fate), one.strength);
     this.line((x) => this.at(this.full, x), ink.truth, 4, 0.45);
     this.line((x) => this.at(shown, x), ink.ink, 1.6, 1);
-    if (chosen !== null) this.line((x) => densityOf(componentOf(panel.method, k, chosen), x), ink.ink, 2.4, 1);
+    const one = chosen === null ? null : componentOf(panel.method, k, chosen);
+    if (one) this.line((x) => densityOf(one, x), ink.ink, 2.4, 1);
     ctx.globalAlpha = 1;
     ctx.strokeStyle = ink.gates;
     ctx.lineWidth = 1;
@@ -101,7 +102,7 @@ class DensityScene {
     return k;
   }
 
-  /** Lines from the parts of every component of a step, in the row of step `below`, `u` of the way up to it. */
+  /** Lines from the parts of every component of a step, in the row of step `below`, `u` of the way up. */
   branches(step, parts, below, u, latest = false) {
     const { method, plane, ink } = this.panel, { ctx } = plane;
     const low = this.row(below), high = mix(low, this.row(step), u);

@@ -4,9 +4,9 @@ const TOO_FLAT = 4; // ratio of the extents of the coordinates from which one is
 
 /** Two coordinates, drawn in a panel. */
 class EllipseScene {
-  constructor(panel, methods, axes) {
-    Object.assign(this, { panel, axes, full: componentsOf(methods[0], 0) });
-    const [x0, x1] = extentOf(this.full, axes[0], 0, SIGMAS), [y0, y1] = extentOf(this.full, axes[1], 2, SIGMAS);
+  constructor(panel, full, axes) {
+    Object.assign(this, { panel, full, axes });
+    const [x0, x1] = extentOf(full, axes[0], 0, SIGMAS), [y0, y1] = extentOf(full, axes[1], 2, SIGMAS);
     const ratio = (x1 - x0) / (y1 - y0);
     this.stretch = ratio > TOO_FLAT || ratio < 1 / TOO_FLAT ? ratio : 1;
     this.box = [x0, y0 * this.stretch, x1, y1 * this.stretch];
@@ -15,9 +15,8 @@ class EllipseScene {
 
   fit({ width, height }) {
     const [x0, y0, x1, y1] = this.box;
-    return {
-      x: (x0 + x1) / 2, y: (y0 + y1) / 2, scale: Math.min((width - 60) / (x1 - x0), (height - 50) / (y1 - y0)),
-    };
+    const scale = Math.min((width - 60) / (x1 - x0), (height - 50) / (y1 - y0));
+    return { x: (x0 + x1) / 2, y: (y0 + y1) / 2, scale };
   }
 
   place({ m }) {
@@ -56,12 +55,13 @@ class EllipseScene {
   }
 
   drawOne(one, most) {
-    const { plane: { ctx }, ink } = this.panel, merged = one.fate === "merged";
-    const strength = one.strength * (one.fate ? Math.max(0.6, opacityOf(one.w, most)) : opacityOf(one.w, most));
+    const { plane: { ctx }, ink } = this.panel, colour = colourOf(ink, one.fate);
+    const alpha = one.strength * Math.max(one.fate ? 0.6 : 0, opacityOf(one.w, most));
     if (!this.ellipse(one)) return;
-    Object.assign(ctx, { fillStyle: colourOf(ink, one.fate), globalAlpha: 0.1 * strength });
+    Object.assign(ctx, { fillStyle: colour, globalAlpha: 0.1 * alpha });
     ctx.fill();
-    Object.assign(ctx, { strokeStyle: colourOf(ink, one.fate), lineWidth: merged ? 2 : 1.3, globalAlpha: strength });
+    const lineWidth = one.fate === "merged" ? 2 : 1.3;
+    Object.assign(ctx, { strokeStyle: colour, globalAlpha: alpha, lineWidth });
     ctx.stroke();
   }
 

@@ -77,7 +77,7 @@ function stepInWords(method, k) {
   return said.join("; ") || "nothing changed";
 }
 
-const listed = (names) => (names.length < 2 ? names.join("") : `${names.slice(0, -1).join(", ")} and ${names.at(-1)}`);
+const listed = (names) => [names.slice(0, -1).join(", "), ...names.slice(-1)].filter(Boolean).join(" and ");
 
 /** A number with three digits, as short as it can be. */
 function brief(value) {
