@@ -21,7 +21,7 @@ from gmr_gym.simulation.single_target import draw
 
 FORMATS = (".json", ".npz", ".csv")
 ARRAYS = ("w", "m", "P")
-SCANS, LEAST_WEIGHT, MOST = 12, 1e-4, 60  # of `posterior`
+SCANS, LEAST_WEIGHT, MOST = 20, 1e-3, 40  # of `posterior`
 
 
 def read_mixture(file: Path) -> Mixture:
@@ -109,15 +109,15 @@ def crouse() -> Mixture:
 
 
 def posterior(seed: int = 0) -> Mixture:
-    """Hypotheses of a turning target before their reduction: the heaviest of scan 12 of an episode, positions
-    (m) and velocities (m/s).
+    """The heaviest hypotheses of a turning target in dense clutter before their reduction, at scan 20 of an
+    episode: positions (m) and velocities (m/s).
 
     Parameters
     ----------
     seed : int
         Of the episode.
     """
-    scenario = turning_target()
+    scenario = turning_target(clutter_rate=170, detection_probability=0.7)
     tracker = make_tracker("runnalls-30", scenario.model)
     *_, before, last = islice(play(scenario, tracker, draw(scenario, seed)), SCANS)
     _, _, trace = tracker.trace(before.report.mixture, last.scan.z)

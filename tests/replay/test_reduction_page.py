@@ -24,7 +24,7 @@ def line():
 
 @cache
 def dense():
-    return reduction_page(posterior(), ["runnalls", "k-means", "capping"], 40)
+    return reduction_page(posterior(), ["runnalls", "k-means", "capping"], 25)
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +141,7 @@ def test_components_are_selected_by_keys(opened):
 def test_clusters_are_formed_anew_and_components_dropped_in_words(opened):
     tab = opened(dense())
     tab.keyboard.press("End")
-    settled(tab, 40)
+    settled(tab, 25)
     told = "".join(tab.locator(".gmr-merges").all_text_contents())
     assert "dropped; ISE" in told and "into one; ISE" in told
     assert "capping none" in tab.locator(".gmr-strip-head").nth(1).inner_text()

@@ -36,6 +36,7 @@ class DensityScene {
     const shown = inSight(panel.method, k, u);
     drawUprights(panel, this.floor, this.floor + 14);
     for (const one of shown) this.fill(one, colourOf(ink, one.fate), one.strength);
+    for (const one of droppedIn(panel.method, k)) this.line((x) => densityOf(one, x), ink.dropped, 1.3, 0.8);
     this.line((x) => this.at(this.full, x), ink.truth, 4, 0.45);
     this.line((x) => this.at(shown, x), ink.ink, 1.6, 1);
     const one = chosen === null ? null : componentOf(panel.method, k, chosen);

@@ -39,6 +39,7 @@ class EllipseScene {
     const most = Math.max(this.most, ...shown.map(({ w }) => w));
     this.links(shown, k);
     for (const one of shown) this.drawOne(one, most);
+    this.outline(droppedIn(method, k), ink.dropped, 1.3);
     if (chosen === null) return;
     const inputs = method.inputs[k][chosen].map((i) => this.full[i]);
     this.outline(inputs, ink.ink, 1);

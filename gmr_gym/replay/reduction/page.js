@@ -53,12 +53,12 @@ function keyOf(axes) {
     ? [
       ["path full", "the full mixture"], ["path reduced", "the reduced mixture"],
       ["ellipse hypothesis", "its components"], ["ellipse estimate", "merged last"],
-      ["ellipse dropped", "dropped"], ["path branch", "who merged into whom, upwards"],
+      ["ellipse dropped", "dropped last"], ["path branch", "who merged into whom, upwards"],
     ]
     : [
       ["ellipse clutter", `the full mixture, ${SIGMAS}σ`],
       ["ellipse hypothesis", `components, ${SIGMAS}σ; weight as opacity`],
-      ["ellipse estimate", "merged last"], ["ellipse dropped", "dropped"],
+      ["ellipse estimate", "merged last"], ["ellipse dropped", "dropped last"],
       ["path branch", "who merged into whom"],
     ];
   return keyList(rows);

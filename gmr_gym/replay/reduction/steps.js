@@ -49,6 +49,12 @@ function inSight(method, k, u) {
   });
 }
 
+/** Components of the step before that step k dropped. */
+function droppedIn(method, k) {
+  const into = k > 0 && method.steps[k].into;
+  return into ? componentsOf(method, k - 1).filter((_, i) => into[i] < 0) : [];
+}
+
 /** A component `u` of the way to the one that it goes into with others, of summed weight `sum`. */
 function onItsWay(from, to, sum, u) {
   const each = (a, b) => a.map((value, r) => mix(value, b[r], u));
