@@ -71,7 +71,8 @@ class CostStrip extends LineStrip {
   }
 
   label(value) {
-    return value < 1e-3 ? value.toExponential() : String(+value.toPrecision(3));
+    const rounded = +value.toPrecision(3);
+    return value < 1e-3 || value >= 1e4 ? rounded.toExponential() : String(rounded);
   }
 
   say(k) {
