@@ -201,32 +201,26 @@ def _axes(axes: tuple[int, int], d: int) -> list[int]:
 
 def _columns(found: list[Step], drawn: list[int]) -> dict[str, Any]:
     """The components of all steps, each of them once, and the rows that each step has of them."""
-    rows: dict[bytes, int] = {}
-    parts, said = [], []
-    for step in found:
-        kept = []
-        for part in zip(*step.mixture, strict=True):
-            key = b"".join(np.asarray(array).tobytes() for array in part)
-            if key not in rows:
-                rows[key] = len(rows)
-                parts.append(part)
-            kept.append(rows[key])
-        said.append(
-            {
-                "kept": kept,
-                "origin": step.origin.tolist(),
-                "ise": _short(step.ise),
-                "into": None if step.into is None else step.into.tolist(),
-                "cost": None if np.isnan(step.merge_cost) else _short(step.merge_cost),
-            }
-        )
-    triangle = np.triu_indices(len(drawn))
-    columns = {
-        "w": [_short(w) for w, _, _ in parts],
-        "m": [[*map(_short, m)] for _, m, _ in parts],
-        "P": [[*map(_short, P[np.ix_(drawn, drawn)][triangle])] for _, _, P in parts],
-    }
-    return {"components": columns, "steps": said}
+    parts: dict[bytes, tuple[int, tuple]] = {}
+
+    def row(part: tuple) -> int:
+        key = b"".join(np.asarray(array).tobytes() for array in part)
+        return parts.setdefault(key, (len(parts), part))[0]
+
+    shown = [
+        {
+            "kept": [row(part) for part in zip(*step.mixture, strict=True)],
+            "origin": step.origin.tolist(),
+            "ise": _short(step.ise),
+            "into": None if step.into is None else step.into.tolist(),
+            "cost": None if np.isnan(step.merge_cost) else _short(step.merge_cost),
+        }
+        for step in found
+    ]
+    w, m, P = zip(*(part for _, part in parts.values()), strict=True)
+    seen = np.array(P)[:, drawn][:, :, drawn][:, *np.triu_indices(len(drawn))]
+    columns = {"w": [*map(_short, w)], "m": [[*map(_short, each)] for each in m]}
+    return {"components": columns | {"P": [[*map(_short, each)] for each in seen]}, "steps": shown}
 
 
 def _short(value: float) -> float:
