@@ -27,6 +27,7 @@ RUN = (
     "merge",
     "record",
     "track",
+    "reduce",
     "list",
 )  # commands that take a second; the rest have tests of their own
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"\n]+)\")?\n(.*?)^```$", re.M | re.S)
