@@ -108,7 +108,8 @@ def gathered(rows: Iterable[Mapping[str, Any]], groups: Mapping[str, Sequence[st
         if names[0] in rows[0]:
             lengths = [len(row[names[0]]) for row in rows]
             columns[f"{group}_start"] = np.cumsum([0, *lengths])
-            columns |= {name: np.concatenate([row[name] for row in rows]) for name in names}
+            there = [name for name in names if name in rows[0]]
+            columns |= {name: np.concatenate([row[name] for row in rows]) for name in there}
     return columns
 
 

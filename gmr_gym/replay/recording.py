@@ -49,6 +49,7 @@ class Recording(NamedTuple):
     gate, gate_shape                                    gates: (z - gate)' shape^-1 (z - gate) <= 1
     kept_w, kept, kept_P; count                         mixture after the reduction; number of its components
     full_w, full, full_P                                hypotheses before it, where the tracker has a trace
+    full_per_kept                                       number of them that went into each component of kept
     full_parent, full_detection, full_into, full_mode   of each, as in `gmr_gym.filters.trace.Trace`
     full_rest_count, full_rest_merged, full_rest_w      hypotheses of negligible weight that are left out:
                                                         number of pruned and of merged ones, weight of all

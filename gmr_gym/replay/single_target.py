@@ -18,7 +18,7 @@ __all__ = ["columns_of", "draw", "truth_of"]
 GROUPS = {
     "z": ("z",),
     "gate": ("gate", "gate_shape"),
-    "kept": ("kept_w", "kept", "kept_P"),
+    "kept": ("kept_w", "kept", "kept_P", "full_per_kept"),
     "full": ("full_w", "full", "full_P", "full_parent", "full_detection", "full_into", "full_mode"),
 }
 NEGLIGIBLE = 1e-4  # weight, below which a hypothesis is left out, unless it is the heaviest of a merge
@@ -164,6 +164,7 @@ def _full(
         "full": full.m[shown][:, at],
         "full_P": upper(full.P[shown], at),
         **{f"full_{field}": values[shown] for field, values in rows.items()},
+        "full_per_kept": np.bincount(into[merged], minlength=kept),
         "full_rest_count": (~shown & ~merged).sum(),
         "full_rest_merged": (~shown & merged).sum(),
         "full_rest_w": full.w[~shown].sum(),

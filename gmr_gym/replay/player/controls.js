@@ -12,13 +12,15 @@ const KEYS = [
   ["o", "the target's own detection"],
   ["m", "animate the reduction"],
   ["l", "lines to the parents"],
-  ["n", "select the next hypothesis by weight"],
+  ["n", "select the next hypothesis or component by weight"],
   ["esc", "end a selection"],
   ["?", "this help"],
 ];
-const GESTURES =
+const OF_TRACES = [", .", "m", "l"]; // keys that act where there are hypotheses before the reduction
+const gesturesOf = ({ traced, many }) =>
   "Drag to move, wheel or two fingers to zoom. Drag on a chart to go through the scans. " +
-  "Click a hypothesis or a detection to see where it came from.";
+  `Click a ${many ? "component" : "hypothesis"} or a detection to see ` +
+  (traced ? "where it came from and where it went." : "its numbers.");
 
 /** Fill the player's element; the pieces that change, by name. */
 function build(player) {
@@ -129,10 +131,12 @@ const viewsOf = ({ many, radar }) => [
 ];
 
 function helpBox(player) {
-  const rows = KEYS.map(([key, what]) => make("div", {}, make("kbd", {}, key), what));
+  const { episode } = player;
+  const acting = KEYS.filter(([key]) => episode.traced || !OF_TRACES.includes(key));
+  const rows = acting.map(([key, what]) => make("div", {}, make("kbd", {}, key), what));
   return make(
     "div", { class: "gmr-help", hidden: "", role: "dialog", "aria-label": "Keys and help" },
-    make("h3", {}, "Keys"), ...rows, make("p", {}, GESTURES),
+    make("h3", {}, "Keys"), ...rows, make("p", {}, gesturesOf(episode)),
     button("close", "Close the help", () => player.toggleHelp(), "close"),
   );
 }
