@@ -53,7 +53,7 @@ def page(recording: Recording) -> str:
     text = json.dumps(data, separators=(",", ":"))
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
-    title = f"{data['title']}: {recording.environment} seed {recording.seed}"
+    title = f"{data['title']}: {f'{recording.environment} seed {recording.seed}'.strip()}"
     return PAGE.format(title=escape(title), css=css, data=text, js=_script())
 
 
