@@ -56,6 +56,12 @@ class Reported:
             numbers[~sound] = np.nan
         return numbers
 
+    def fields(self, what: str, value: Any, kind: type) -> None:
+        """ValueError for a value that has not all the fields of a kind of NamedTuple."""
+        lacking = [field for field in kind._fields if not hasattr(value, field)]  # type: ignore[attr-defined]
+        if lacking:
+            raise ValueError(f"{self.place(what)}: expected a {kind.__name__}, got {type(value).__name__}")
+
     def mixture(self, what: str, p: Any, d: int) -> Mixture:
         """The mixture of states (d,), checked by `array`."""
         try:
