@@ -375,6 +375,14 @@ def test_watch_leaves_a_page_of_several_trackers_unless_it_is_told_otherwise(cal
     assert Path("again.html").read_text(encoding="utf-8") == text
 
 
+def test_a_page_names_the_settings_of_its_environment(call):
+    path = f"trajectory={[[1.0 * t, 2.0 * t] for t in range(20)]}"
+    words = "watch", TURNING, "--tracker", "pda", "--scans", 2, "--set", "clutter_rate=20", "--set", path
+    assert call(*words)[0] == 0
+    title = f"<title>pda: {TURNING} clutter_rate=20 {path[:57]}... seed 0</title>"
+    assert title in Path("episode.html").read_text(encoding="utf-8")
+
+
 def test_watch_pictures_one_scan_by_several_trackers(call):
     words = "watch", JUMP, "--tracker", "mmg-5", "--tracker", "imm-pda", "--frame", 2, "--size", 600
     code, _, errors = call(*words, "--out", "f.png")
@@ -577,11 +585,12 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
             "--out must end in .html or .gif or .mp4 or .png or .svg, got 'f.avi'",
         ),
         (("watch", JUMP, "--out", "f.png"), "f.png is one picture: say of which scan by frame (--frame K)"),
+        (("watch", JUMP, "--out", "f.gif", "--frame", 1), "--frame is for .png or .svg, and --out is f.gif"),
+        (("watch", JUMP, "--out", "f.html", "--size", 9), "--size is for .gif or .mp4 or .png or .svg, and"),
         (
-            ("watch", JUMP, "--out", "f.gif", "--frame", 1),
-            "frame is for one picture, .png or .svg, got 'f.gif'",
+            ("watch", JUMP, "--out", "f.png", "--frame", 1, "--fps", 5),
+            "--fps is for .gif or .mp4, and --out is f.png",
         ),
-        (("watch", JUMP, "--out", "f.html", "--size", 9), "--size is for a film or a picture, and f.html is"),
         (
             ("watch", JUMP, "--out", "f.gif", "--size", "4x"),
             "--size must be WIDTH or WIDTHxHEIGHT in pixels, as",

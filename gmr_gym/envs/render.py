@@ -126,7 +126,7 @@ class Panel:
             # the projection of an ellipsoid is the ellipse of the block of its covariance
             add_ellipses(self.plane, gates.z[:, :2], gates.S[:, :2, :2] * gates.threshold, GATES, 0.8)
         at = list(self.scenario.position[:2])
-        opacity = np.clip(np.sqrt(p.w / p.w.max()), 0.04, 1)
+        opacity = np.clip(np.sqrt(p.w / p.w.max(initial=0.0)), 0.04, 1)
         add_ellipses(self.plane, p.m[:, at], EDGE * p.P[:, at][:, :, at], HYPOTHESIS, 1.2, opacity)
 
 

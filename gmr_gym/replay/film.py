@@ -14,8 +14,11 @@ from gmr_gym.envs.render_sheet import check_size
 from gmr_gym.evaluation.loop import is_off_target, play
 from gmr_gym.evaluation.multi_target_runs import play as play_multi_target
 from gmr_gym.evaluation.writing import whole
+from gmr_gym.filters.tracker import MultiTargetReport
+from gmr_gym.replay.columns import Reported
 from gmr_gym.replay.gif import write_gif
-from gmr_gym.replay.recording import MOST_TRACKERS
+from gmr_gym.replay.lineup import check_shown, scans_shown
+from gmr_gym.replay.single_target import checked
 from gmr_gym.simulation import multi_target, single_target
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
@@ -62,23 +65,25 @@ def film(
     Raises
     ------
     ValueError
-        For another ending or number of trackers, a picture without `frame` or a film with one, a frame or
-        scans beyond the episode, a size above 4000 pixels or too small, and another fps.
+        For another ending, number of trackers or seed, a tracker that does not fit, a picture without `frame`
+        or a film with one, a frame or scans beyond the episode, a size above 4000 pixels or too small,
+        another fps, and reports of wrong shapes.
     ImportError
         When a .mp4 needs the extra `video`.
     """
     out = Path(out)
-    check_film(out, len(trackers), frame, size, fps)
+    check_film(out, frame, size, fps)
+    check_shown(trackers, seed, scenario)
     many = isinstance(scenario, MultiTargetScenario)
     kind: Any = multi_target if many else single_target
-    episode = kind.draw(scenario, seed)
+    episode = kind.draw(scenario, int(seed))
     total = _total(len(episode.x), frame, scans)
     canvas = (MultiTargetCanvas if many else Canvas)(
         scenario, titles=[*trackers], tracked=True, scans=scans,
         size=size or (WIDTH if len(trackers) == 1 else NARROW * len(trackers), 0),
     )  # fmt: skip
     play_one: Any = _many if many else _single
-    tracked = [play_one(scenario, tracker, episode) for tracker in trackers.values()]
+    tracked = [play_one(scenario, tracker, episode, name) for name, tracker in trackers.items()]
 
     moments = _moments(zip(*tracked, strict=True), total, progress)
     if frame is None:
@@ -90,7 +95,7 @@ def film(
         canvas.save(partial)
 
 
-def check_film(out: Path, trackers: int, frame: int | None, size: tuple[int, int] | None, fps: float) -> None:
+def check_film(out: Path, frame: int | None, size: tuple[int, int] | None, fps: float) -> None:
     """ValueError or ImportError for what no film can be made of, as `film`, before anything is drawn."""
     ending = out.suffix.lower()
     if ending not in (*FILMS, *PICTURES):
@@ -99,8 +104,6 @@ def check_film(out: Path, trackers: int, frame: int | None, size: tuple[int, int
         raise ValueError(f"{out.name} is one picture: say of which scan by frame (--frame K), from 1")
     if ending in FILMS and frame is not None:
         raise ValueError(f"frame is for one picture, .png or .svg, got {out.name!r}")
-    if not 1 <= trackers <= MOST_TRACKERS:
-        raise ValueError(f"trackers must be from 1 to {MOST_TRACKERS}, got {trackers}")
     if size is not None:
         check_size((size[0], size[1] or 1))
     if not 0.1 <= fps <= FASTEST:
@@ -129,12 +132,10 @@ def write(out: Path | str, pictures: Iterable[np.ndarray], total: int, fps: floa
 
 def _total(there: int, frame: int | None, scans: int | None) -> int:
     """Scans to be played."""
-    if scans is not None and not 1 <= scans <= there:
-        raise ValueError(f"scans must be from 1 to the {there} of the episode, got {scans}")
-    there = scans or there
-    if frame is not None and not 1 <= frame <= there:
+    there = scans_shown(there, scans)
+    if frame is not None and frame not in range(1, there + 1):
         raise ValueError(f"frame must be from 1 to the {there} scans of the episode, got {frame}")
-    return frame or there
+    return there if frame is None else int(frame)
 
 
 def _moments(
@@ -147,10 +148,12 @@ def _moments(
             progress(t + 1, total)
 
 
-def _single(scenario: Scenario, tracker: Any, episode: Any) -> Iterator[Tracked]:
+def _single(scenario: Scenario, tracker: Any, episode: Any, name: str = "") -> Iterator[Tracked]:
     """Every scan of an episode of one target, as a tracker has it."""
-    estimates, counts, off, lost_at = [], [], 0, -1
-    for t, seen, report, _ in play(scenario, tracker, episode):
+    reported, estimates, counts, off, lost_at = Reported(name), [], [], 0, -1
+    for t, seen, given, _ in play(scenario, tracker, episode):
+        reported.scan = t + 1
+        report = checked(scenario, reported, given)
         estimates.append(report.x[0])
         counts.append(len(report.mixture.w))
         points = tracker.model.sensor.to_gate_space(seen.z)
@@ -159,10 +162,13 @@ def _single(scenario: Scenario, tracker: Any, episode: Any) -> Iterator[Tracked]
         yield Tracked(seen, estimates, report, counts, lost_at)
 
 
-def _many(scenario: MultiTargetScenario, tracker: Any, episode: Any) -> Iterator[Tracked]:
+def _many(scenario: MultiTargetScenario, tracker: Any, episode: Any, name: str = "") -> Iterator[Tracked]:
     """The same of many targets."""
     estimates: list[np.ndarray] = []
+    reported = Reported(name)
     for t, (report, _) in enumerate(play_multi_target(tracker, episode)):
+        reported.scan = t + 1
+        reported.fields("report", report, MultiTargetReport)
         estimates.append(report.x[:, list(scenario.position)])
         yield Tracked(multi_target.scan(episode, t), estimates, report)
 

@@ -49,7 +49,7 @@ def page(recording: Recording) -> str:
         HTML: the recording, the player and its style. It loads nothing.
     """
     data = _data(recording)
-    title = f"{data['title']}: {recording.environment} seed {recording.seed}"
+    title = f"{data['title']}: {f'{recording.environment} seed {recording.seed}'.strip()}"
     return document(title, data, "GmrPlayer", [PLAYER / "player.css"], sorted(PLAYER.glob("*.js")))
 
 

@@ -187,6 +187,40 @@ def test_what_no_film_can_be_made_of_is_named(one, out, number, how, message, tm
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("seed", "how", "message"),
+    [
+        (-1, {}, "seed must be at least 0, got -1"),
+        (None, {}, "seed must be a whole number, got None"),
+        (1, {"scans": 2.5}, "scans must be from 1 to the 3 of the episode, got 2.5"),
+        (1, {"frame": 1.5}, "frame must be from 1 to the 3 scans of the episode, got 1.5"),
+    ],
+)
+def test_numbers_that_are_not_whole_are_named(one, seed, how, message, tmp_path):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        film(one, {"lost": Lost(one)}, seed, tmp_path / "f.png", **({"frame": 1} | how))
+
+
+class Changed(Lost):
+    """A tracker with other fields in its reports."""
+
+    def __init__(self, scenario, **fields):
+        self.model, self.fields = scenario.model, fields
+
+    def step(self, belief, z):
+        return None, super().step(belief, z)[1]._replace(**self.fields)
+
+
+def test_a_tracker_with_no_hypothesis_is_filmed_and_a_wrong_report_is_named(one, tmp_path):
+    nothing = one.model.prior._replace(w=np.empty(0), m=np.empty((0, 4)), P=np.empty((0, 4, 4)))
+    film(one, {"empty": Changed(one, mixture=nothing)}, 1, tmp_path / "f.png", frame=1)
+    with pytest.raises(ValueError, match=r"^tracker 'mine', x at scan 1: expected shape \(1, 4\), got"):
+        film(one, {"mine": Changed(one, x=np.zeros(4))}, 1, tmp_path / "f.gif")
+    follows = turning_target(horizon=SCANS, clutter_rate=20, window=(300.0, 300.0))
+    with pytest.raises(ValueError, match=r"^tracker 'mine', x at scan 1: the window follows the estimate"):
+        film(follows, {"mine": Changed(one, x=np.full((1, 4), np.nan))}, 1, tmp_path / "f.gif")
+
+
 def test_a_video_without_its_extra_is_refused_before_anything_is_drawn(one, tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     with pytest.raises(ImportError, match=r"a \.mp4 needs the extra `video`"):

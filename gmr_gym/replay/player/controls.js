@@ -12,13 +12,16 @@ const KEYS = [
   ["o", "the target's own detection"],
   ["m", "animate the reduction"],
   ["l", "lines to the parents"],
-  ["n", "select the next hypothesis by weight"],
+  ["n", "select the next hypothesis or component by weight"],
   ["esc", "end a selection"],
   ["?", "this help"],
 ];
-const GESTURES =
+const OF_TRACES = [", .", "m", "l"]; // keys that act where there are hypotheses before the reduction
+const keysOf = ({ traced }) => KEYS.filter(([key]) => traced || !OF_TRACES.includes(key));
+const gesturesOf = ({ traced, many }) =>
   "Drag to move, wheel or two fingers to zoom. Drag on a chart to go through the scans. " +
-  "Click a hypothesis or a detection to see where it came from.";
+  `Click a ${many ? "component" : "hypothesis"} or a detection to see ` +
+  (traced ? "where it came from and where it went." : "its numbers.");
 
 /** Fill the player's element; the pieces that change, by name. */
 function build(player) {
@@ -26,7 +29,7 @@ function build(player) {
   const pieces = {
     time: timeSlider(player),
     chosen: make("div", { class: "gmr-chosen", "aria-live": "polite" }),
-    help: helpBox(player, KEYS, GESTURES),
+    help: helpBox(player, keysOf(player.episode), gesturesOf(player.episode)),
     ...transport(player),
   };
   pieces.charts = make("div", { class: "gmr-strips" }, pieces.time, ...strips.map(({ node }) => node));
