@@ -74,6 +74,7 @@ def test_a_lesson_has_what_a_class_needs(page):
     ):
         assert part in text, part
     exercises = text.partition("## Exercises")[2]
+    assert not any(kind for kind, _ in notebooks.parts(exercises)), "an answer is not under a fold"
     assert exercises.count("\n**") == exercises.count("\n<details>") == exercises.count("\n</details>") >= 3
 
 
