@@ -11,18 +11,19 @@ import numpy as np
 
 from gmr_gym.checks import UNLIMITED, check_count, check_limits
 from gmr_gym.filters.mht import (
+    ESTIMATE_SCAN,
     MAX_HYPOTHESES,
-    REDUCE_SCAN,
-    expand_scan,
+    estimate_scan,
+    expand_and_prune,
     gate_and_log_weights,
+    predict_and_prune,
     predict_and_update,
-    prune_and_reduce,
-    reduce_scan,
+    reduce_and_estimate,
 )
 from gmr_gym.filters.trace import Trace, origin_of_reduction, trace_of
 from gmr_gym.filters.tracker import ONE_MODE, CompiledTracker, Report, check_scan
-from gmr_gym.kernels import ONE, compile_ahead, kernel
-from gmr_gym.mixture import Mixture, collapsed, match, mean_and_covariance
+from gmr_gym.kernels import compile_ahead, kernel
+from gmr_gym.mixture import Mixture, collapsed
 from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model, check_one_motion
@@ -69,7 +70,7 @@ class Mht:
         if not 0 <= self.prune_density < np.inf:
             raise ValueError(f"prune_density must be non-negative and finite, got {self.prune_density}")
         if isinstance(self.reduce, Greedy):
-            compile_ahead(reduce_scan, REDUCE_SCAN)
+            compile_ahead(estimate_scan, ESTIMATE_SCAN)
         else:
             # wrong parameters fail here rather than at a scan
             check_reduced(self.reduce(collapsed(self.model.prior)), 1)
@@ -94,12 +95,12 @@ class Mht:
 
     def step(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
-        full = predict_and_update(belief, self.model, check_scan(z, len(self.model.sensor.H)))
-        posterior = prune_and_reduce(
-            full.posterior.mixture, self.reduce, self.prune_weight, self.prune_density, self.max_hypotheses
+        z = check_scan(z, len(self.model.sensor.H))
+        likely, gates = predict_and_prune(belief, self.model, z, self.prune_weight, self.max_hypotheses)
+        posterior, mean, covariance = reduce_and_estimate(
+            likely, self.reduce, self.prune_weight, self.prune_density, self.max_hypotheses
         )
-        mean, covariance = mean_and_covariance(posterior)
-        return posterior, Report(mean[None], covariance[None], full.gates, posterior)
+        return posterior, Report(mean, covariance, gates, posterior)
 
     def trace(self, belief: Mixture, z: np.ndarray) -> tuple[Mixture, Report, Trace]:
         """What `step` gives, and what became of every hypothesis with the scan."""
@@ -114,13 +115,11 @@ class Mht:
 def _scan(told, belief, z):
     """`Mht.step` for a linear sensor and Greedy, see `CompiledTracker`."""
     motion, sensor, weights, limits = told
-    full, (centres, S, threshold) = expand_scan(belief, motion, sensor, z, *weights)
-    w, m, P = full.mixture
-    hits = 0
-    for j in full.detection:
-        hits += j >= 0
-    w, m, P, _, _ = reduce_scan(w, m, P, *limits)
-    _, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), ONE)
+    prune_weight, max_hypotheses = limits[:2]
+    (w, m, P), (centres, S, threshold), hits = expand_and_prune(
+        belief, motion, sensor, z, weights, prune_weight, max_hypotheses
+    )
+    w, m, P, mean, covariance = estimate_scan(w, m, P, *limits)
     report = Report(mean, covariance, Gates(centres, S, threshold), Mixture(w, m, P), True, ONE_MODE)
     return (w, m, P), report, hits
 

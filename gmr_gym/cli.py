@@ -18,6 +18,7 @@ from gmr_gym.experiments.options import (
     Backend,
     EnvId,
     Environments,
+    Example,
     Format,
     GridSettings,
     Jobs,
@@ -34,6 +35,7 @@ from gmr_gym.experiments.options import (
     Shard,
     Tables,
     TrackerNames,
+    completing,
     tracker_option,
 )
 from gmr_gym.experiments.papers.registry import PAPERS
@@ -316,17 +318,19 @@ def watch(
     from gmr_gym.envs.lookup import key_values, scenario_of
     from gmr_gym.experiments import specs
     from gmr_gym.replay import record, write_page
-    from gmr_gym.replay.film import FPS, film
+    from gmr_gym.replay.film import FILMS, FPS, PICTURES, film
     from gmr_gym.replay.lineup import trackers_of
     from gmr_gym.simulation.multi_target import MultiTargetScenario
 
     specs.check_ending("--out", out, ".html", ".gif", ".mp4", ".png", ".svg")
     specs.check_writable(out)
     specs.check_once("--tracker", tracker)
-    page = out.suffix.lower() == ".html"
-    for option, value in (("--frame", frame), ("--size", size or None), ("--fps", fps)):
-        if page and value is not None:
-            raise ValueError(f"{option} is for a film or a picture, and {out.name} is a page")
+    ending = out.suffix.lower()
+    for option, value, endings in (
+        ("--frame", frame, PICTURES), ("--size", size or None, (*FILMS, *PICTURES)), ("--fps", fps, FILMS)
+    ):  # fmt: skip
+        if value is not None and ending not in endings:
+            raise ValueError(f"{option} is for {' or '.join(endings)}, and --out is {out.name}")
     pixels = specs.pixels("--size", size) if size else None
     scenario = scenario_of(env_id, key_values(settings))
     if isinstance(scenario, MultiTargetScenario):
@@ -335,8 +339,9 @@ def watch(
         usual = "mmg-15" if len(scenario.model.motions) > 1 else "runnalls-30"
     trackers = trackers_of(tracker or [usual], scenario, env_id)
     with progress("tracking") as report:
-        if page:
-            write_page(record(scenario, trackers, seed, scans, environment=env_id, progress=report), out)
+        if ending == ".html":
+            name = " ".join((env_id, *(one if len(one) <= 60 else f"{one[:57]}..." for one in settings)))
+            write_page(record(scenario, trackers, seed, scans, environment=name, progress=report), out)
         else:
             rate = FPS if fps is None else fps
             film(
@@ -351,6 +356,46 @@ def watch(
                 progress=report,
             )
     _show([f"written to {out}"])
+
+
+@command()
+def reduce(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="MIXTURE", help=".json, .npz or .csv; or give --example")
+    ] = None,
+    *,
+    method: Annotated[
+        list[str],
+        typer.Option(
+            "--method",
+            help="NAME or NAME:key=value,key=value of a reduction; repeatable, to 4; runnalls unless given",
+            autocompletion=completing(dict.fromkeys(reductions(), "")),
+        ),
+    ] = [],  # noqa: B006
+    example: Example = None,
+    components: Annotated[
+        int | None,
+        typer.Option("--components", help="how many remain; half of them unless given, and 1 on a page"),
+    ] = None,
+    axes: Annotated[
+        str, typer.Option("--axes", help="two coordinates that a page draws; 1,2 unless given")
+    ] = "",
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            help="a page, .html, of every step; or the mixture reduced by one method, .json, .npz or .csv",
+        ),
+    ] = Path("reduction.html"),
+) -> None:
+    """A mixture reduced by several methods: what each loses and takes, and every merge to watch."""
+    from gmr_gym.experiments import reducing, specs
+
+    specs.check_ending("--out", out, *reducing.ENDINGS)
+    specs.check_writable(out, beside=file)
+    specs.check_once("--method", method)
+    name, mixture = reducing.mixture_asked(file, example)
+    _show(reducing.reduction(name, mixture, method or ["runnalls"], components, axes, out))
 
 
 @command()

@@ -30,14 +30,17 @@ from gmr_gym.evaluation.curves import CURVES
 from gmr_gym.evaluation.loop import play
 from gmr_gym.evaluation.montecarlo import run
 from gmr_gym.evaluation.summary import FEWEST, summary
+from gmr_gym.experiments.mixtures import crouse, read_mixture
 from gmr_gym.experiments.output import RUN_COLUMNS, write_runs
 from gmr_gym.filters.registry import GROUP, MULTI_TARGET_GROUP, make_tracker, trackers
-from gmr_gym.reduction.registry import REDUCERS
+from gmr_gym.reduction.registry import REDUCERS, reducer
+from gmr_gym.replay import reduction_page
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
 from gmr_gym.simulation.single_target import draw, scan
 
+CROUSE = "reduce", "--example", "crouse"
 JUMP, TURNING, RADAR = (f"gmr_gym/{name}-v0" for name in ("JumpMarkov", "TurningTarget", "AirborneRadar"))
 
 
@@ -372,12 +375,39 @@ def test_watch_leaves_a_page_of_several_trackers_unless_it_is_told_otherwise(cal
     assert Path("again.html").read_text(encoding="utf-8") == text
 
 
+def test_a_page_names_the_settings_of_its_environment(call):
+    path = f"trajectory={[[1.0 * t, 2.0 * t] for t in range(20)]}"
+    words = "watch", TURNING, "--tracker", "pda", "--scans", 2, "--set", "clutter_rate=20", "--set", path
+    assert call(*words)[0] == 0
+    title = f"<title>pda: {TURNING} clutter_rate=20 {path[:57]}... seed 0</title>"
+    assert title in Path("episode.html").read_text(encoding="utf-8")
+
+
 def test_watch_pictures_one_scan_by_several_trackers(call):
     words = "watch", JUMP, "--tracker", "mmg-5", "--tracker", "imm-pda", "--frame", 2, "--size", 600
     code, _, errors = call(*words, "--out", "f.png")
     assert code == 0 and "tracking: 2 of 2" in errors
     with Image.open("f.png") as picture:
         assert picture.width == 600
+
+
+def test_reduce_leaves_a_page_of_every_method_and_shows_what_each_costs(call):
+    code, printed, errors = call("reduce", "--example", "crouse", "--method", "runnalls", "--method", "west")
+    assert code == 0 and "written to reduction.html" in printed and "reducing: 18 of 18" in errors
+    assert "crouse: 10 components to 5" in printed
+    (row,) = [line.split("|")[1:] for line in printed.splitlines() if line.startswith("| runnalls")]
+    assert [cell.strip() for cell in row[:3]] == ["runnalls", "5", "0.02663"]
+    text = reduction_page(crouse(), ["runnalls", "west"], title="crouse")
+    assert Path("reduction.html").read_text(encoding="utf-8") == text
+
+
+def test_reduce_writes_the_mixture_that_one_method_leaves(call):
+    assert call("reduce", "--example", "crouse", "--components", 6, "--out", "p.csv")[0] == 0
+    code, printed, _ = call("reduce", "p.csv", "--method", "adaptive:loss_bound=0", "--out", "q.json")
+    assert code == 0 and "p: 6 components to 3" in printed
+    q = read_mixture(Path("p.csv"))
+    np.testing.assert_array_equal(q.m, reducer("runnalls", 6)(crouse())[0].m)
+    np.testing.assert_array_equal(read_mixture(Path("q.json")).m, reducer("runnalls", 3)(q)[0].m)
 
 
 def test_record_writes_the_detections_and_the_truth_of_the_episode(call):
@@ -555,11 +585,12 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
             "--out must end in .html or .gif or .mp4 or .png or .svg, got 'f.avi'",
         ),
         (("watch", JUMP, "--out", "f.png"), "f.png is one picture: say of which scan by frame (--frame K)"),
+        (("watch", JUMP, "--out", "f.gif", "--frame", 1), "--frame is for .png or .svg, and --out is f.gif"),
+        (("watch", JUMP, "--out", "f.html", "--size", 9), "--size is for .gif or .mp4 or .png or .svg, and"),
         (
-            ("watch", JUMP, "--out", "f.gif", "--frame", 1),
-            "frame is for one picture, .png or .svg, got 'f.gif'",
+            ("watch", JUMP, "--out", "f.png", "--frame", 1, "--fps", 5),
+            "--fps is for .gif or .mp4, and --out is f.png",
         ),
-        (("watch", JUMP, "--out", "f.html", "--size", 9), "--size is for a film or a picture, and f.html is"),
         (
             ("watch", JUMP, "--out", "f.gif", "--size", "4x"),
             "--size must be WIDTH or WIDTHxHEIGHT in pixels, as",
@@ -575,6 +606,25 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         ),
         (("watch", JUMP, "--tracker", "pda"), f"'pda' cannot run in {JUMP}: this tracker knows one motion"),
         (("watch", TURNING, "--out", "z.csv/f.html"), "error: z.csv: not a directory"),
+        (("reduce",), "give one mixture: a file, or --example, one of crouse, posterior"),
+        (("reduce", "z.csv", "--example", "crouse"), "give one mixture: a file, or --example, one of crouse"),
+        (("reduce", "--example", "cruse"), "unknown example 'cruse'; choose one of crouse, posterior"),
+        (("reduce", "p.txt"), "MIXTURE must end in .json or .npz or .csv, got 'p.txt'"),
+        (("reduce", "missing.csv"), "error: missing.csv: no such file or directory"),
+        (("reduce", "z.csv"), "z.csv: expected the header w,m1,P11, got 'time,x,y'"),
+        ((*CROUSE, "--out", "p.txt"), "--out must end in .html or .json or .npz or .csv, got 'p.txt'"),
+        ((*CROUSE, "--components", 11), "--components must be from 1 to the 10 of crouse, got 11"),
+        ((*CROUSE, "--method", "wst"), "unknown reduction 'wst'; did you mean 'west'?"),
+        ((*CROUSE, "--axes", "1,2"), "--axes is for coordinates of more than one dimension"),
+        ((*CROUSE, "--axes", "1,2", "--out", "p.csv"), "--axes is for a page, and p.csv is a mixture"),
+        (
+            ("reduce", "--example", "posterior", "--axes", "0,1"),
+            "--axes must be two different ones of 1 to 4",
+        ),
+        (
+            (*CROUSE, "--method", "west", "--method", "ise", "--out", "p.csv"),
+            "p.csv takes the mixture of one --method, got 2; a page takes more",
+        ),
         (("track", "missing.csv", *TRACK[2:]), "error: missing.csv: no such file or directory"),
         (("evaluate", TURNING, "--tracker", "pda", "--out", "z.csv"), "error: z.csv: not a directory"),
         ((*EVALUATE, "imm-pda", "--json", "z.csv/f.json"), "error: z.csv: not a directory"),
@@ -742,9 +792,10 @@ def test_a_kernel_that_is_interrupted_while_it_is_called_stops_the_command_as_ct
     [
         ((*TRACK, "--out", "./z.csv"), "z.csv"),
         (("record", TURNING, "--out", "z.csv", "--truth", "./z.csv"), "z.csv"),
+        (("reduce", "z.csv", "--out", "./z.csv"), "z.csv"),
         (("evaluate", TURNING, "--tracker", "pda", "--out", "e", "--json", "e/runs.csv"), "e/runs.csv"),
     ],
-    ids=["track over what it reads", "truth over detections", "figures over runs"],
+    ids=["track over what it reads", "truth over detections", "mixture", "figures over runs"],
 )
 def test_no_command_writes_over_what_it_reads_or_writes_twice_to_one_file(call, words, lost):
     Path("z.csv").write_text("time,x,y\n1.0,0,0\n2.0,5,5\n3.0,7,7\n")
@@ -892,7 +943,9 @@ def test_a_console_of_any_encoding_gets_what_it_can_show_and_the_files_are_there
     assert ("gate area, m²" if encoding == "utf-8" else "gate area, m^2") in shown
     rows = [line for line in shown.splitlines() if line.startswith(("|", "+"))]
     assert len({len(row) for row in rows}) == 1
-    assert {file.name for file in (tmp_path / "é²").iterdir()} == {"blocks", "runs.csv", "evaluate.json"}
+    assert {file.name for file in (tmp_path / "é²").iterdir()} == {
+        "blocks", "runs.csv", "evaluate.json", "report.html",
+    }  # fmt: skip
     if encoding == "cp1251":
         run_command("reproduce", "zhang", "--table", "clear", "--runs", 1, "--jobs", 1, "--out", "r")
         assert (tmp_path / "r/zhang.json").exists() and (tmp_path / "r/zhang.csv").exists()

@@ -3,15 +3,14 @@
 What a radar measures is drawn from above, in metres about the radar.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 
-from gmr_gym.envs.render_sheet import (
+from gmr_gym.envs.render_marks import (
     CLUTTER,
     EDGE,
     ESTIMATE,
@@ -19,12 +18,15 @@ from gmr_gym.envs.render_sheet import (
     HYPOTHESIS,
     INK,
     PAPER,
-    SIZE,
     TRUTH,
-    Sheet,
-    ellipses,
-    height_for,
+    add_ellipses,
+    link,
+    over_scans,
+    ring,
+    style_plane,
+    style_strip,
 )
+from gmr_gym.envs.render_sheet import SIZE, Sheet, height_for
 from gmr_gym.models.radar import Radar
 from gmr_gym.simulation.single_target import Scan, Scenario
 
@@ -124,7 +126,7 @@ class Panel:
             # the projection of an ellipsoid is the ellipse of the block of its covariance
             add_ellipses(self.plane, gates.z[:, :2], gates.S[:, :2, :2] * gates.threshold, GATES, 0.8)
         at = list(self.scenario.position[:2])
-        opacity = np.clip(np.sqrt(p.w / p.w.max()), 0.04, 1)
+        opacity = np.clip(np.sqrt(p.w / p.w.max(initial=0.0)), 0.04, 1)
         add_ellipses(self.plane, p.m[:, at], EDGE * p.P[:, at][:, :, at], HYPOTHESIS, 1.2, opacity)
 
 
@@ -225,7 +227,8 @@ class Canvas:
     def _view(self, episode: Any, t: int, shown: Sequence[Tracked]) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper corner (2,), m, of the window: one that follows is about the estimate, or about the
         target where there is none, or several."""
-        about = shown[0].estimates[-1:] if len(shown) == 1 else ()
+        latest = shown[0].estimates[-1:] if len(shown) == 1 else ()
+        about = [state for state in latest if np.isfinite(state).all()]
         return view(self.scenario, [*about, episode.x[min(t, len(episode.x) - 1)]][0])
 
 
@@ -246,65 +249,3 @@ def view(scenario: Scenario, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     # one scale for both axes even where the window is a thin strip: the box is then drawn wider
     half = np.maximum(high - low, (high - low).max() / 3) / 2
     return (low + high) / 2 - half, (low + high) / 2 + half
-
-
-def ring(colour: str, label: str, **style: Any) -> Line2D:
-    """What stands for ellipses in a legend."""
-    return Line2D([], [], ls="", marker="o", ms=8, mfc="none", mec=colour, mew=1.8, label=label, **style)
-
-
-def add_ellipses(
-    axes: Axes,
-    centres: np.ndarray,
-    shapes: np.ndarray,
-    colour: str,
-    width: float,
-    opacity: np.ndarray | float = 1.0,
-    **style: Any,
-) -> None:
-    """Draw `ellipses` (n), in points wide, and as opaque as given for all or for each (n,)."""
-    colours = np.hstack([np.tile(to_rgb(colour), (len(centres), 1)), np.full((len(centres), 1), 1.0)])
-    colours[:, 3] = opacity
-    axes.add_collection(
-        ellipses(axes, centres, shapes, edgecolors=colours, linewidths=width, **style), autolim=False
-    )
-
-
-def style_plane(axes: Axes, labelled: bool) -> None:
-    """Axes of the plane, in metres; only those at the left have numbers at their left."""
-    axes.set_aspect("equal")
-    axes.locator_params(axis="x", nbins=4)  # labels of six figures under a narrow box would overlap
-    axes.tick_params(labelleft=labelled)
-    axes.set_xlabel("x, m", color=INK)
-    axes.set_ylabel("y, m" if labelled else "", color=INK)
-
-
-def style_strip(axes: Axes, scans: int, labelled: bool) -> None:
-    """Axes over the scans."""
-    axes.set(xlim=(0, scans + 1), ylim=(0, 10))
-    axes.locator_params(axis="x", integer=True)
-    axes.locator_params(axis="y", nbins=2, integer=True)
-    axes.tick_params(labelleft=labelled)
-    axes.set_xlabel("scan", color=INK)
-
-
-def over_scans(axes: Axes, name: str, counts: Mapping[str, Sequence[float]]) -> None:
-    """Draw numbers, scan by scan, each kind in its colour."""
-    if not axes.lines:
-        for colour in counts:
-            axes.step([], [], where="mid", color=colour, lw=1.4)
-        axes.set_ylabel(name, color=INK, fontsize=9)
-    for line, values in zip(axes.lines, counts.values(), strict=True):
-        line.set_data(np.arange(1, len(values) + 1), values)
-
-
-def link(strips: Sequence[Axes]) -> None:
-    """Give strips side by side one scale, from 0, that doubles where it must; only the first is labelled."""
-    most = max(np.max(line.get_ydata(), initial=0) for strip in strips for line in strip.lines)
-    top = strips[0].get_ylim()[1]
-    while top <= most:
-        top *= 2
-    for strip in strips:
-        strip.set_ylim(0, top)
-    for strip in strips[1:]:
-        strip.set_ylabel("")

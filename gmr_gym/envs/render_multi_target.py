@@ -6,8 +6,18 @@ from typing import Any
 import numpy as np
 from matplotlib.lines import Line2D
 
-from gmr_gym.envs.render import Canvas, Panel, Tracked, add_ellipses, over_scans, ring
-from gmr_gym.envs.render_sheet import CLUTTER, EDGE, ESTIMATE, HYPOTHESIS, INK, TRUTH
+from gmr_gym.envs.render import Canvas, Panel, Tracked
+from gmr_gym.envs.render_marks import (
+    CLUTTER,
+    EDGE,
+    ESTIMATE,
+    HYPOTHESIS,
+    INK,
+    TRUTH,
+    add_ellipses,
+    over_scans,
+    ring,
+)
 from gmr_gym.mixture import joined
 from gmr_gym.models.clutter import Clutter
 

@@ -9,14 +9,10 @@ from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
-INK, CLUTTER, TRUTH, ESTIMATE, HYPOTHESIS = "#222222", "#9aa0a6", "#1a7f37", "#c5221f", "#1967d2"
-GATES, PAPER = "#d0d7de", "#ffffff"
-INKS = INK, CLUTTER, TRUTH, ESTIMATE, HYPOTHESIS, GATES
+from gmr_gym.envs.render_marks import INK
 
-EDGE = 5.99  # squared Mahalanobis distance, within which 95 % of a Gaussian of the plane lie
 SIZE = 640, 640  # pixels, of the image of an environment
 LARGEST = 4000  # pixels, of a side
 # inches, at a hundred pixels each where a panel is 640 pixels wide
@@ -80,9 +76,8 @@ class Sheet:
         width = plane_width(size[0], panels)
         height = self._inches[1] - around(size[0], panels, strips, marks)
         if min(width, height) < LEAST:
-            raise ValueError(
-                f"size {size[0]}x{size[1]} leaves no room for {panels} pictures side by side and their legend"
-            )
+            what = "a panel" if panels == 1 else f"{panels} panels"
+            raise ValueError(f"size {size[0]}x{size[1]} leaves no room for {what} and the legend")
         low = self._inches[1] - TOP - height
         rooms = [(LEFT + i * (width + GAP), low, width, height) for i in range(panels)]
         below = [low - AXIS - STRIP - i * (STRIP + GAP / 2) for i in range(strips)]
@@ -154,8 +149,9 @@ def _moving(axes: Axes) -> list[Artist]:
 
 def check_size(size: tuple[int, int]) -> None:
     """ValueError unless both sides are between 1 and LARGEST pixels."""
-    if not all(1 <= side <= LARGEST for side in size):
-        raise ValueError(f"size must be between 1 and {LARGEST} pixels a side, got {size[0]}x{size[1]}")
+    for side in size:
+        if not 1 <= side <= LARGEST:
+            raise ValueError(f"size must be between 1 and {LARGEST} pixels a side, got {side}")
 
 
 def _dots(width: int, panels: int) -> float:
@@ -183,27 +179,3 @@ def height_for(width: int, panels: int, strips: int, marks: int, ratio: float) -
     """Pixels, an even number, of a figure whose planes are `ratio` times as high as wide."""
     inches = around(width, panels, strips, marks) + ratio * plane_width(width, panels)
     return 2 * round(inches * _dots(width, panels) / 2)
-
-
-def ellipses(axes: Axes, centres: np.ndarray, shapes: np.ndarray, **style: Any) -> EllipseCollection:
-    """A collection of the ellipses (x - centre)' shape^-1 (x - centre) = 1.
-
-    Parameters
-    ----------
-    axes : matplotlib Axes
-    centres : ndarray (n, 2)
-    shapes : ndarray (n, 2, 2)
-    **style
-        Of matplotlib's EllipseCollection.
-
-    Returns
-    -------
-    EllipseCollection
-    """
-    values, vectors = np.linalg.eigh(shapes)
-    axes_lengths = 2 * np.sqrt(values)
-    angles = np.degrees(np.arctan2(vectors[:, 1, 1], vectors[:, 0, 1]))
-    return EllipseCollection(
-        axes_lengths[:, 1], axes_lengths[:, 0], angles, units="xy", offsets=centres,
-        offset_transform=axes.transData, facecolors="none", **style,
-    )  # fmt: skip

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from gmr_gym.envs.render import Panel, Tracked, style_plane, style_strip
-from gmr_gym.envs.render_sheet import HYPOTHESIS, INK, SIZE, Sheet
+from gmr_gym.envs.render import Panel, Tracked
+from gmr_gym.envs.render_marks import HYPOTHESIS, INK, style_plane, style_strip
+from gmr_gym.envs.render_sheet import SIZE, Sheet
 from gmr_gym.filters.mht import MAX_HYPOTHESES, ScanUpdate, predict_and_update, prune_and_reduce
 from gmr_gym.filters.tracker import Report
 from gmr_gym.mixture import Mixture, mean_and_covariance, moments

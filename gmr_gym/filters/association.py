@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.kernels import kernel
+from gmr_gym.kernels import kernel, leaf_kernel
 from gmr_gym.linalg import cholesky_into, log_gaussian_scale
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.gating import Gates, gated_pairs
@@ -114,56 +114,42 @@ def log_weights(
 def expand_into_hypotheses(predicted, predicted_z, threshold, log_miss, log_detect):
     """Compiled form of `expand`, from the fields of a Mixture and of its PredictedDetections."""
     w, m, P = predicted
-    z_hat, S, C, z, R, log_jacobian, H, noise = predicted_z
-    n, d = m.shape
-    lists, p = len(z), z.shape[2]
+    w, parent, detection, log_density = weigh_associations(w, predicted_z, threshold, log_miss, log_detect)
+    m, P = update_associated(m, P, predicted_z, parent, detection)
+    return Expansion(Mixture(w, m, P), parent, detection, log_density)
+
+
+@kernel(inline="always")
+def weigh_associations(w, predicted_z, threshold, log_miss, log_detect):
+    """All fields of the Expansion but means and covariances, from the weights (n,) of the predicted
+    components."""
+    z_hat, S, _, z, R, log_jacobian, _, _ = predicted_z
+    n, p = z_hat.shape
     first, near, d2 = gated_pairs(z_hat, S, z, R, threshold)
     hits = first[n]
     misses = n if log_miss > -np.inf or hits == 0 else 0
     # w_out holds logarithms until the last two loops
     w_out, top, total = np.empty(hits + misses), -np.inf, 0.0
-    m_out, P_out = np.empty((hits + misses, d)), np.empty((hits + misses, d, d))
     parent, detection = np.empty(hits + misses, np.int64), np.empty(hits + misses, np.int64)
     log_density = np.full(hits + misses, np.inf)
-    L, K, P_hit, pair = np.zeros((p, p)), np.empty((d, p)), np.empty((d, d)), np.empty((p, p))
-    room = np.empty((p, d)), np.empty((p, p))
+    L, pair = np.zeros((p, p)), np.empty((p, p))
     at = 0
     for i in range(n):
+        log_w, log_peak = np.log(w[i]), 0.0
         if misses:
-            w_out[at] = np.log(w[i]) + (log_miss if log_miss > -np.inf else 0.0)
+            w_out[at] = log_w + (log_miss if log_miss > -np.inf else 0.0)
             top = max(top, w_out[at])
             parent[at], detection[at] = i, -1
-            for r in range(d):
-                m_out[at, r] = m[i, r]
-                for c in range(d):
-                    P_out[at, r, c] = P[i, r, c]
             at += 1
-        own = i if lists > 1 else 0
-        conditioned = False
-        log_peak = 0.0
         for h in range(first[i], first[i + 1]):
             j = near[h]
-            if not conditioned:
-                for r in range(p):
-                    for c in range(p):
-                        pair[r, c] = S[i, r, c] + (R[j, r, c] if len(R) else 0.0)
+            if len(R) or h == first[i]:  # every detection has its own noise, or all of the gate the same
+                _sum_into(pair, S, i, R, j)
                 cholesky_into(L, pair)
-                noise_row = 0 if len(noise) == 1 else i
-                for r in range(p):
-                    for c in range(p):
-                        pair[r, c] = noise[noise_row, r, c] + (R[j, r, c] if len(R) else 0.0)
-                posterior_into(P_hit, K, room, L, P[i], C[i], H[0 if len(H) == 1 else i], pair)
                 log_peak = log_gaussian_scale(L)
-                conditioned = len(R) == 0  # otherwise every detection has its own noise
             log_density[at] = log_peak - 0.5 * d2[h] + log_jacobian[j]
-            w_out[at] = np.log(w[i]) + log_detect + log_density[at]
+            w_out[at] = log_w + log_detect + log_density[at]
             top = max(top, w_out[at])
-            for r in range(d):
-                m_out[at, r] = m[i, r]
-                for c in range(p):
-                    m_out[at, r] += K[r, c] * (z[own, j, c] - z_hat[i, c])
-                for c in range(d):
-                    P_out[at, r, c] = P_hit[r, c]
             parent[at], detection[at] = i, j
             at += 1
     for h in range(len(w_out)):
@@ -171,4 +157,41 @@ def expand_into_hypotheses(predicted, predicted_z, threshold, log_miss, log_dete
         total += w_out[h]
     for h in range(len(w_out)):
         w_out[h] /= total
-    return Expansion(Mixture(w_out, m_out, P_out), parent, detection, log_density)
+    return w_out, parent, detection, log_density
+
+
+@kernel(inline="always")
+def update_associated(m, P, predicted_z, parent, detection):
+    """Means (N, d) and covariances (N, d, d) of the predicted components `parent` (N,) updated with
+    `detection` (N,), -1 for a missed one; fastest where hypotheses of one parent follow each other."""
+    z_hat, S, C, z, R, _, H, noise = predicted_z
+    lists, p, d = len(z), z.shape[2], m.shape[1]
+    m_out, P_out = np.empty((len(parent), d)), np.empty((len(parent), d, d))
+    L, K, P_hit, pair = np.zeros((p, p)), np.empty((d, p)), np.empty((d, d)), np.empty((p, p))
+    room = np.empty((p, d)), np.empty((p, p))
+    conditioned = -1
+    for at in range(len(parent)):
+        i, j = parent[at], detection[at]
+        if j >= 0 and (len(R) or i != conditioned):
+            _sum_into(pair, S, i, R, j)
+            cholesky_into(L, pair)
+            _sum_into(pair, noise, 0 if len(noise) == 1 else i, R, j)
+            posterior_into(P_hit, K, room, L, P[i], C[i], H[0 if len(H) == 1 else i], pair)
+            conditioned = i
+        own = i if lists > 1 else 0
+        for r in range(d):
+            m_out[at, r] = m[i, r]
+            if j >= 0:
+                for c in range(p):
+                    m_out[at, r] += K[r, c] * (z[own, j, c] - z_hat[i, c])
+            for c in range(d):
+                P_out[at, r, c] = P_hit[r, c] if j >= 0 else P[i, r, c]
+    return m_out, P_out
+
+
+@leaf_kernel
+def _sum_into(pair, S, i, R, j):
+    """Writes the covariance S[i] plus the noise R[j], where detections have their own, to `pair`."""
+    for r in range(len(pair)):
+        for c in range(len(pair)):
+            pair[r, c] = S[i, r, c] + (R[j, r, c] if len(R) else 0.0)

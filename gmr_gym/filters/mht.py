@@ -10,7 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.filters.association import Expansion, expand, expand_into_hypotheses, log_weights
+from gmr_gym.filters.association import (
+    Expansion,
+    expand,
+    expand_into_hypotheses,
+    log_weights,
+    update_associated,
+    weigh_associations,
+)
 from gmr_gym.kernels import ONE, kernel
 from gmr_gym.linalg import pairwise_sum, root_determinants
 from gmr_gym.mixture import Mixture, match, match_all, rescaled
@@ -21,7 +28,7 @@ from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
 from gmr_gym.reduction.runnalls import Greedy, merge_by_cost
 
-REDUCE_SCAN = "(f8[::1], f8[:, ::1], f8[:, :, ::1], f8, i8, i8, f8, f8)"  # signature of `reduce_scan`
+ESTIMATE_SCAN = "(f8[::1], f8[:, ::1], f8[:, :, ::1], f8, i8, i8, f8, f8)"  # signature of `estimate_scan`
 MAX_HYPOTHESES = 2000  # that enter a reduction; bounds the memory of a huge scan
 
 
@@ -68,6 +75,42 @@ def predict_and_update(belief: Mixture, model: Model, z: np.ndarray) -> ScanUpda
         model.detection_probability, model.gate_probability, model.clutter_density,
     )  # fmt: skip
     return ScanUpdate(posterior, gates_used)
+
+
+def predict_and_prune(
+    belief: Mixture, model: Model, z: np.ndarray, prune_weight: float, max_hypotheses: int = MAX_HYPOTHESES
+) -> tuple[Mixture, Gates]:
+    """`predict_and_update` without the hypotheses that `prune_and_reduce` would prune by weight at once.
+
+    With a linear sensor their means and covariances are not even computed.
+
+    Parameters
+    ----------
+    belief : Mixture
+        Posterior of the last scan.
+    model : Model
+    z : ndarray, shape (k, p)
+        Detections.
+    prune_weight : float
+        gamma: hypotheses of less weight are left out.
+    max_hypotheses : int
+        Most hypotheses; the heaviest are kept.
+
+    Returns
+    -------
+    likely : Mixture
+        The others, with their weights in the full posterior.
+    gates : Gates
+        Gates of the predicted hypotheses.
+    """
+    if isinstance(model.sensor, Sensor):
+        likely, used, _ = expand_and_prune(
+            belief[:], model.motion[:], model.sensor[:], z, gate_and_log_weights(model),
+            prune_weight, max_hypotheses,
+        )  # fmt: skip
+        return Mixture(*likely), Gates(*used)
+    full = predict_and_update(belief, model, z)
+    return full.posterior.mixture, full.gates
 
 
 def pda_update(belief: Mixture, model: Model, z: np.ndarray) -> tuple[Mixture, Gates]:
@@ -139,13 +182,32 @@ def prune_and_reduce(
     ----------
     D'Ortenzio, section 4.
     """
+    return reduce_and_estimate(posterior, reduce, prune_weight, density, max_hypotheses)[0]
+
+
+def reduce_and_estimate(
+    posterior: Mixture,
+    reduce: Callable[[Mixture], Reduced],
+    prune_weight: float,
+    density: float,
+    max_hypotheses: int,
+) -> tuple[Mixture, np.ndarray, np.ndarray]:
+    """`prune_and_reduce`, of the same parameters, and the moments of what it leaves.
+
+    Returns
+    -------
+    left : Mixture
+    mean : ndarray, shape (1, d)
+    covariance : ndarray, shape (1, d, d)
+    """
     if isinstance(reduce, Greedy):
-        *left, _, _ = reduce_scan(
-            *posterior, prune_weight, max_hypotheses, reduce.components, reduce.loss_bound, density
-        )
-        return Mixture(*left)
+        limits = prune_weight, max_hypotheses, reduce.components, reduce.loss_bound, density
+        w, m, P, mean, covariance = estimate_scan(*posterior, *limits)
+        return Mixture(w, m, P), mean, covariance
     entering = Mixture(*prune_by_weight(*posterior, prune_weight, max_hypotheses))
-    return Mixture(*prune_by_density(*reduce(entering)[0], density))
+    left = Mixture(*prune_by_density(*reduce(entering)[0], density))
+    _, mean, covariance = match_all(left)
+    return left, mean, covariance
 
 
 def gate_and_log_weights(model: Model) -> tuple[float, float, float]:
@@ -184,6 +246,26 @@ def expand_scan(belief, motion, sensor, z, threshold, log_miss, log_detect):
 
 
 @kernel
+def expand_and_prune(belief, motion, sensor, z, weights, prune_weight, max_hypotheses):
+    """`expand_scan` without the hypotheses that `prune_by_weight` drops, which are not updated: the fields of
+    a Mixture, not normalised, and of the Gates, and the number of detections in them, counted in each."""
+    (w, m, P), (F, Q, offset), (H, R) = belief, motion, sensor
+    m, P = predict_all(m, P, F, Q, offset)
+    predicted_z = predict_detections(m, P, H, R, z)
+    threshold, log_miss, log_detect = weights
+    w, parent, detection, _ = weigh_associations(w, predicted_z, threshold, log_miss, log_detect)
+    kept = heaviest_mask(w, max_hypotheses) & above_threshold(w, w, prune_weight)
+    hits = n = 0
+    for h in range(len(w)):
+        hits += detection[h] >= 0
+        if kept[h]:
+            w[n], parent[n], detection[n] = w[h], parent[h], detection[h]
+            n += 1
+    m, P = update_associated(m, P, predicted_z, parent[:n], detection[:n])
+    return (w[:n], m, P), (predicted_z.z_hat, predicted_z.S, threshold), hits
+
+
+@kernel
 def pda_scan(belief, motion, sensor, z, threshold, log_miss, log_detect):
     """The fields of the merged Gaussian of a scan and of the Gates, from arguments as of `expand_scan`."""
     posterior, gates = expand_scan(belief, motion, sensor, z, threshold, log_miss, log_detect)
@@ -193,6 +275,14 @@ def pda_scan(belief, motion, sensor, z, threshold, log_miss, log_detect):
 
 
 @kernel
+def estimate_scan(w, m, P, prune_weight, max_hypotheses, components, loss_bound, density):
+    """The reduced w, m and P of `reduce_scan`, and their mean (1, d) and covariance (1, d, d)."""
+    w, m, P, _, _ = reduce_scan(w, m, P, prune_weight, max_hypotheses, components, loss_bound, density)
+    _, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), ONE)
+    return w, m, P, mean, covariance
+
+
+@kernel(inline="always")
 def reduce_scan(w, m, P, prune_weight, max_hypotheses, components, loss_bound, density):
     """Prune by weight, merge and prune by density (see `prune_and_reduce`), with Runnalls' greedy merging.
 
@@ -210,7 +300,8 @@ def reduce_scan(w, m, P, prune_weight, max_hypotheses, components, loss_bound, d
 def prune_by_weight(w, m, P, prune_weight, max_hypotheses):
     """SP: the heaviest hypotheses of weight at least prune_weight, normalised."""
     kept = heaviest_mask(w, max_hypotheses) & above_threshold(w, w, prune_weight)
-    w, m, P, _ = select(w, m, P, kept)
+    if kept.sum() < len(w):
+        w, m, P, _ = select(w, m, P, kept)
     return rescaled(w), m, P
 
 

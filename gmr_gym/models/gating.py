@@ -167,25 +167,27 @@ def gated_distances_kernel(z_hat, S, z, R, threshold):
 @kernel
 def gated_pairs(z_hat, S, z, R, threshold):
     """The detections in each gate: those of component i are at first[i] : first[i + 1], in order, and so
-    are their squared Mahalanobis distances."""
+    are their squared Mahalanobis distances.
+
+    Indices are unsigned: a signed one may count from the end, and gating took half as long again."""
     n, (views, k, p) = len(z_hat), z.shape
     first = np.zeros(n + 1, np.int64)
     detection, d2 = np.empty(n * k, np.int64), np.empty(n * k)
     L, y, S_pair = np.zeros((p, p)), np.empty(p), np.empty((p, p))
-    hits = 0
-    for i in range(n):
-        own = i if views > 1 else 0
+    hits = np.uint64(0)
+    for i in range(np.uint64(n)):
+        own = i if views > 1 else np.uint64(0)
         if len(R) == 0 and not cholesky_into(L, S[i]):
             raise ValueError("an innovation covariance S = H P H' + R is not positive definite")
-        near = k
-        for r in range(p):
+        near = np.uint64(k)
+        for r in range(np.uint64(p)):
             # a gate is never wider than this along any axis: most clutter ends here, without a branch
-            among, near = near, 0
+            among, near = near, np.uint64(0)
             for a in range(among):
-                j = detection[hits + a] if r else a
+                j = np.uint64(detection[hits + a]) if r else a
                 variance = S[i, r, r] + R[j, r, r] if len(R) else S[i, r, r]
                 detection[hits + near] = j
-                near += (z[own, j, r] - z_hat[i, r]) ** 2 <= threshold * variance
+                near += np.uint64((z[own, j, r] - z_hat[i, r]) ** 2 <= threshold * variance)
         start = hits
         for a in range(near):
             j = detection[start + a]
@@ -196,8 +198,7 @@ def gated_pairs(z_hat, S, z, R, threshold):
                 if not cholesky_into(L, S_pair):
                     raise ValueError("an innovation covariance S = H P H' + R is not positive definite")
             distance = mahalanobis_squared(L, z[own, j], z_hat[i], y)
-            if distance <= threshold:
-                detection[hits], d2[hits] = j, distance
-                hits += 1
+            detection[hits], d2[hits] = j, distance
+            hits += np.uint64(distance <= threshold)
         first[i + 1] = hits
     return first, detection, d2

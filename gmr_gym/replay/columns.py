@@ -56,6 +56,12 @@ class Reported:
             numbers[~sound] = np.nan
         return numbers
 
+    def fields(self, what: str, value: Any, kind: type) -> None:
+        """ValueError for a value that has not all the fields of a kind of NamedTuple."""
+        lacking = [field for field in kind._fields if not hasattr(value, field)]  # type: ignore[attr-defined]
+        if lacking:
+            raise ValueError(f"{self.place(what)}: expected a {kind.__name__}, got {type(value).__name__}")
+
     def mixture(self, what: str, p: Any, d: int) -> Mixture:
         """The mixture of states (d,), checked by `array`."""
         try:
@@ -108,7 +114,8 @@ def gathered(rows: Iterable[Mapping[str, Any]], groups: Mapping[str, Sequence[st
         if names[0] in rows[0]:
             lengths = [len(row[names[0]]) for row in rows]
             columns[f"{group}_start"] = np.cumsum([0, *lengths])
-            columns |= {name: np.concatenate([row[name] for row in rows]) for name in names}
+            there = [name for name in names if name in rows[0]]
+            columns |= {name: np.concatenate([row[name] for row in rows]) for name in there}
     return columns
 
 

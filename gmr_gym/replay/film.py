@@ -1,29 +1,30 @@
 """An episode as a film, or a scan of it as a picture: what the sensor saw, and what trackers made of it."""
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import combinations, islice
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from gmr_gym.envs.render import Canvas, Tracked
 from gmr_gym.envs.render_multi_target import MultiTargetCanvas
-from gmr_gym.envs.render_sheet import INKS, PAPER, check_size
+from gmr_gym.envs.render_sheet import check_size
 from gmr_gym.evaluation.loop import is_off_target, play
 from gmr_gym.evaluation.multi_target_runs import play as play_multi_target
 from gmr_gym.evaluation.writing import whole
-from gmr_gym.replay.recording import MOST_TRACKERS
+from gmr_gym.filters.tracker import MultiTargetReport
+from gmr_gym.replay.columns import Reported
+from gmr_gym.replay.gif import write_gif
+from gmr_gym.replay.lineup import check_shown, scans_shown
+from gmr_gym.replay.single_target import checked
 from gmr_gym.simulation import multi_target, single_target
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
 
 FPS, FASTEST = 10.0, 50.0  # frames a second; a .gif counts time in hundredths of a second
-STAYS = 1.5  # seconds, that the last frame of a .gif is shown
 WIDTH, NARROW = 640, 480  # pixels, of one panel, and of each of several
-# shares of an ink in a pixel at an edge of what it draws, or that is drawn faintly
-TINTS = 1.0, 0.82, 0.65, 0.49, 0.34, 0.2, 0.08
 FILMS, PICTURES = (".gif", ".mp4"), (".png", ".svg")
 
 
@@ -64,43 +65,37 @@ def film(
     Raises
     ------
     ValueError
-        For another ending or number of trackers, a picture without `frame` or a film with one, a frame or
-        scans beyond the episode, a size above 4000 pixels or too small, and another fps.
+        For another ending, number of trackers or seed, a tracker that does not fit, a picture without `frame`
+        or a film with one, a frame or scans beyond the episode, a size above 4000 pixels or too small,
+        another fps, and reports of wrong shapes.
     ImportError
         When a .mp4 needs the extra `video`.
     """
     out = Path(out)
-    check_film(out, len(trackers), frame, size, fps)
+    check_film(out, frame, size, fps)
+    check_shown(trackers, seed, scenario)
     many = isinstance(scenario, MultiTargetScenario)
     kind: Any = multi_target if many else single_target
-    episode = kind.draw(scenario, seed)
+    episode = kind.draw(scenario, int(seed))
     total = _total(len(episode.x), frame, scans)
     canvas = (MultiTargetCanvas if many else Canvas)(
         scenario, titles=[*trackers], tracked=True, scans=scans,
         size=size or (WIDTH if len(trackers) == 1 else NARROW * len(trackers), 0),
     )  # fmt: skip
     play_one: Any = _many if many else _single
-    tracked = [play_one(scenario, tracker, episode) for tracker in trackers.values()]
+    tracked = [play_one(scenario, tracker, episode, name) for name, tracker in trackers.items()]
 
-    def pictures() -> Iterator[Any]:
-        for t, shown in enumerate(islice(zip(*tracked, strict=True), total)):
-            if frame is None:
-                yield canvas.draw(episode, t, shown)
-            elif t == total - 1:
-                canvas.place(episode, t, shown)
-            if progress:
-                progress(t + 1, total)
-
+    moments = _moments(zip(*tracked, strict=True), total, progress)
     if frame is None:
-        write(out, pictures(), total, fps)
-    else:
-        for _ in pictures():
-            pass
-        with whole(out) as partial:
-            canvas.save(partial)
+        write(out, (canvas.draw(episode, t, shown) for t, shown in moments), total, fps)  # type: ignore[misc]
+        return
+    ((t, shown),) = deque(moments, maxlen=1)
+    canvas.place(episode, t, shown)
+    with whole(out) as partial:
+        canvas.save(partial)
 
 
-def check_film(out: Path, trackers: int, frame: int | None, size: tuple[int, int] | None, fps: float) -> None:
+def check_film(out: Path, frame: int | None, size: tuple[int, int] | None, fps: float) -> None:
     """ValueError or ImportError for what no film can be made of, as `film`, before anything is drawn."""
     ending = out.suffix.lower()
     if ending not in (*FILMS, *PICTURES):
@@ -109,8 +104,6 @@ def check_film(out: Path, trackers: int, frame: int | None, size: tuple[int, int
         raise ValueError(f"{out.name} is one picture: say of which scan by frame (--frame K), from 1")
     if ending in FILMS and frame is not None:
         raise ValueError(f"frame is for one picture, .png or .svg, got {out.name!r}")
-    if not 1 <= trackers <= MOST_TRACKERS:
-        raise ValueError(f"trackers must be from 1 to {MOST_TRACKERS}, got {trackers}")
     if size is not None:
         check_size((size[0], size[1] or 1))
     if not 0.1 <= fps <= FASTEST:
@@ -134,23 +127,33 @@ def write(out: Path | str, pictures: Iterable[np.ndarray], total: int, fps: floa
     """
     out = Path(out)
     with whole(out) as partial:
-        (_gif if out.suffix.lower() == ".gif" else _mp4)(partial, pictures, total, fps)
+        (write_gif if out.suffix.lower() == ".gif" else _mp4)(partial, pictures, total, fps)
 
 
 def _total(there: int, frame: int | None, scans: int | None) -> int:
     """Scans to be played."""
-    if scans is not None and not 1 <= scans <= there:
-        raise ValueError(f"scans must be from 1 to the {there} of the episode, got {scans}")
-    there = scans or there
-    if frame is not None and not 1 <= frame <= there:
+    there = scans_shown(there, scans)
+    if frame is not None and frame not in range(1, there + 1):
         raise ValueError(f"frame must be from 1 to the {there} scans of the episode, got {frame}")
-    return frame or there
+    return there if frame is None else int(frame)
 
 
-def _single(scenario: Scenario, tracker: Any, episode: Any) -> Iterator[Tracked]:
+def _moments(
+    shown: Iterable[tuple[Tracked, ...]], total: int, progress: Callable[[int, int], None] | None
+) -> Iterator[tuple[int, tuple[Tracked, ...]]]:
+    """The first scans, numbered from 0; `progress` is called after each."""
+    for t, each in enumerate(islice(shown, total)):
+        yield t, each
+        if progress:
+            progress(t + 1, total)
+
+
+def _single(scenario: Scenario, tracker: Any, episode: Any, name: str = "") -> Iterator[Tracked]:
     """Every scan of an episode of one target, as a tracker has it."""
-    estimates, counts, off, lost_at = [], [], 0, -1
-    for t, seen, report, _ in play(scenario, tracker, episode):
+    reported, estimates, counts, off, lost_at = Reported(name), [], [], 0, -1
+    for t, seen, given, _ in play(scenario, tracker, episode):
+        reported.scan = t + 1
+        report = checked(scenario, reported, given)
         estimates.append(report.x[0])
         counts.append(len(report.mixture.w))
         points = tracker.model.sensor.to_gate_space(seen.z)
@@ -159,77 +162,15 @@ def _single(scenario: Scenario, tracker: Any, episode: Any) -> Iterator[Tracked]
         yield Tracked(seen, estimates, report, counts, lost_at)
 
 
-def _many(scenario: MultiTargetScenario, tracker: Any, episode: Any) -> Iterator[Tracked]:
+def _many(scenario: MultiTargetScenario, tracker: Any, episode: Any, name: str = "") -> Iterator[Tracked]:
     """The same of many targets."""
     estimates: list[np.ndarray] = []
+    reported = Reported(name)
     for t, (report, _) in enumerate(play_multi_target(tracker, episode)):
+        reported.scan = t + 1
+        reported.fields("report", report, MultiTargetReport)
         estimates.append(report.x[:, list(scenario.position)])
         yield Tracked(multi_target.scan(episode, t), estimates, report)
-
-
-class Palette:
-    """The colours of a .gif, the same for every film: inks as they are, their tints, and what two of them mix
-    to. So no colour flickers, and one that covers little is there from the first frame to the last.
-
-    Attributes
-    ----------
-    colours : ndarray (n, 3)
-    """
-
-    def __init__(self) -> None:
-        from PIL import ImageColor
-
-        *inks, paper = np.array([ImageColor.getrgb(ink) for ink in (*INKS, PAPER)], float)
-        tints = [paper + share * (ink - paper) for ink in inks for share in TINTS]
-        mixed = [(one + other) / 2 for one, other in combinations(inks, 2)]
-        self.colours = np.round([paper, *tints, *mixed]).astype(np.uint8)
-        self._tree = cKDTree(self.colours)
-        self._nearest = np.full(1 << 24, len(self.colours), np.uint8)  # by colour, where it has been met
-
-    def indices(self, picture: np.ndarray) -> np.ndarray:
-        """Rows of `colours` (height, width), the nearest to each pixel of a picture."""
-        numbers = picture.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
-        new = np.unique(numbers[self._nearest[numbers] == len(self.colours)])
-        self._nearest[new] = self._tree.query(np.stack([new >> 16, new >> 8 & 255, new & 255], axis=1))[1]
-        return self._nearest[numbers]
-
-
-def _gif(out: Path, pictures: Iterable[np.ndarray], total: int, fps: float) -> None:
-    """Each frame is the part that differs from the frame before, see-through where it does not."""
-    from PIL import Image
-    from PIL.GifImagePlugin import getdata, getheader
-
-    palette = Palette()
-    clear, colours = len(palette.colours), palette.colours.tobytes() + bytes(3)
-    before = None
-    with out.open("wb") as file:
-        for i, picture in enumerate(pictures):
-            now = palette.indices(picture)
-            rows, columns = _differing(now, before)
-            part = now[rows, columns]
-            if before is not None:
-                part = np.where(part == before[rows, columns], clear, part).astype(np.uint8)
-            image = Image.fromarray(part)
-            image.putpalette(colours)
-            if before is None:
-                file.writelines(getheader(image, info={"loop": 0})[0])
-            last = i == total - 1
-            file.writelines(getdata(
-                image, (columns.start, rows.start), transparency=clear, disposal=1,
-                duration=round(100 / fps) * 10 + 1000 * STAYS * last,
-            ))  # fmt: skip
-            before = now
-        file.write(b";")
-
-
-def _differing(now: np.ndarray, before: np.ndarray | None) -> tuple[slice, slice]:
-    """Rows and columns of the box in which two frames differ; one pixel where they do not."""
-    if before is None:
-        return slice(0, now.shape[0]), slice(0, now.shape[1])
-    differs = now != before
-    sides = (np.flatnonzero(differs.any(axis=axis)) for axis in (1, 0))
-    rows, columns = (slice(side[0], side[-1] + 1) if len(side) else slice(0, 1) for side in sides)
-    return rows, columns
 
 
 def _mp4(out: Path, pictures: Iterable[np.ndarray], total: int, fps: float) -> None:

@@ -1,12 +1,15 @@
 """The trackers that are shown side by side: by name or themselves, each fit for the scenario."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+from gmr_gym.checks import check_whole
 from gmr_gym.envs.lookup import tracker_of
 from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
+
+MOST_TRACKERS = 4  # that are shown side by side
 
 
 def trackers_of(
@@ -50,6 +53,25 @@ def trackers_of(
     return trackers
 
 
+def check_shown(
+    trackers: Mapping[str, Any], seed: int, scenario: Scenario | MultiTargetScenario, environment: str = ""
+) -> None:
+    """ValueError for another number of trackers than from 1 to `MOST_TRACKERS`, for one that does not fit the
+    scenario, and for what is no seed."""
+    if not 1 <= len(trackers) <= MOST_TRACKERS:
+        raise ValueError(f"trackers must be from 1 to {MOST_TRACKERS}, got {len(trackers)}")
+    check_whole("seed", seed, 0)
+    for name, tracker in trackers.items():
+        check_fits(name, tracker, scenario, environment)
+
+
+def scans_shown(there: int, scans: int | None) -> int:
+    """How many scans are shown of those that there are: the first, or all; ValueError for another number."""
+    if scans is not None and scans not in range(1, there + 1):
+        raise ValueError(f"scans must be from 1 to the {there} of the episode, got {scans}")
+    return there if scans is None else int(scans)
+
+
 def check_fits(
     name: str, tracker: Any, scenario: Scenario | MultiTargetScenario, environment: str = ""
 ) -> None:
@@ -70,7 +92,7 @@ def check_fits(
         For what is no tracker, and for one of another kind of scenario or sensor.
     """
     where, many = environment or "the scenario", isinstance(scenario, MultiTargetScenario)
-    if not all(hasattr(tracker, part) for part in ("model", "init", "step")):
+    if isinstance(tracker, type) or not all(hasattr(tracker, part) for part in ("model", "init", "step")):
         raise ValueError(f"{name!r} is no tracker: it must have model, init and step")
     if isinstance(tracker.model, MultiTargetModel) != many:
         kinds = "one target", "many targets"

@@ -66,6 +66,7 @@ def _row(
     scenario: MultiTargetScenario, reported: Reported, report: MultiTargetReport, states: np.ndarray
 ) -> dict[str, Any]:
     """What is shown of a scan."""
+    reported.fields("report", report, MultiTargetReport)
     d, at = states.shape[1], list(scenario.position)
     x = reported.array("x", report.x, None, d)
     intensity = reported.mixture("intensity", report.intensity, d)

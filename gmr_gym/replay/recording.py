@@ -7,11 +7,9 @@ import numpy as np
 
 from gmr_gym.models.radar import Radar
 from gmr_gym.replay import multi_target, single_target
-from gmr_gym.replay.lineup import check_fits
+from gmr_gym.replay.lineup import check_shown, scans_shown
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
-
-MOST_TRACKERS = 4  # that are shown side by side
 
 
 class Recording(NamedTuple):
@@ -49,6 +47,7 @@ class Recording(NamedTuple):
     gate, gate_shape                                    gates: (z - gate)' shape^-1 (z - gate) <= 1
     kept_w, kept, kept_P; count                         mixture after the reduction; number of its components
     full_w, full, full_P                                hypotheses before it, where the tracker has a trace
+    full_per_kept                                       number of them that went into each component of kept
     full_parent, full_detection, full_into, full_mode   of each, as in `gmr_gym.filters.trace.Trace`
     full_rest_count, full_rest_merged, full_rest_w      hypotheses of negligible weight that are left out:
                                                         number of pruned and of merged ones, weight of all
@@ -98,7 +97,7 @@ def record(
     ----------
     scenario : Scenario or MultiTargetScenario
     trackers : mapping of str to Tracker or MultiTargetTracker
-        From 1 to `MOST_TRACKERS`.
+        From 1 to `gmr_gym.replay.lineup.MOST_TRACKERS`.
     seed : int
     scans : int, optional
         The first scans of the episode; all by default.
@@ -132,21 +131,15 @@ def record(
     >>> kept.columns["truth"].shape, kept.columns["0/count"].tolist()
     ((3, 2), [1, 1, 1])
     """
-    if not 1 <= len(trackers) <= MOST_TRACKERS:
-        raise ValueError(f"trackers must be from 1 to {MOST_TRACKERS}, got {len(trackers)}")
-    for name, tracker in trackers.items():
-        check_fits(name, tracker, scenario, environment)
+    check_shown(trackers, seed, scenario, environment)
     kind: Any = single_target
     if isinstance(scenario, MultiTargetScenario):
         kind, label, patience, motions = multi_target, "many", 0, 0
     else:
         label, patience = "one", scenario.patience
         motions = max(len(tracker.model.motions) for tracker in trackers.values())
-    episode = kind.draw(scenario, seed)
-    there = len(episode.x)
-    if scans is not None and scans not in range(1, there + 1):
-        raise ValueError(f"scans must be from 1 to the {there} of the episode, got {scans}")
-    total = there if scans is None else int(scans)
+    episode = kind.draw(scenario, int(seed))
+    total = scans_shown(len(episode.x), scans)
     columns = kind.truth_of(scenario, episode, total)
     for i, (name, tracker) in enumerate(trackers.items()):
 

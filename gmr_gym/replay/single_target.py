@@ -8,6 +8,7 @@ import numpy as np
 
 from gmr_gym.evaluation.loop import Played, is_off_target, play
 from gmr_gym.evaluation.metrics import lost_at
+from gmr_gym.filters.trace import Trace
 from gmr_gym.filters.tracker import Report, Tracker
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.gating import Gates
@@ -18,7 +19,7 @@ __all__ = ["columns_of", "draw", "truth_of"]
 GROUPS = {
     "z": ("z",),
     "gate": ("gate", "gate_shape"),
-    "kept": ("kept_w", "kept", "kept_P"),
+    "kept": ("kept_w", "kept", "kept_P", "full_per_kept"),
     "full": ("full_w", "full", "full_P", "full_parent", "full_detection", "full_into", "full_mode"),
 }
 NEGLIGIBLE = 1e-4  # weight, below which a hypothesis is left out, unless it is the heaviest of a merge
@@ -91,16 +92,47 @@ class _Traced:
         return belief, report
 
 
+def checked(scenario: Scenario, reported: Reported, report: Report) -> Report:
+    """A tracker's report, with nan for numbers that are not finite and without the gates that have any.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    reported : Reported
+        Of the tracker, at the scan of the report.
+    report : Report
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    ValueError
+        For what is no Report, for wrong shapes, and for an estimate that is not finite where the window
+        follows it.
+    """
+    d = scenario.model.prior.m.shape[1]
+    reported.fields("report", report, Report)
+    x, P = reported.array("x", report.x, 1, d), reported.array("P", report.P, 1, d, d)
+    if scenario.window.follows and not np.isfinite(x).all():
+        raise ValueError(f"{reported.place('x')}: the window follows the estimate, which is not finite")
+    return Report(
+        x,
+        P,
+        _gates(reported, report.gates, scenario),
+        reported.mixture("mixture", report.mixture, d),
+        bool(reported.array("alive", report.alive)),
+        reported.array("modes", report.modes, None),
+    )
+
+
 def _row(
     scenario: Scenario, tracker: Tracker, reported: Reported, played: Played, truth: np.ndarray
 ) -> dict[str, Any]:
     """What is shown of a scan, but for its full posterior."""
-    _, scan, report, _ = played
-    d, position, sensor = len(truth), list(scenario.position), scenario.model.sensor
-    x, P = reported.array("x", report.x, 1, d), reported.array("P", report.P, 1, d, d)
-    if scenario.window.follows and not np.isfinite(x).all():
-        raise ValueError(f"{reported.place('x')}: the window follows the estimate, which is not finite")
-    kept, gates = reported.mixture("mixture", report.mixture, d), _gates(reported, report.gates, scenario)
+    scan, report = played.scan, checked(scenario, reported, played.report)
+    position, sensor = list(scenario.position), scenario.model.sensor
     points = tracker.model.sensor.to_gate_space(scan.z)
     modes = {}
     if len(report.modes) > 1:
@@ -108,12 +140,12 @@ def _row(
     return {
         "z": sensor.to_gate_space(scan.z)[:, :2],
         "target": np.append(np.flatnonzero(scan.origin == 0), -1)[0],
-        "estimate": x[0, position[:2]],
-        "estimate_P": upper(P, position[:2])[0],
-        "error": np.linalg.norm(x[0, position] - truth[position]),
-        "alive": bool(report.alive),
-        "off_target": is_off_target(scenario, report._replace(gates=gates), truth, points, scan.origin),
-        **_ellipses(kept, gates, position[:2]),
+        "estimate": report.x[0, position[:2]],
+        "estimate_P": upper(report.P, position[:2])[0],
+        "error": np.linalg.norm(report.x[0, position] - truth[position]),
+        "alive": report.alive,
+        "off_target": is_off_target(scenario, report, truth, points, scan.origin),
+        **_ellipses(report.mixture, report.gates, position[:2]),
         **modes,
     }
 
@@ -133,6 +165,7 @@ def _ellipses(kept: Mixture, gates: Gates, at: list[int]) -> dict[str, Any]:
 
 def _gates(reported: Reported, gates: Gates, scenario: Scenario) -> Gates:
     """The gates but for those with numbers that are not finite: such a gate contains nothing."""
+    reported.fields("gates", gates, Gates)
     p = len(scenario.model.sensor.H)
     z = reported.array("gates.z", gates.z, None, p)
     S = reported.array("gates.S", gates.S, len(z), p, p)
@@ -144,6 +177,7 @@ def _full(
     scenario: Scenario, reported: Reported, traced: _Traced, played: Played, before: int
 ) -> dict[str, Any]:
     """The hypotheses before the reduction, and what became of each; `before` were kept of the scan before."""
+    reported.fields("trace", traced.trace, Trace)
     full = reported.mixture("trace.full", traced.trace.full, scenario.model.prior.m.shape[1])
     given = np.append(np.flatnonzero((played.scan.origin >= 0) | (not traced.knows_origin)), -1)
     kept = len(played.report.mixture.w)
@@ -164,6 +198,7 @@ def _full(
         "full": full.m[shown][:, at],
         "full_P": upper(full.P[shown], at),
         **{f"full_{field}": values[shown] for field, values in rows.items()},
+        "full_per_kept": np.bincount(into[merged], minlength=kept),
         "full_rest_count": (~shown & ~merged).sum(),
         "full_rest_merged": (~shown & merged).sum(),
         "full_rest_w": full.w[~shown].sum(),

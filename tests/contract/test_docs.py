@@ -27,6 +27,7 @@ RUN = (
     "merge",
     "record",
     "track",
+    "reduce",
     "list",
 )  # commands that take a second; the rest have tests of their own
 LONG = re.compile(r"^(STEPS|EPISODES) = [\d_]+", re.M)  # of training and judging: minutes, for a reader

@@ -102,7 +102,31 @@ def test_gates_without_end_are_not_named_and_only_a_lost_target_is_marked():
     assert "gates" not in [text.get_text() for text in canvas.figure.legends[0].get_texts()]
 
 
-@pytest.mark.parametrize("size", [(0, 640), (640, -1), (LARGEST + 1, 640), (640, 120), (100, 640)])
-def test_a_size_that_leaves_no_room_or_is_absurd_is_named(size):
-    with pytest.raises(ValueError, match=f"size .*{size[0]}x{size[1]}"):
+def test_what_is_not_finite_is_left_out_and_the_view_stays_about_the_target():
+    scenario, episode, shown = one_target(window=(300, 300))
+    p, one = shown[1].report.mixture, shown[1]
+    m = p.m.copy()
+    m[0] = np.nan
+    broken = one._replace(
+        estimates=[one.estimates[0], m[0]], report=one.report._replace(mixture=p._replace(m=m))
+    )
+    canvas = Canvas(scenario, tracked=True)
+    canvas.draw(episode, 1, [broken])
+    axes = canvas.figure.axes[0]
+    np.testing.assert_array_equal(axes.collections[1].get_offsets(), m[1:, :2])
+    assert np.allclose(np.mean([axes.get_xlim(), axes.get_ylim()], axis=1), episode.x[1, :2])
+
+
+@pytest.mark.parametrize("size", [(0, 640), (640, -1), (LARGEST + 1, 640)])
+def test_a_size_that_is_absurd_is_named(size):
+    (off,) = {*size} - {640}
+    with pytest.raises(ValueError, match=f"size must be between 1 and 4000 pixels a side, got {off}$"):
+        Sheet(size)
+
+
+@pytest.mark.parametrize("size", [(640, 120), (100, 640)])
+def test_a_size_that_leaves_no_room_is_named(size):
+    with pytest.raises(
+        ValueError, match=f"size {size[0]}x{size[1]} leaves no room for a panel and the legend"
+    ):
         Sheet(size, strips=1, marks=6)

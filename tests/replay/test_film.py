@@ -9,12 +9,13 @@ import pytest
 from PIL import Image, ImageColor
 
 from gmr_gym.envs.render import Canvas
+from gmr_gym.envs.render_marks import CLUTTER, ESTIMATE, GATES, HYPOTHESIS, INK, TRUTH
 from gmr_gym.envs.render_multi_target import MultiTargetCanvas
-from gmr_gym.envs.render_sheet import CLUTTER, ESTIMATE, GATES, HYPOTHESIS, INK, TRUTH
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.filters.tracker import Report
 from gmr_gym.models.gating import Gates
-from gmr_gym.replay.film import Palette, _many, _single, film, write
+from gmr_gym.replay.film import _many, _single, film, write
+from gmr_gym.replay.gif import Palette
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.lv import unknown_clutter
 from gmr_gym.simulation.multi_target import draw as draw_many
@@ -172,9 +173,9 @@ def test_a_scan_as_pixels_is_of_the_size_that_is_asked_for(one, tmp_path):
         ("f.gif", 1, {"scans": 4}, "scans must be from 1 to the 3 of the episode, got 4"),
         ("f.gif", 1, {"fps": 0}, "fps must be between 0.1 and 50, got 0"),
         ("f.gif", 1, {"fps": float("nan")}, "fps must be between 0.1 and 50, got nan"),
-        ("f.gif", 1, {"size": (4001, 0)}, "size must be between 1 and 4000 pixels a side, got 4001x"),
-        ("f.gif", 1, {"size": (300, -1)}, "size must be between 1 and 4000 pixels a side, got 300x-1"),
-        ("f.gif", 4, {"size": (300, 300)}, "size 300x300 leaves no room for 4 pictures side by side"),
+        ("f.gif", 1, {"size": (4001, 0)}, "size must be between 1 and 4000 pixels a side, got 4001"),
+        ("f.gif", 1, {"size": (300, -1)}, "size must be between 1 and 4000 pixels a side, got -1"),
+        ("f.gif", 4, {"size": (300, 300)}, "size 300x300 leaves no room for 4 panels and the legend"),
         ("f.gif", 5, {}, "trackers must be from 1 to 4, got 5"),
         ("f.gif", 0, {}, "trackers must be from 1 to 4, got 0"),
     ],
@@ -184,6 +185,40 @@ def test_what_no_film_can_be_made_of_is_named(one, out, number, how, message, tm
     with pytest.raises(ValueError, match=re.escape(message)):
         film(one, trackers, 1, tmp_path / out, **how)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("seed", "how", "message"),
+    [
+        (-1, {}, "seed must be at least 0, got -1"),
+        (None, {}, "seed must be a whole number, got None"),
+        (1, {"scans": 2.5}, "scans must be from 1 to the 3 of the episode, got 2.5"),
+        (1, {"frame": 1.5}, "frame must be from 1 to the 3 scans of the episode, got 1.5"),
+    ],
+)
+def test_numbers_that_are_not_whole_are_named(one, seed, how, message, tmp_path):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        film(one, {"lost": Lost(one)}, seed, tmp_path / "f.png", **({"frame": 1} | how))
+
+
+class Changed(Lost):
+    """A tracker with other fields in its reports."""
+
+    def __init__(self, scenario, **fields):
+        self.model, self.fields = scenario.model, fields
+
+    def step(self, belief, z):
+        return None, super().step(belief, z)[1]._replace(**self.fields)
+
+
+def test_a_tracker_with_no_hypothesis_is_filmed_and_a_wrong_report_is_named(one, tmp_path):
+    nothing = one.model.prior._replace(w=np.empty(0), m=np.empty((0, 4)), P=np.empty((0, 4, 4)))
+    film(one, {"empty": Changed(one, mixture=nothing)}, 1, tmp_path / "f.png", frame=1)
+    with pytest.raises(ValueError, match=r"^tracker 'mine', x at scan 1: expected shape \(1, 4\), got"):
+        film(one, {"mine": Changed(one, x=np.zeros(4))}, 1, tmp_path / "f.gif")
+    follows = turning_target(horizon=SCANS, clutter_rate=20, window=(300.0, 300.0))
+    with pytest.raises(ValueError, match=r"^tracker 'mine', x at scan 1: the window follows the estimate"):
+        film(follows, {"mine": Changed(one, x=np.full((1, 4), np.nan))}, 1, tmp_path / "f.gif")
 
 
 def test_a_video_without_its_extra_is_refused_before_anything_is_drawn(one, tmp_path, monkeypatch):

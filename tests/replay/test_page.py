@@ -116,6 +116,8 @@ def test_the_merges_of_a_scan_are_those_of_the_trackers_trace(shown, played, t):
     np.testing.assert_allclose(columns["0/full_P"][span], flat(trace.full.P[~left_out]), rtol=REAL)
     assert columns["0/full_rest_count"][t] == (left_out & (trace.into < 0)).sum()
     assert columns["0/full_rest_merged"][t] == (left_out & (trace.into >= 0)).sum()
+    kept = slice(*columns["0/kept_start"][t : t + 2])
+    np.testing.assert_array_equal(columns["0/full_per_kept"][kept], np.bincount(trace.into[trace.into >= 0]))
     np.testing.assert_allclose(columns["0/full_rest_w"][t], trace.full.w[left_out].sum(), rtol=REAL)
 
 

@@ -28,6 +28,7 @@ def one_target(rng, scans, hypotheses, lost_at=-1, traced=True):
             "z": at + np.array([[25.0, 25.0], [-25.0, 25.0], [25.0, -25.0]]),
             "gate": at + offsets, "gate_shape": 25 * spread[:KEPT],
             "kept_w": np.array([0.6, 0.1, 0.1, 0.1, 0.1]), "kept": at + offsets, "kept_P": spread[:KEPT],
+            "full_per_kept": np.bincount(into[into >= 0]),
             "full_w": np.full(hypotheses, 1 / hypotheses), "full": at + rng.normal(0, 20, (hypotheses, 2)),
             "full_P": spread, "full_parent": rng.integers(0, KEPT if t else 1, hypotheses),
             "full_detection": np.where(into == 0, 1, -1), "full_into": into,
@@ -175,6 +176,26 @@ def test_a_click_tells_the_associations_of_a_hypothesis_and_the_uses_of_a_detect
     assert "4 hypotheses, summed weight 0.10" in tab.inner_text(".gmr-chosen")
 
 
+def test_hypotheses_that_are_too_light_to_be_drawn_are_counted_all_the_same(opened):
+    def change(columns):
+        columns["0/full_per_kept"] += 3
+        columns["0/full_rest_count"], columns["0/full_rest_merged"] = np.full((2, SCANS), [[0], [15]])
+
+    tab = opened(recorded("a", change=change))
+    assert "55 hypotheses: 20 pruned, 35 merged into 5" in tab.inner_text(".gmr-words")
+    tab.keyboard.press("n")
+    assert "merged from 7 hypotheses" in tab.inner_text(".gmr-chosen")
+
+
+def test_the_help_lists_what_acts_and_components_are_no_hypotheses(opened):
+    tab = opened(of_many_targets())
+    tab.keyboard.press("?")
+    help = tab.inner_text("role=dialog")
+    assert "play or pause" in help and "reduction" not in help and "its numbers" in help
+    tab.keyboard.press("n")
+    assert tab.inner_text(".gmr-chosen h3").startswith("Component 1 of 1")
+
+
 def test_keys_step_hide_the_truth_select_and_open_the_help(opened):
     tab = opened(recorded("a"))
     for key, scan in (("ArrowRight", 2), ("End", SCANS), ("ArrowLeft", SCANS - 1), ("Home", 1)):
@@ -194,12 +215,14 @@ def test_a_lost_target_a_given_up_one_and_a_missing_estimate_are_said(opened):
     def change(columns):
         columns["1/alive"][3:] = False
         columns["1/estimate"][1] = np.nan
+        columns["1/error"][1] = np.nan
 
     tab = opened(recorded("a", "b", lost_at=2, traced=False, change=change))
     stages = tab.locator(".gmr-over")
     assert stages.nth(0).inner_text().strip() == ""
     tab.fill("input[aria-label=Scan]", "2")
     assert soon(tab, "figure:nth-child(2) .gmr-note", "no estimate at this scan")
+    assert "b unknown" in tab.inner_text(".gmr-strip-head")
     tab.fill("input[aria-label=Scan]", "4")
     assert soon(tab, "figure:nth-child(2) .gmr-note", "given up")
     assert "target lost at scan 3" in stages.nth(0).inner_text()

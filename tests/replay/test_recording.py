@@ -252,6 +252,9 @@ def test_sound_trackers_give_no_warning():
         ({"mixture": lambda p: None}, "mixture at scan 3: expected a Mixture, got None"),
         ({"gates": lambda g: g._replace(S=g.S[:, 0])}, r"gates.S at scan 3: expected shape \(1, 2, 2\)"),
         ({"modes": lambda m: np.ones(3) / 3}, r"modes at scan 3: expected shape \(1\), got \(3,\)"),
+        ({"modes": lambda m: None}, r"modes at scan 3: expected shape \(n\), got \(\)"),
+        ({"gates": lambda g: None}, "gates at scan 3: expected a Gates, got NoneType"),
+        ({"alive": lambda alive: np.ones(2)}, r"alive at scan 3: expected shape \(\), got \(2,\)"),
     ],
 )
 def test_reports_of_wrong_shapes_are_refused_in_a_line(change, message):
@@ -294,6 +297,7 @@ def test_every_hypothesis_that_is_kept_shows_where_it_came_from_however_light():
         ({"a": PDA}, "3", "scans must be from 1 to the 6 of the episode, got 3"),
         ({"a": PDA}, 7, "scans must be from 1 to the 6 of the episode, got 7"),
         ({"a": "pda"}, None, "'a' is no tracker: it must have model, init and step"),
+        ({"a": type(PDA)}, None, "'a' is no tracker: it must have model, init and step"),
         (
             {"a": make_tracker("learning-pmb", MANY.model)},
             None,

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from gmr_gym.envs.lookup import tracker_of
-from gmr_gym.envs.render_sheet import ellipses
+from gmr_gym.envs.render_marks import ellipses
 from gmr_gym.evaluation.metrics import wasserstein
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns, density_error, places, play
 from gmr_gym.evaluation.multi_target_summary import mean_where

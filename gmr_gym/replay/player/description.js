@@ -10,12 +10,13 @@ const associationName = (detection) => (detection < 0 ? "missed" : `detection ${
 
 function describeKept(episode, { panel, t, i, rows }, go) {
   const { tracker } = panel, { kept, full } = tracker;
+  const [what, weight] = tracker.declared ? ["Component", "Expected number"] : ["Hypothesis", "Weight"];
   const nodes = [
-    heading(`Hypothesis ${i - kept.start[t] + 1} of ${size(kept, t)}`, `${tracker.name}, scan ${t + 1}`),
-    line(`${tracker.declared ? "Expected number" : "Weight"} ${share(kept.w[i])}`),
+    heading(`${what} ${i - kept.start[t] + 1} of ${size(kept, t)}`, `${tracker.name}, scan ${t + 1}`),
+    line(`${weight} ${share(kept.w[i])}`),
   ];
   if (!full) return nodes;
-  nodes[1].append(rows.length > 1 ? `, merged from ${rows.length} hypotheses` : ", not merged");
+  nodes[1].append(kept.from[i] > 1 ? `, merged from ${kept.from[i]} hypotheses` : ", not merged");
   nodes.push(bars("Associations", sums(rows, full.w, (row) => associationName(full.detection[row]))));
   if (t > 0) nodes.push(parentLine(tracker, t, rows, go));
   if (tracker.mode_p)
@@ -25,9 +26,8 @@ function describeKept(episode, { panel, t, i, rows }, go) {
 
 function describeFull(episode, { panel, t, i }, go) {
   const { tracker } = panel, { full } = tracker, into = full.into[i], all = counts(tracker, t).all;
-  const number = i - full.start[t] + 1;
   const nodes = [
-    heading(`Hypothesis ${number} of ${all}`, `${tracker.name}, scan ${t + 1}, before the reduction`),
+    heading(`One of ${plural(all, "hypothesis")}`, `${tracker.name}, scan ${t + 1}, before the reduction`),
     line(`Weight ${share(full.w[i])}, ${associationName(full.detection[i])}`),
   ];
   if (tracker.mode_p) nodes.push(line(`Motion model: ${modeName(episode, full.mode[i])}`));
@@ -44,8 +44,9 @@ function describeDetection(episode, { panel, t, i, rows }, go) {
   const nodes = [heading(name, `${tracker.name}, scan ${t + 1}`)];
   if (!full) return nodes;
   const sum = rows.reduce((total, row) => total + full.w[row], 0);
-  if (!rows.length) return [...nodes, line("In no gate, or of no weight")];
-  nodes.push(line(`Used by ${plural(rows.length, "hypothesis")}, summed weight ${share(sum)}`));
+  if (!rows.length) return [...nodes, line("Used by no hypothesis that is drawn")];
+  const drawn = counts(tracker, t).all === size(full, t), used = drawn ? "Used by" : "Used by at least";
+  nodes.push(line(`${used} ${plural(rows.length, "hypothesis")}, summed weight ${share(sum)}`));
   const into = (row) => (full.into[row] < 0 ? "pruned" : `hypothesis ${full.into[row] + 1}`);
   nodes.push(bars("Where they went", sums(rows, full.w, into)));
   const heavy = rows.find((row) => full.into[row] >= 0);
@@ -60,7 +61,7 @@ function parentLine({ full, kept }, t, rows, go) {
   if (first < 0) return line("");
   const show = () => go(t - 1, kept.start[t - 1] + first);
   const node = line("Parent: ", link(`hypothesis ${first + 1} of scan ${t}`, show));
-  if (parents.size > 1) node.append(`, and ${parents.size - 1} more`);
+  if (parents.size > 1) node.append(", and others");
   return node;
 }
 

@@ -36,6 +36,7 @@ function trackerOf(data, column, name) {
   const ofOne = ["target", "estimate", "estimate_P", "error", "count", "alive", "mode_p"];
   const ofMany = ["expected", "gospa", "present"];
   for (const key of [...ofOne, ...ofMany]) tracker[key] = column(key);
+  tracker.kept.from = column("full_per_kept");
   const gate = column("gate_start");
   tracker.gates = gate && { start: gate, m: column("gate"), P: column("gate_shape") };
   tracker.guess = cloud(column, "guess");

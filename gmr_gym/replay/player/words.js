@@ -21,16 +21,19 @@ function stageInWords(tracker, t, stage) {
   if (stage === "update")
     return `${plural(now.all, "hypothesis")}: missed, or with a detection in the gate`;
   if (stage === "prune")
-    return `${plural(now.all, "hypothesis")}: ${now.pruned || "none"} pruned for low weight`;
+    return `${plural(now.all, "hypothesis")}: ${now.pruned || "none"} pruned`;
   return reductionInWords(now);
 }
 
 function figures(value, unit = "") {
-  if (!Number.isFinite(value)) return "none";
+  if (!Number.isFinite(value)) return "unknown";
   const digits = Math.abs(value) >= 100 ? 0 : Math.abs(value) >= 10 ? 1 : 2;
   return value.toFixed(digits) + unit;
 }
 
-const share = (w) => (w >= 0.0995 ? w.toFixed(2) : w >= 0.001 ? w.toFixed(3) : w.toExponential(0));
+function share(w) {
+  if (!Number.isFinite(w)) return "unknown";
+  return w >= 0.0995 ? w.toFixed(2) : w >= 0.001 ? w.toFixed(3) : w.toExponential(0);
+}
 
 const modeName = ({ modes }, k) => modes[k] || `model ${k + 1}`;
