@@ -17,7 +17,7 @@ from typing import Any
 TEACHING = Path(__file__).parent / "teaching"
 PIECE = re.compile(r"^<details>$.*?^</details>$\n?|^```(python|text)\n(.*?)^```$\n?", re.M | re.S)
 PYTHON = re.compile(r"^```python\n(.*?)^```$", re.M | re.S)
-INCLUDE = re.compile(r"^```{include} .*\n```$\n*", re.M)
+INCLUDE = re.compile(r"^```{include} (\S+)\n```$\n*", re.M)
 IMAGE = re.compile(r"^!\[.*?\]\(.*?\)$\n*", re.M)
 LINK = re.compile(r"\[([^\]]+)\]\(([^):]+\.(?:md|ipynb))(#[^)]*)?\)")
 
@@ -67,15 +67,19 @@ def code(text: str) -> dict[str, Any]:
 
 
 def said(text: str, page: Path) -> str:
-    """Markdown without what a page includes and shows, which the code draws, and with links to other pages as
-    their names."""
-    return LINK.sub(lambda link: named(link, page), INCLUDE.sub("", IMAGE.sub("", text))).strip()
+    """Markdown without pictures, which the code draws, and with other files by their names."""
+    text = INCLUDE.sub(lambda found: "" if "/figure-" in found[1] else f"`{at(found[1], page)}`\n\n", text)
+    return LINK.sub(lambda link: named(link, page), IMAGE.sub("", text)).strip()
 
 
 def named(link: re.Match, page: Path) -> str:
-    """What a link to a page says, and in which file of the project the page is."""
-    file = (page.parent / link[2]).resolve().relative_to(TEACHING.parents[1])
-    return link[1] if file.suffix == ".ipynb" else f"{link[1]} (`{file.as_posix()}`)"
+    """What a link to a page says, and which file that is."""
+    return link[1] if link[2].endswith(".ipynb") else f"{link[1]} (`{at(link[2], page)}`)"
+
+
+def at(path: str, page: Path) -> str:
+    """Where in the project a path from a page leads."""
+    return (page.parent / path).resolve().relative_to(TEACHING.parents[1]).as_posix()
 
 
 def lines(text: str) -> list[str]:

@@ -26,6 +26,9 @@ print(1)
 
 *Its caption.*
 
+```{include} ../results/figure-episode.md
+```
+
 ```{include} ../results/add-a-tracker.md
 ```
 
@@ -84,7 +87,7 @@ def test_a_page_becomes_cells_of_text_and_code(page):
     assert cells == [
         ("markdown", "# Title\n\nText with a page (`docs/watch.md`) and this."),
         ("code", "print(1)"),
-        ("markdown", "*Its caption.*"),
+        ("markdown", "*Its caption.*\n\n`docs/results/add-a-tracker.md`"),
         (
             "markdown",
             "<details>\n<summary>Answer</summary>\n\n```python\nprint(2)\n```\n\n</details>",
