@@ -208,6 +208,7 @@ def leaderboard(
     from gmr_gym.experiments import leaderboard, records, specs, sweeps
 
     part = sweeps.shard_of(shard, out)
+    specs.check_once("--env", environment)
     specs.check_once("--tracker", tracker)
     chosen = environment or [*TRACKED]
     work, unfit = leaderboard.entries(chosen, tracker)

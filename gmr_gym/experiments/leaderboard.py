@@ -164,7 +164,7 @@ def _once(group: str) -> list[str]:
 
 
 def _left_out(reasons: Mapping[str, str]) -> str:
-    return f"These have no model here: {', '.join(reasons)}." if reasons else ""
+    return f"Not run here, for reasons in leaderboard.json: {', '.join(reasons)}." if reasons else ""
 
 
 def _cells(record: Mapping[str, Any]) -> Iterator[list[Any]]:
