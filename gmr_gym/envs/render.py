@@ -75,7 +75,7 @@ class Panel:
     def __init__(self, scenario: Any, plane: Axes, strips: Sequence[Axes], title: str):
         self.scenario, self.plane, self.strips, self.title = scenario, plane, strips, title
         self.detections, self.truth, self.own, self.estimate = self._lines()
-        self._above = plane.text(0, 1.02, "", color=INK, size=11, transform=plane.transAxes)
+        self._above = plane.text(0, 1.02, "", color=INK, size=11, transform=plane.transAxes, parse_math=False)
         self._lost = plane.annotate(
             "", (0, 0), (8, 8), xycoords="axes fraction", textcoords="offset points", color=ESTIMATE,
             weight="bold", bbox={"facecolor": PAPER, "edgecolor": ESTIMATE},
