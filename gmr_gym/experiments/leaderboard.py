@@ -56,6 +56,7 @@ def entries(
     ValueError
         For one of `more` that runs in no environment, with the reason.
     """
+    more = [name.removesuffix(":") for name in more]
     work: dict[str, tuple[Any, dict[str, Any]]] = {}
     unfit: dict[str, dict[str, str]] = {}
     for env_id in env_ids:
