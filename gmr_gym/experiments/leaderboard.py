@@ -152,7 +152,7 @@ def leaderboard_page(record: Mapping[str, Any]) -> str:
         "intervals": f"{100 * record['level']:g} %",
         "time": f"in scans of PDA in TurningTarget, {1e6 * record['pda_scan_time']:.3g} µs on that machine",
         "version": f"gmr_gym {record['version']}",
-        "clairvoyant": "is given the target-originated measurement alone: a bound, no rival",
+        "clairvoyant": "is given the target-originated measurement and no clutter: a bound, not a competitor",
         "your own": ADD,
     }
     return page("Leaderboard", [definition_list(about), *parts], record["command"])
