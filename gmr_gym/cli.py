@@ -297,8 +297,12 @@ def watch(
     *,
     settings: Settings = [],  # noqa: B006
     seed: Seed = 0,
-    scans: Annotated[int | None, typer.Option("--scans", help="only the first scans; all unless given")] = None,
-    frame: Annotated[int | None, typer.Option("--frame", help="number of the scan, from 1, of a .png or .svg")] = None,
+    scans: Annotated[
+        int | None, typer.Option("--scans", help="only the first scans; all unless given")
+    ] = None,
+    frame: Annotated[
+        int | None, typer.Option("--frame", help="number of the scan, from 1, of a .png or .svg")
+    ] = None,
     size: Annotated[
         str, typer.Option("--size", help="pixels of a film or picture: WIDTH or WIDTHxHEIGHT")
     ] = "",

@@ -31,7 +31,7 @@ def test_the_former_name_of_the_number_of_clutter_gaussians_warns_and_works(name
     assert former.options.max_gaussians == 5
 
 
-@pytest.mark.parametrize("value", ["gmr_gym.filters.mht:Missing", "gmr_gym.missing:Tracker"])
+@pytest.mark.parametrize("value", ["gmr_gym.filters.mht:Missing", "no_such_package:Tracker"])
 def test_a_tracker_that_cannot_be_loaded_is_named_with_the_place(value, monkeypatch):
     known = {"broken": EntryPoint("broken", value, GROUP)}
     monkeypatch.setattr(registry, "tracker_entry_points", lambda group: known)
