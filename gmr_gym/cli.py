@@ -154,11 +154,11 @@ def sweep(
     metric: Metrics = [],  # noqa: B006
     form: Format = "table",
     plot: Annotated[
-        bool, typer.Option("--plot", help="also draw the curves, sweep.png and sweep.svg")
+        bool, typer.Option("--plot", help="also draw the figures, as sweep.png and sweep.svg")
     ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="run a grid of any size")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="run a grid of more than a thousand settings")] = False,
 ) -> None:
-    """Trackers over a grid of settings, on the same episodes: how figures go with a setting."""
+    """Trackers over a grid of settings, on the same episodes: how figures change with a setting."""
     from gmr_gym.experiments import evaluating, figures, formats, grid, records, specs, sweeps
 
     part = sweeps.shard_of(shard, out)
@@ -210,6 +210,7 @@ def leaderboard(
     from gmr_gym.experiments import leaderboard, records, specs, sweeps
 
     part = sweeps.shard_of(shard, out)
+    specs.check_once("--env", environment)
     specs.check_once("--tracker", tracker)
     chosen = environment or [*TRACKED]
     work, unfit = leaderboard.entries(chosen, tracker)
@@ -298,8 +299,12 @@ def watch(
     *,
     settings: Settings = [],  # noqa: B006
     seed: Seed = 0,
-    scans: Annotated[int | None, typer.Option("--scans", help="the first scans; all unless given")] = None,
-    frame: Annotated[int | None, typer.Option("--frame", help="the scan, from 1, of a .png or .svg")] = None,
+    scans: Annotated[
+        int | None, typer.Option("--scans", help="only the first scans; all unless given")
+    ] = None,
+    frame: Annotated[
+        int | None, typer.Option("--frame", help="number of the scan, from 1, of a .png or .svg")
+    ] = None,
     size: Annotated[
         str, typer.Option("--size", help="pixels of a film or picture: WIDTH or WIDTHxHEIGHT")
     ] = "",
@@ -310,11 +315,11 @@ def watch(
         Path,
         typer.Option(
             "--out",
-            help="a page, .html, with a player in it; a film, .gif or .mp4; or a scan of it, .png or .svg",
+            help="a page with a player, .html; a film, .gif or .mp4; or a picture of one scan, .png or .svg",
         ),
     ] = Path("episode.html"),
 ) -> None:
-    """One episode to watch: detections, gates, hypotheses and their merging, truth and estimates."""
+    """One episode as a page, film or picture: detections, gates, hypotheses and their merging, estimates."""
     from gmr_gym.envs.lookup import key_values, scenario_of
     from gmr_gym.experiments import specs
     from gmr_gym.replay import record, write_page

@@ -914,6 +914,7 @@ def test_a_tracker_that_lost_every_run_is_named_and_the_others_are_compared(call
         ((*QUICK, "--jobs", 2), "--jobs is given 2 times"),
         (("watch", JUMP, "--tracker", "imm", "--tracker", "imm:"), "--tracker imm: is given twice"),
         (("watch", JUMP, "--scans", 1, "--scans", 2), "--scans is given 2 times"),
+        (("leaderboard", "--env", JUMP, "--env", JUMP), f"--env {JUMP} is given twice"),
         (("watch", JUMP, "--set", "case=1", "--set", "case=2"), "case is given twice, as 1 and as 2"),
         (("record", JUMP, "--out", "a", "--out", "b", "--out", "c"), "--out is given 3 times"),
         (("reproduce", "zhang", "--table", 1, "--table", 1), "--table 1 is given twice"),

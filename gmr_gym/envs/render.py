@@ -30,6 +30,7 @@ from gmr_gym.envs.render_sheet import SIZE, Sheet, height_for
 from gmr_gym.models.radar import Radar
 from gmr_gym.simulation.single_target import Scan, Scenario
 
+TITLE, LETTER = 11, 0.6  # points, and width of a letter as a share of its size
 LATEST = slice(-1, None)  # of a path, the point that has a marker
 MARGIN = 0.06  # of a side of what is seen, around it
 
@@ -75,7 +76,9 @@ class Panel:
     def __init__(self, scenario: Any, plane: Axes, strips: Sequence[Axes], title: str):
         self.scenario, self.plane, self.strips, self.title = scenario, plane, strips, title
         self.detections, self.truth, self.own, self.estimate = self._lines()
-        self._above = plane.text(0, 1.02, "", color=INK, size=11, transform=plane.transAxes)
+        self._above = plane.text(
+            0, 1.02, "", color=INK, size=TITLE, transform=plane.transAxes, parse_math=False
+        )
         self._lost = plane.annotate(
             "", (0, 0), (8, 8), xycoords="axes fraction", textcoords="offset points", color=ESTIMATE,
             weight="bold", bbox={"facecolor": PAPER, "edgecolor": ESTIMATE},
@@ -116,9 +119,13 @@ class Panel:
             over_scans(strip, "hypotheses", {HYPOTHESIS: shown.counts})
 
     def say(self, t: int) -> None:
-        """Write title and time above the plane."""
+        """Write the title, as much of it as has room, and the time above the plane."""
         time = f"t = {(t + 1) * self.scenario.period:g} s"
-        self._above.set_text("  ".join(filter(None, (self.title, time))))
+        figure = self.plane.figure
+        inches = self.plane.get_position(original=True).width * figure.bbox.width / figure.dpi
+        room = int(inches * 72 / (LETTER * TITLE)) - len(time) - 2
+        title = self.title if len(self.title) <= room else f"{self.title[: max(room - 1, 0)]}…"
+        self._above.set_text("  ".join(filter(None, (title, time))))
 
     def _hypotheses(self, report: Any) -> None:
         gates, p = report.gates, report.mixture

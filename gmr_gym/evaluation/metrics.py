@@ -117,7 +117,7 @@ def credibility(
     -------
     index : ndarray (T,)
         Noncredibility index, dB; 0 for a credible filter. nan where C is singular, as with fewer runs than
-        states.
+        states, or not finite.
     inclination : ndarray (T,)
         dB; positive for an optimistic filter, whose covariances are too small.
 
@@ -153,7 +153,8 @@ def credibility(
     share = weight / weight.sum()
     e = error.transpose(1, 2, 0)
     C = (share * e) @ e.transpose(0, 2, 1)
-    known = np.linalg.matrix_rank(C, hermitian=True) == d
+    known = np.isfinite(C).all(axis=(1, 2))
+    known[known] = np.linalg.matrix_rank(C[known], hermitian=True) == d
     whitener = np.full_like(C, np.nan)
     whitener[known] = np.linalg.solve(np.linalg.cholesky(C[known]), np.eye(d))
     actual = ((whitener @ e) ** 2).sum(axis=1).T

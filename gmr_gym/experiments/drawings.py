@@ -42,9 +42,10 @@ def by_tracker(
 
 
 def legend_above(drawing: Drawing, **told: Any) -> None:
-    """The legend of the first panel, outside of all."""
+    """The legend of the first panel, outside of all; a dollar in a name is a dollar."""
     handles = drawing.axes[0].get_legend_handles_labels()
-    drawing.legend(*handles, loc="outside upper center", **told)
+    with rc_context({"text.parse_math": False}):
+        drawing.legend(*handles, loc="outside upper center", **told)
 
 
 def error_against_time(

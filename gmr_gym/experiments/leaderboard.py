@@ -56,6 +56,7 @@ def entries(
     ValueError
         For one of `more` that runs in no environment, with the reason.
     """
+    more = [name.removesuffix(":") for name in more]
     work: dict[str, tuple[Any, dict[str, Any]]] = {}
     unfit: dict[str, dict[str, str]] = {}
     for env_id in env_ids:
@@ -151,7 +152,7 @@ def leaderboard_page(record: Mapping[str, Any]) -> str:
         "intervals": f"{100 * record['level']:g} %",
         "time": f"in scans of PDA in TurningTarget, {1e6 * record['pda_scan_time']:.3g} µs on that machine",
         "version": f"gmr_gym {record['version']}",
-        "clairvoyant": "is given the target-originated measurement alone: a bound, no rival",
+        "clairvoyant": "is given the target-originated measurement and no clutter: a bound, not a competitor",
         "your own": ADD,
     }
     return page("Leaderboard", [definition_list(about), *parts], record["command"])
@@ -164,7 +165,7 @@ def _once(group: str) -> list[str]:
 
 
 def _left_out(reasons: Mapping[str, str]) -> str:
-    return f"These have no model here: {', '.join(reasons)}." if reasons else ""
+    return f"Not run here, for reasons in leaderboard.json: {', '.join(reasons)}." if reasons else ""
 
 
 def _cells(record: Mapping[str, Any]) -> Iterator[list[Any]]:

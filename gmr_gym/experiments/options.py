@@ -142,7 +142,7 @@ Format = Annotated[
     typer.Option(
         "--format",
         metavar="|".join(FORMATS),
-        help="of what is printed; all but a table leave remarks to the error stream",
+        help="of what is printed; remarks go to the error stream, but for a table",
         **choice("format", FORMATS),
     ),
 ]

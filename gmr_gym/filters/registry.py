@@ -59,8 +59,8 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
     Raises
     ------
     ValueError
-        For an unknown name, with the nearest known one; for a parameter that the tracker does not take, with
-        those it does; and for a value out of range.
+        For an unknown name, with the nearest known one; for one that cannot be loaded; for a parameter that
+        the tracker does not take, with those it does; and for a value out of range.
 
     Examples
     --------
@@ -91,7 +91,10 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
         near = get_close_matches(name.rstrip("-0123456789"), known, n=1) or get_close_matches(name, known)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise ValueError(f"unknown tracker {name!r}{hint} (installed: {', '.join(sorted(known))})")
-    factory = known[name].load()
+    try:
+        factory = known[name].load()
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"tracker {name!r} cannot be loaded from {known[name].value}: {error}") from error
     accepted = list(inspect.signature(factory).parameters)[1:]
     update = parameters.pop("update", None)
     if update is not None:

@@ -80,6 +80,14 @@ def test_credibility_is_the_direct_loop():
         assert index[t] == pytest.approx(sum(map(abs, rho)) / runs, rel=1e-9)
 
 
+def test_credibility_of_an_error_that_is_not_finite_is_undefined_at_its_scan_alone():
+    rng = np.random.default_rng(2)
+    error = rng.standard_normal((8, 3, 2))
+    error[0, 1] = np.nan
+    index, inclination = credibility(error, np.ones((8, 3)))
+    assert np.isfinite([index, inclination]).tolist() == [[True, False, True]] * 2
+
+
 def test_credibility_is_zero_for_the_truth_and_a_factor_in_decibels_for_a_boast():
     rng = np.random.default_rng(2)
     error = rng.standard_normal((50, 4, 3))

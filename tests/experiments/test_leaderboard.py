@@ -17,10 +17,11 @@ TURNING, FLIGHT = "gmr_gym/TurningTarget-v0", "gmr_gym/JumpMarkov-v0"
 
 
 def test_every_installed_tracker_runs_or_has_a_reason_and_two_names_of_one_count_once():
-    work, unfit = leaderboard.entries([TURNING, FLIGHT], ["runnalls-5"])
+    work, unfit = leaderboard.entries([TURNING, FLIGHT], ["runnalls-5", "pda:"])
     assert {"pda", "runnalls", "runnalls-5", "mmg"} <= work[TURNING][1].keys()
     assert "pda" not in work[FLIGHT][1] and "one motion" in unfit[FLIGHT]["pda"]
     assert "radar" in unfit[TURNING]["imm-dcm-pda"]
+    assert "pda:" not in work[TURNING][1]
     assert len({"mmae", "mmae-pda"} & work[TURNING][1].keys()) == 1
 
 

@@ -1,9 +1,13 @@
 """Pages of results: what they show is the record's, and names are text in them."""
 
+import shutil
 from html.parser import HTMLParser
+from io import BytesIO
 
 import pytest
+from matplotlib.figure import Figure
 
+from gmr_gym.experiments.drawings import legend_above
 from gmr_gym.experiments.pages import figures, page
 from gmr_gym.experiments.report import report
 
@@ -102,3 +106,28 @@ def test_a_report_has_every_figure_of_its_record_the_curves_and_the_command():
     for said in ("clutter_rate=20", "seed 3", "numpy 2.4", "too few", "components=5", record["command"]):
         assert said in text
     assert read.tags.count("svg") == 1 and text == report(record, period=1.0)
+
+
+def test_a_dollar_in_the_name_of_a_tracker_is_no_formula():
+    drawn = Figure()
+    drawn.subplots().plot([0, 1], label="mht:note=$\\nothing$")
+    legend_above(drawn)
+    drawn.savefig(BytesIO(), format="svg")  # a formula would be refused
+    assert drawn.legends[0].get_texts()[0].get_text() == "mht:note=$\\nothing$"
+
+
+def test_a_phone_shows_figures_beside_long_names(tmp_path):
+    playwright = pytest.importorskip("playwright.sync_api")
+    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if browser is None:
+        pytest.skip("no chromium, chromium-browser or google-chrome")
+    name = "runnalls-30:prune_weight=0.001,prune_density=0.001"
+    file = tmp_path / "page.html"
+    file.write_text(page("gmr_gym/TurningTarget-v0", [figures([row(name, gospa=cell(1.0, 0.0, 2.0))])], "x"))
+    with playwright.sync_playwright() as driver:
+        started = driver.chromium.launch(executable_path=browser, args=["--no-sandbox", "--disable-gpu"])
+        tab = started.new_page(viewport={"width": 360, "height": 700})
+        tab.goto(file.as_uri())
+        assert tab.evaluate("document.documentElement.scrollWidth") == 360
+        assert tab.locator("tbody th").bounding_box()["width"] < 180
+        started.close()

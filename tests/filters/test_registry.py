@@ -2,11 +2,15 @@
 
 import doctest
 from importlib import import_module
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
+from gmr_gym.catalogue import GROUP
+from gmr_gym.filters import registry
 from gmr_gym.filters.registry import make_tracker
+from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.lv import unknown_clutter
 
 ROOT = Path(__file__).parents[2]
@@ -25,6 +29,14 @@ def test_the_former_name_of_the_number_of_clutter_gaussians_warns_and_works(name
         former = make_tracker(name, model, most=5)
     assert former.options == make_tracker(name, model, max_gaussians=5).options
     assert former.options.max_gaussians == 5
+
+
+@pytest.mark.parametrize("value", ["gmr_gym.filters.mht:Missing", "no_such_package:Tracker"])
+def test_a_tracker_that_cannot_be_loaded_is_named_with_the_place(value, monkeypatch):
+    known = {"broken": EntryPoint("broken", value, GROUP)}
+    monkeypatch.setattr(registry, "tracker_entry_points", lambda group: known)
+    with pytest.raises(ValueError, match=f"^tracker 'broken' cannot be loaded from {value}: "):
+        make_tracker("broken", turning_target().model)
 
 
 @pytest.mark.parametrize("name", WITH_EXAMPLES)

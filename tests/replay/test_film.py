@@ -187,6 +187,14 @@ def test_what_no_film_can_be_made_of_is_named(one, out, number, how, message, tm
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_long_name_ends_where_its_panel_does(one, tmp_path):
+    trackers = {f"{i}: a name of {40 * 'many '} words": Lost(one) for i in range(2)}
+    film(one, trackers, 1, tmp_path / "f.svg", frame=1)
+    first, second = (text for text in texts((tmp_path / "f.svg").read_text("utf-8")) if "a name" in text)
+    assert first.startswith("0: a name of many") and first.endswith("…  t = 1 s") and len(first) < 70
+    assert second.startswith("1: a name of many")
+
+
 @pytest.mark.parametrize(
     ("seed", "how", "message"),
     [

@@ -19,7 +19,7 @@ function stageInWords(tracker, t, stage) {
   if (stage === "predict")
     return `Predicted: ${plural(gates, "gate")}, ${plural(size(tracker.z, t), "detection")}`;
   if (stage === "update")
-    return `${plural(now.all, "hypothesis")}: missed, or with a detection in the gate`;
+    return `${plural(now.all, "hypothesis")}, each with a detection in its gate or a missed one`;
   if (stage === "prune")
     return `${plural(now.all, "hypothesis")}: ${now.pruned || "none"} pruned`;
   return reductionInWords(now);
