@@ -14,16 +14,13 @@ class SensorSpec(NamedTuple):
 
     name: str
     kind: str = CARTESIAN  # or polar
-    position: tuple[float, ...] = (
-        0.0,
-        0.0,
-        0.0,
-    )  # m, in local coordinates; `Detections.origin` where it moves
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)  # m, local; of one that moves see `Detections.origin`
     deviation: tuple[float, ...] = (np.nan, np.nan)  # (p,) of what it measures: m, or m, rad[, rad]
     range_rate_deviation: float = np.nan  # m/s
     detection_probability: float = np.nan
     clutter_per_scan: float = np.nan
     rotation_period: float = np.nan  # s
+    clutter_density: float = np.nan  # false alarms a scan per m^2 (m^3 in space), where given instead
 
     @property
     def p(self) -> int:
@@ -54,9 +51,7 @@ class Detections(NamedTuple):
     sensors: tuple[SensorSpec, ...]
     coordinates: tuple[str, ...]  # names of the columns of `z`, as in the input
     start: datetime | None = None  # UTC, of time 0
-    reference: tuple[float, float, float] | None = (
-        None  # latitude deg, longitude deg, altitude m of the origin
-    )
+    reference: tuple[float, float, float] | None = None  # of the origin: deg, deg, m
     remarks: tuple[str, ...] = ()  # what was dropped, sorted, converted, assumed
 
     @property

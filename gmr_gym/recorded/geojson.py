@@ -9,7 +9,8 @@ import numpy as np
 
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.recorded.detections import Detections
-from gmr_gym.recorded.output import places, utc
+from gmr_gym.recorded.output import utc
+from gmr_gym.recorded.places import geodetic
 from gmr_gym.recorded.tracks import STATUS, Tracks
 
 DEGREES = 7  # decimals: a centimetre
@@ -66,7 +67,7 @@ def geojson(tracks: Tracks, detections: Detections) -> dict[str, Any]:
             "detections in lat and lon, or the position of the sensor"
         )
     axes = tracks.x.shape[1] // 2
-    latitude, longitude, height = places(tracks.x[:, :axes], detections.reference).T
+    latitude, longitude, height = geodetic(tracks.x[:, :axes], detections.reference).T
     points = np.stack([longitude.round(DEGREES), latitude.round(DEGREES), height.round(2)], axis=1)
     features = []
     for track in np.unique(tracks.track):

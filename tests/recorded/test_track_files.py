@@ -11,7 +11,8 @@ from made_tracks import REFERENCE, START, made
 from gmr_gym.recorded.detections import objects
 from gmr_gym.recorded.geodesy import to_local
 from gmr_gym.recorded.geojson import geojson, write_geojson
-from gmr_gym.recorded.output import confirmed_only, places, write_mot, write_tracks
+from gmr_gym.recorded.output import confirmed_only, write_mot, write_tracks
+from gmr_gym.recorded.places import geodetic
 from gmr_gym.recorded.tracks import CONFIRMED, STATUS, Tracks
 from gmr_gym.version import __version__
 
@@ -83,8 +84,8 @@ def test_places_on_earth_are_those_of_the_points_at_the_height_of_the_reference(
     back = to_local(np.column_stack([found, np.full(len(found), REFERENCE[2])]), REFERENCE)
     assert back[:, :2] == pytest.approx(MADE.tracks.x[:, :2], abs=2e-4)
     far = np.array([[120e3, -80e3], [0.0, 0.0]])
-    assert places(far, REFERENCE)[:, 2] == pytest.approx(REFERENCE[2], abs=1e-3)
-    assert to_local(places(far, REFERENCE), REFERENCE)[:, :2] == pytest.approx(far, abs=1e-3)
+    assert geodetic(far, REFERENCE)[:, 2] == pytest.approx(REFERENCE[2], abs=1e-3)
+    assert to_local(geodetic(far, REFERENCE), REFERENCE)[:, :2] == pytest.approx(far, abs=1e-3)
 
 
 @pytest.mark.parametrize(
