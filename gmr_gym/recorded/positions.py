@@ -55,7 +55,8 @@ def read_positions(
     if n and np.isnan(z).all(axis=0).any():
         role = family[int(np.isnan(z).all(axis=0).argmax())]
         raise ValueError(
-            f"{where}, column {layout[role].name}: empty in all {n} rows; leave {option(role)} out or change it"
+            f"{where}, column {layout[role].name}: empty in all {n} rows; leave {option(role)} out or "
+            "name another column"
         )
     some, all_there = ~np.isnan(z).all(axis=1), ~np.isnan(z).any(axis=1)
     for i in np.flatnonzero(some & ~all_there)[:1].tolist():
@@ -89,8 +90,8 @@ def azimuths(measured: np.ndarray, convention: str, north_offset: float = 0.0) -
 
 
 def to_axes(z: np.ndarray, geodetic, reference) -> np.ndarray:
-    """Directions (n, p) of range, azimuth[, elevation], from the axes of a sensor at `geodetic` to those of the
-    reference: meridians converge, and the horizon falls."""
+    """Range, azimuth[, elevation] (n, p), from the axes of a sensor at `geodetic` to those of the reference:
+    meridians converge, and the horizon falls."""
     azimuth, elevation = z[:, 1], z[:, 2] if z.shape[1] > 2 else np.zeros(len(z))
     along = np.cos(elevation)
     unit = np.column_stack([along * np.cos(azimuth), along * np.sin(azimuth), np.sin(elevation)])
