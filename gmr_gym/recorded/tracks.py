@@ -67,3 +67,22 @@ def joined_rows(parts: Sequence[Tracks]) -> Tracks:
     Tracks
     """
     return Tracks(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def no_rows(axes: int, modes: int) -> Tracks:
+    """No row.
+
+    Parameters
+    ----------
+    axes, modes : int
+        Number of coordinates of a position, and of motion models.
+
+    Returns
+    -------
+    Tracks
+    """
+    none, count, d = np.empty(0), np.empty(0, np.int64), 2 * axes
+    return Tracks(
+        none, count, np.empty(0, np.int8), np.empty((0, d)), np.empty((0, d, d)), none, np.empty((0, modes)),
+        count, count, none, none, count,
+    )  # fmt: skip
