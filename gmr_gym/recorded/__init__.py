@@ -4,11 +4,11 @@ from gmr_gym.recorded.configuration import Configuration, SensorSettings, read_c
 from gmr_gym.recorded.detections import Detections, SensorSpec, from_arrays
 from gmr_gym.recorded.model import TrackingModel, tracking_model
 from gmr_gym.recorded.reading import read
-from gmr_gym.recorded.scans import Scan
+from gmr_gym.recorded.scans import Scan, cut
 from gmr_gym.recorded.tracking import LiveTracker, track
 from gmr_gym.recorded.tracks import STATUS, Tracks
 
 __all__ = [
     "STATUS", "Configuration", "Detections", "LiveTracker", "Scan", "SensorSettings", "SensorSpec",
-    "TrackingModel", "Tracks", "from_arrays", "read", "read_configuration", "track", "tracking_model",
+    "TrackingModel", "Tracks", "cut", "from_arrays", "read", "read_configuration", "track", "tracking_model",
 ]  # fmt: skip

@@ -133,8 +133,8 @@ def unit_of(where: str, role: str, column: Column) -> str:
         and named != column.unit
     ):
         raise ValueError(
-            f"{where}, column {column.name}: {named} by its name, but {column.unit} by {option(role)}; rename the "
-            f"column, or give {option(role)} {column.name}:{named}"
+            f"{where}, column {column.name}: {named} by its name, but {column.unit} by {option(role)}; "
+            f"rename the column, or give {option(role)} {column.name}:{named}"
         )
     return column.unit or named or ""
 
@@ -162,7 +162,8 @@ def condition(text: str, names: Sequence[str]):
         raise ValueError(f"--where must be COLUMN, a comparison and a value, such as 'snr>10', got {text!r}")
     if found[1] not in names:
         raise ValueError(
-            f"--where {text!r}: no column {found[1]!r}{did_you_mean(found[1], names)}; there are {', '.join(names)}"
+            f"--where {text!r}: no column {found[1]!r}{did_you_mean(found[1], names)}; "
+            f"there are {', '.join(names)}"
         )
     return found[1], COMPARED[found[2]], found[3]
 
@@ -202,7 +203,8 @@ def _named(where: str, names: Sequence[str], roles: Sequence[str], layout: Layou
             fits = [name for name in names if base_of(name) == alias and name not in taken]
             if len(fits) > 1:
                 raise ValueError(
-                    f"{where}: columns {' and '.join(fits)} may both be {role}; say which by {option(role)} {fits[0]}"
+                    f"{where}: columns {' and '.join(fits)} may both be {role}; say which by "
+                    f"{option(role)} {fits[0]}"
                 )
             if fits:
                 found[role] = Column(fits[0], None)
@@ -250,7 +252,7 @@ def _check(where: str, names: Sequence[str], layout: Layout, sensor: str | None)
     for role, column in layout.items():
         if column.name in roles:
             raise ValueError(
-                f"{where}, column {column.name}: given as {option(roles[column.name])} and as {option(role)}; "
-                "a column has one role"
+                f"{where}, column {column.name}: given as {option(roles[column.name])} and as "
+                f"{option(role)}; a column has one role"
             )
         roles[column.name] = role

@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from gmr_gym.recorded.columns import ROLES
@@ -20,13 +21,14 @@ MEASURED = {
     "z": LENGTH,
 }
 READING = {
-    "keep": list, "where": list, "delimiter": str, "decimal": str, "encoding": str, "header": bool, "day": date,
-    "drop_repeats": bool, "order": str, "reference": dict, "azimuth_convention": str,
+    "keep": list, "where": list, "delimiter": str, "decimal": str, "encoding": str, "header": bool,
+    "day": date, "drop_repeats": bool, "order": str, "reference": dict, "azimuth_convention": str,
 }  # fmt: skip
 KEYS = {
     "input": (*ROLES, *READING),
     "sensor": (
-        "name", "position", "north_offset", "rotation_period", "deviation", "detection_probability", "clutter",
+        "name", "position", "north_offset", "rotation_period", "deviation",
+        "detection_probability", "clutter",
     ),
     "target": (
         "motion", "modes", "acceleration_deviation", "stay_probability", "survival_probability", "max_speed",
@@ -48,7 +50,7 @@ class SensorSettings(NamedTuple):
     position: tuple[float, ...] | None = None  # m, in local coordinates, where it is not geodetic
     north_offset: float = 0.0  # rad, from true north to its own, clockwise
     rotation_period: float = math.nan  # s
-    deviation: Mapping[str, float] = {}  # by role; of "" in every length
+    deviation: Mapping[str, float] = MappingProxyType({})  # by role; of "" in every length
     detection_probability: float = math.nan
     clutter_per_scan: float = math.nan
     clutter_density: float = math.nan
@@ -58,12 +60,12 @@ class SensorSettings(NamedTuple):
 class Configuration(NamedTuple):
     """Settings by section."""
 
-    columns: dict[str, list[str]] = {}  # role -> COLUMN:UNIT, as `read` takes it
-    reading: dict[str, Any] = {}  # other arguments of `read`
+    columns: Mapping[str, list[str]] = MappingProxyType({})  # role -> COLUMN:UNIT, as `read` takes it
+    reading: Mapping[str, Any] = MappingProxyType({})  # other arguments of `read`
     sensors: tuple[SensorSettings, ...] = ()
-    target: dict[str, Any] = {}
-    tracks: dict[str, Any] = {}
-    output: dict[str, Any] = {}
+    target: Mapping[str, Any] = MappingProxyType({})
+    tracks: Mapping[str, Any] = MappingProxyType({})
+    output: Mapping[str, Any] = MappingProxyType({})
 
 
 def read_configuration(path: Path | str) -> Configuration:
@@ -131,7 +133,7 @@ def sensor(where: str, table: Mapping[str, Any]) -> SensorSettings:
 
 
 def deviations(where: str, typed: str | float | Mapping[str, Any]) -> dict[str, float]:
-    """Standard deviations by role: from a number, m, or `range=50,azimuth=0.1deg,range_rate=1`, or a table."""
+    """Standard deviations by role, from a number, m, or `range=50,azimuth=0.1deg`, or a table."""
     if isinstance(typed, str) and "=" in typed:
         pairs = [part.partition("=") for part in typed.split(",")]
         typed = {role.strip(): value for role, _, value in pairs}
@@ -141,7 +143,8 @@ def deviations(where: str, typed: str | float | Mapping[str, Any]) -> dict[str, 
     for role, value in typed.items():
         if role and role not in MEASURED:
             raise ValueError(
-                f"{where}: {role!r} is not measured{did_you_mean(role, MEASURED)}; choose from {', '.join(MEASURED)}"
+                f"{where}: {role!r} is not measured{did_you_mean(role, MEASURED)}; "
+                f"choose from {', '.join(MEASURED)}"
             )
         if value != AUTO:
             found[role] = quantity_typed(value, MEASURED.get(role, LENGTH), f"{where} {role}".strip())

@@ -70,8 +70,8 @@ def columns_of(source, choose: Choose, form: TextForm, kept: Callable[[Mapping],
 def _check_names(where: str, names: Sequence[str]) -> None:
     if sum(map(is_number, names)) > 1 and names[0] != "1":
         raise ValueError(
-            f"{where}: a header names the columns, got {', '.join(names)[:60]}; without one give --no-header, the "
-            "columns are then called 1, 2, ..."
+            f"{where}: a header names the columns, got {', '.join(names)[:60]}; without one give --no-header, "
+            "the columns are then called 1, 2, ..."
         )
     for i, name in enumerate(names):
         if not name.isprintable() or (name and name in names[:i]):

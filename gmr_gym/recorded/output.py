@@ -10,7 +10,7 @@ import numpy as np
 
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.recorded.detections import Detections
-from gmr_gym.recorded.places import geodetic
+from gmr_gym.recorded.positions import geodetic
 from gmr_gym.recorded.tracks import CONFIRMED, STATUS, Tracks
 from gmr_gym.version import __version__
 

@@ -34,8 +34,8 @@ def check_speeds(source: str, found: Detections) -> str | None:
         return None
     i = int(np.argmax(fast))
     shown = (
-        f"lines {found.row[first[i]]} and {found.row[second[i]]} are {step[i]:.3g} m and {gap[i]:.3g} s apart, "
-        f"{speed[i]:.3g} m/s"
+        f"lines {found.row[first[i]]} and {found.row[second[i]]} are {step[i]:.3g} m and {gap[i]:.3g} s "
+        f"apart, {speed[i]:.3g} m/s"
     )
     if fast.mean() > 0.5:
         raise ValueError(

@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 from gmr_gym.recorded.consistency import consistency
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.figures import Figure, wilson
-from gmr_gym.recorded.places import local_positions
+from gmr_gym.recorded.positions import local_positions
 from gmr_gym.recorded.scans import Scan
 from gmr_gym.recorded.tracks import COASTED, CONFIRMED, Tracks
 

@@ -14,7 +14,7 @@ from gmr_gym.recorded.detections import CARTESIAN, POLAR, Detections, SensorSpec
 from gmr_gym.recorded.formats import TextForm, columns_of
 from gmr_gym.recorded.geodesy import to_local
 from gmr_gym.recorded.plausibility import check_speeds
-from gmr_gym.recorded.positions import COMPASS, Positions, azimuths, read_positions, to_axes
+from gmr_gym.recorded.measured import COMPASS, Positions, azimuths, read_positions, to_axes
 from gmr_gym.recorded.times import Times, read_times
 from gmr_gym.recorded.units import did_you_mean, unit_in_name
 
@@ -120,7 +120,8 @@ def _wanted(where: str, names: Sequence[str], found: Mapping, conditions, keep) 
     for name in keep or ():
         if name not in names:
             raise ValueError(
-                f"{where}: no column {name!r} to keep{did_you_mean(name, names)}; there are {', '.join(names)}"
+                f"{where}: no column {name!r} to keep{did_you_mean(name, names)}; "
+                f"there are {', '.join(names)}"
             )
     rest = [n for n in names if (n and not n.endswith("]")) or unit_in_name(n)] if keep is None else keep
     return dict.fromkeys(rest, False) | wanted | numeric
@@ -210,8 +211,9 @@ def _assembled(
     metadata = {name: list(values) for name, values in table.values.items() if name not in taken}
     start = rows[0].times._replace(ns=ns).start
     seen = Detections(
-        (ns - ns.min()) / 1e9, z, rate, origin, sensor, _scans(text["scan"]), text["id"], text["truth"], table.line,
-        metadata, np.empty(0), np.empty(0, int), tuple(specs), _coordinates(rows), start, reference,
+        (ns - ns.min()) / 1e9, z, rate, origin, sensor, _scans(text["scan"]), text["id"], text["truth"],
+        table.line, metadata, np.empty(0), np.empty(0, int), tuple(specs), _coordinates(rows), start,
+        reference,
     )  # fmt: skip
     seen = chosen(seen, order)
     blank = np.isnan(seen.z[:, 0])
@@ -231,7 +233,7 @@ def _source(table: Columns) -> str:
 
 
 def _reference(rows: list[_Rows]) -> tuple[float, float, float] | None:
-    """The first sensor that says where it is, or else the first row with latitude and longitude, at height 0."""
+    """Where the first sensor is, or else latitude and longitude of the first row, at height 0."""
     for each in rows:
         if each.settings.geodetic is not None:
             return each.settings.geodetic  # type: ignore[return-value]
@@ -289,8 +291,8 @@ def _order(table: Columns, ns: np.ndarray, strict: bool) -> tuple[np.ndarray, li
     if strict and late.any():
         i = int(np.argmax(late))
         raise ValueError(
-            f"{_source(table)}, line {table.line[i]}: time runs back by {(ns[i - 1] - ns[i]) / 1e9:g} s; sort the rows, "
-            "or leave --order strict out"
+            f"{_source(table)}, line {table.line[i]}: time runs back by {(ns[i - 1] - ns[i]) / 1e9:g} s; "
+            "sort the rows, or leave --order strict out"
         )
     return np.argsort(ns, kind="stable"), [f"{late.sum()} rows sorted by time"] if late.any() else []
 
@@ -310,8 +312,8 @@ def _repeats(seen: Detections) -> np.ndarray:
 
 
 def _with_empty(seen: Detections, times: np.ndarray, sensors: np.ndarray) -> tuple[Detections, int]:
-    """Rows without a position as looks that detected nothing; where others of their time and sensor did detect
-    something, or rows are single reports with identities, they are only counted."""
+    """Rows without a position as looks that detected nothing; where others of their time and sensor have one,
+    or rows are single reports with identities, they are only counted."""
     reports = any(value is not None for value in seen.identity[:1])
     there = set() if reports else set(zip(seen.time.tolist(), seen.sensor.tolist(), strict=True))
     looks = {key: None for key in zip(times.tolist(), sensors.tolist(), strict=True) if key not in there}

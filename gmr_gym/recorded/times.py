@@ -39,8 +39,8 @@ def read_times(cells, form: str | None, at: Callable[[int], str], day: date | No
     cells : sequence of n str, or ndarray (n,)
         Numbers and datetime64 are taken as they are.
     form : str or None
-        A unit, `iso`, or a format of `datetime.strptime`; None is ISO 8601. Nothing is guessed about the order
-        of day and month. A time without a zone is UTC.
+        A unit, `iso`, or a format of `datetime.strptime`; None is ISO 8601. Nothing is guessed about the
+        order of day and month. A time without a zone is UTC.
     at : callable
         Where the cell of an index stands, for the message.
     day : date, optional
@@ -104,14 +104,15 @@ def _numeric(cells, unit: str, at: Callable[[int], str], day: date | None) -> Ti
     if since_1970.any() and not since_1970.all():
         i = int(np.flatnonzero(since_1970 != since_1970[0])[0])
         raise ValueError(
-            f"{at(i)}: {ns[i] / NANOSECONDS[unit]:.16g} {unit} follows {ns[i - 1] / NANOSECONDS[unit]:.16g} {unit}: "
-            "one is since 1970 and the other is not; leave one kind out with --where"
+            f"{at(i)}: {ns[i] / NANOSECONDS[unit]:.16g} {unit} follows "
+            f"{ns[i - 1] / NANOSECONDS[unit]:.16g} {unit}: one is since 1970 and the other is "
+            "not; leave one kind out with --where"
         )
     back = np.flatnonzero(np.diff(ns) < -DAY // 2)
     if len(back) and (ns >= 0).all() and (ns < DAY).all() and ns[back[0]] > DAY * 0.99:
         raise ValueError(
-            f"{at(int(back[0]) + 1)}: time goes back from {ns[back[0]] / SECOND:g} s to {ns[back[0] + 1] / SECOND:g} s, "
-            "as seconds of the day do at midnight; give --day YYYY-MM-DD"
+            f"{at(int(back[0]) + 1)}: time goes back from {ns[back[0]] / SECOND:g} s to "
+            f"{ns[back[0] + 1] / SECOND:g} s, as seconds of the day do at midnight; give --day YYYY-MM-DD"
         )
     return Times(ns, bool(since_1970.all()), f"{unit} since 1970" if since_1970.all() else unit)
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmr_gym.recorded.detections import Detections, objects
-from gmr_gym.recorded.places import local_positions
+from gmr_gym.recorded.positions import local_positions
 
 
 class Truth(NamedTuple):

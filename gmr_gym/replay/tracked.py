@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gmr_gym.recorded.detections import POLAR, Detections
-from gmr_gym.recorded.places import local_positions
+from gmr_gym.recorded.positions import local_positions
 from gmr_gym.recorded.scans import Scan
 from gmr_gym.recorded.tracks import Tracks
 from gmr_gym.replay.columns import upper

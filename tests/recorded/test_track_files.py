@@ -12,7 +12,7 @@ from gmr_gym.recorded.detections import objects
 from gmr_gym.recorded.geodesy import to_local
 from gmr_gym.recorded.geojson import geojson, write_geojson
 from gmr_gym.recorded.output import confirmed_only, write_mot, write_tracks
-from gmr_gym.recorded.places import geodetic
+from gmr_gym.recorded.positions import geodetic
 from gmr_gym.recorded.tracks import CONFIRMED, STATUS, Tracks
 from gmr_gym.version import __version__
 
