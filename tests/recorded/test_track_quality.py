@@ -111,6 +111,14 @@ def test_the_probability_of_detection_is_counted_between_the_first_and_the_last_
     assert told["detection probability, lowest of its 95 % interval"].value < figure.value
 
 
+def test_reports_of_targets_themselves_have_no_probability_of_detection():
+    n = len(MADE.detections.time)
+    single = [MADE.scans[0]._replace(rows=np.array([i])) for i in range(n)]
+    named = MADE.detections._replace(identity=objects(["a"] * n))
+    assert "detection probability" in by_name(quality(MADE.tracks, MADE.detections, single))
+    assert "detection probability" not in by_name(quality(MADE.tracks, named, single))
+
+
 def test_wilsons_interval_has_the_ends_at_which_the_score_test_is_at_its_limit():
     for hits, of in (0, 10), (9, 10), (455, 500):
         for end in wilson(hits, of):
