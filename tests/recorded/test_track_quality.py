@@ -62,7 +62,8 @@ def test_polar_innovations_are_those_of_an_extended_kalman_filter():
     z[1] += 2 * np.pi  # the same azimuth
     spec = SensorSpec("radar", POLAR, (*origin, 0.0), deviation=(5.0, 0.01))
     one, row, status = np.ones(1), np.zeros(1, int), np.array([CONFIRMED], np.int8)
-    tracks = Tracks(one, row + 1, status, x[None], P[None], one, one[:, None], row + 1, row, one, one, row)
+    nis = one * (v @ np.linalg.solve(S, v))
+    tracks = Tracks(one, row + 1, status, x[None], P[None], one, one[:, None], row + 1, row, one, nis, row)
     found = innovations(tracks, from_arrays(one, z[None], sensors=[spec]), 0)
     assert found.v[0] == pytest.approx(v, rel=0.02)
     assert found.S[0] == pytest.approx(S, rel=0.03)
