@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gmr_gym.recorded.times import LATEST as AFTER
 from gmr_gym.recorded.times import is_number
 from gmr_gym.recorded.units import ANGLE, LENGTH, SPEED, TIME, UNITS, base_of, did_you_mean, unit_in_name
 
@@ -27,6 +28,11 @@ NAMED = {
     "lat": ("lat", "latitude"), "lon": ("lon", "long", "lng", "longitude"),
     "alt": ("alt", "altitude", "height"), "range": ("range", "slant_range"), "azimuth": ("azimuth",),
     "elevation": ("elevation",), "range_rate": ("range_rate",),
+}  # fmt: skip
+# columns of a file that has positions in metres and nothing else
+PLAIN = {
+    "x", "y", "z", "east", "north", "up", "easting", "northing", "e", "n", "u", "px", "py", "pz", "pos_x", "pos_y",
+    "pos_z",
 }  # fmt: skip
 COMPARED = {
     ">=": operator.ge, "<=": operator.le, "!=": operator.ne, "==": operator.eq, "=": operator.eq,
@@ -137,6 +143,41 @@ def unit_of(where: str, role: str, column: Column) -> str:
             f"rename the column, or give {option(role)} {column.name}:{named}"
         )
     return column.unit or named or ""
+
+
+def check_plain(where: str, coordinates: Sequence[str], times: np.ndarray) -> None:
+    """Check that columns are positions in metres by their names, and times seconds.
+
+    Parameters
+    ----------
+    where : str
+        The file, for the message.
+    coordinates : sequence of str
+        All columns but the time.
+    times : ndarray (T,)
+
+    Raises
+    ------
+    ValueError
+        Naming the column, and the options that say what it is.
+    """
+    for name in coordinates:
+        unit = unit_in_name(name)
+        if unit not in (None, "m"):
+            raise ValueError(
+                f"{where}, column {name}: in {unit}, not in metres; say what the columns are, such as "
+                f"--x {name} --y COLUMN, or --lat and --lon, or --range and --azimuth"
+            )
+        if unit is None and base_of(name) not in PLAIN and "," not in name:
+            raise ValueError(
+                f"{where}, column {name}: no position in metres by its name; say which are, such as "
+                "--x COLUMN:m --y COLUMN:m: the other columns are then kept beside them"
+            )
+    if np.abs(times).max() > AFTER:
+        raise ValueError(
+            f"{where}: {np.abs(times).max():.16g} s is {np.abs(times).max() / 31_557_600:.3g} years; say what times "
+            "are, such as --time COLUMN:us, and --x COLUMN:m --y COLUMN:m"
+        )
 
 
 def kept_rows(

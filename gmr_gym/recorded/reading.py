@@ -13,8 +13,8 @@ from gmr_gym.recorded.configuration import SensorSettings
 from gmr_gym.recorded.detections import CARTESIAN, POLAR, Detections, SensorSpec, chosen, objects
 from gmr_gym.recorded.formats import TextForm, columns_of
 from gmr_gym.recorded.geodesy import to_local
-from gmr_gym.recorded.plausibility import check_speeds
 from gmr_gym.recorded.measured import COMPASS, Positions, azimuths, read_positions, to_axes
+from gmr_gym.recorded.plausibility import check_speeds
 from gmr_gym.recorded.times import Times, read_times
 from gmr_gym.recorded.units import did_you_mean, unit_in_name
 
