@@ -29,7 +29,9 @@ class Life(NamedTuple):
     static: bool  # its displacement is none, or slow
 
 
-def quality(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> list[Figure]:
+def quality(
+    tracks: Tracks, detections: Detections, scans: Sequence[Scan], *, reports: bool = False
+) -> list[Figure]:
     """The figures of tracks that need no truth.
 
     Parameters
@@ -39,6 +41,8 @@ def quality(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> li
     detections : Detections
     scans : sequence of Scan
         In order of time.
+    reports : bool
+        Whether scans are single reports of targets, of which none can be missed.
 
     Returns
     -------
@@ -50,25 +54,18 @@ def quality(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> li
     still fall on the same spot, and make noise look smaller than it is. They are found again from the
     estimates after the update; see `gmr_gym.recorded.innovations`. The normalised innovation squared (NIS) is
     that of the tracker. The detection probability is counted between the scan that confirmed a track and its
-    last detection, as neither is there by chance; tracks that end where their target hides make it high. Of
-    reports that targets make themselves, each at its own time, there is none.
+    last detection, as neither is there by chance; tracks that end where their target hides make it high.
     """
     lives = lives_of(tracks)
     moving = np.concatenate([np.empty(0, int), *(life.rows for life in lives if not life.static)])
     return [
         *consistency(tracks, detections, moving),
-        *([] if _are_reports(detections, scans) else _detection(tracks, detections, lives)),
+        *([] if reports else _detection(tracks, detections, lives)),
         *_numbers(tracks, lives),
         _fragmentation(tracks, lives),
         *_unused(tracks, detections, scans),
         *_coasting(tracks),
     ]
-
-
-def _are_reports(detections: Detections, scans: Sequence[Scan]) -> bool:
-    """Whether scans are single reports with identities, of which none can be missed."""
-    single = all(len(scan.rows) <= 1 for scan in scans)
-    return single and any(identity is not None for identity in detections.identity)
 
 
 def lives_of(tracks: Tracks) -> list[Life]:

@@ -113,11 +113,8 @@ def test_the_probability_of_detection_is_counted_between_the_first_and_the_last_
 
 
 def test_reports_of_targets_themselves_have_no_probability_of_detection():
-    n = len(MADE.detections.time)
-    single = [MADE.scans[0]._replace(rows=np.array([i])) for i in range(n)]
-    named = MADE.detections._replace(identity=objects(["a"] * n))
-    assert "detection probability" in by_name(quality(MADE.tracks, MADE.detections, single))
-    assert "detection probability" not in by_name(quality(MADE.tracks, named, single))
+    figures = by_name(quality(MADE.tracks, MADE.detections, MADE.scans, reports=True))
+    assert not [name for name in figures if name.startswith("detection probability")]
 
 
 def test_wilsons_interval_has_the_ends_at_which_the_score_test_is_at_its_limit():
@@ -251,6 +248,12 @@ def test_a_truth_that_is_read_as_detections_are_is_put_on_their_clock():
     )
     assert truth.time.tolist() == [10, 11]
     assert truth.target.tolist() == ["a", "b"]
+    counted = truth_from(
+        from_arrays([0.0, 1.0], [[1, 2], [3, 4]], zero=7.0, metadata={"target": ["u", "v"]}),
+        detections._replace(start=None, zero=5.0),
+    )
+    assert counted.time.tolist() == [2, 3]
+    assert counted.target.tolist() == ["u", "v"]
     with pytest.raises(ValueError, match="must both have absolute times, or neither"):
         truth_from(detections._replace(start=None), detections)
 
