@@ -308,7 +308,7 @@ def first_of_each(x, P, identity, order, distance):
     """
     n, d = x.shape
     of, L, y = np.arange(n), np.zeros((d, d)), np.empty(d)
-    for b in range(n):
+    for b in range(len(order)):
         i = order[b]
         for a in range(b):
             j = order[a]
