@@ -8,6 +8,7 @@ detections. A radar's columns are `time,range_m,azimuth_rad,elevation_rad`.
 import csv
 from collections.abc import Callable, Iterable, Sequence
 from decimal import Context
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,7 +68,7 @@ def read_scans(path: Path | str, *, farthest: float = ANY) -> Scans:
         Naming file, line and column of an invalid cell, of a coordinate beyond +-`farthest`, and of a time
         with more digits than a float has, such as nanoseconds since 1970.
     """
-    table = read_columns(path, _chosen)
+    table = read_columns(path, partial(_chosen, partial(_within, farthest)))
     time, *coordinates = table.names
     if not len(table.line):
         raise ValueError(f"{table.where}, column {time}: no rows follow the header")
@@ -82,10 +83,6 @@ def read_scans(path: Path | str, *, farthest: float = ANY) -> Scans:
     empty = ~given.any(axis=1)
     for i, j in np.argwhere(~given & ~empty[:, None])[:1]:
         raise ValueError(f"{at(i, coordinates[j])}: '' is not a finite number")
-    for i, j in np.argwhere(np.abs(z) > farthest)[:1]:
-        raise ValueError(
-            f"{at(i, coordinates[j])}: {z[i, j]:g} lies beyond +-{farthest:g}, farther than tracked"
-        )
     gaps = np.diff(times)
     for i in np.flatnonzero(gaps < 0)[:1] + 1:
         raise ValueError(f"{at(i, time)}: {times[i]} comes after {times[i - 1]}; sort the rows by time")
@@ -279,10 +276,17 @@ def from_first_detection(scans: Scans) -> Scans:
     return Scans(scans.times[held[0] :], scans.z[held[0] :], scans.coordinates)
 
 
-def _chosen(where: str, names: list[str]) -> dict[str, Convert]:
+def _chosen(convert: Convert, where: str, names: list[str]) -> dict[str, Convert]:
     """How a file of scans is read: all columns are numbers, but times are compared as they are written."""
     time, *coordinates = _checked_header(where, names)
-    return {time: texts, **dict.fromkeys(coordinates, numbers)}
+    return {time: texts, **dict.fromkeys(coordinates, convert)}
+
+
+def _within(farthest: float, cells: Sequence[str], at: Callable[[int], str]) -> np.ndarray:
+    found = numbers(cells, at)
+    for i in np.flatnonzero(np.abs(found) > farthest)[:1].tolist():
+        raise ValueError(f"{at(i)}: {cells[i].strip()} lies beyond +-{farthest:g}, farther than tracked")
+    return found
 
 
 def _checked_header(where: str, names: Sequence[str]) -> tuple[str, ...]:

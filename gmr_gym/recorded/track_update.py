@@ -70,32 +70,35 @@ def scan(
     begun = _begun(of, look, sensor, rows, identity, (found.unassigned * new / other)[rows])
     targets, seen = joined(targets, begun), joined(Seen(*found[2:]), _first_seen(rows, begun.existence))
     _thin(targets, of)
-    return _completed(state, targets, of, seen, np.ones(len(targets.existence), bool))
+    unseen = (targets.lives.status == DELETED) & (targets.lives.label == 0)
+    if unseen.any():
+        targets, seen = chosen(targets, ~unseen), chosen(seen, ~unseen)
+    return _completed(state, targets, of, seen, np.arange(len(targets.existence)))
 
 
 def report(state: State, of: Assumed, look: Look, sensor: int, identity: int) -> tuple[State, Tracks]:
     """State and rows after one detection of a target that names itself; only its own track is touched, in
     place."""
     targets, state = state.targets, state._replace(time=look.time)
-    n = len(targets.existence)
-    changed = look.time - targets.lives.hit_time > of.model.max_coast
+    silent = look.time - targets.lives.hit_time > of.model.max_coast
     own = np.flatnonzero(targets.identity == identity)[:1]
-    seen = Seen(np.zeros(n, int), np.full(n, -1), np.zeros(n), np.full(n, np.nan))
     if len(own):
-        one, it = chosen(targets, slice(own[0], own[0] + 1)), np.zeros(1)
-        origins = Origins(1.0, np.log([LEAST_DENSITY]), one.identity, it == 0, of.gates)
-        found = _update(one, of, look, it, origins)
-        _review(one, of, look, sensor, found, (it + look.time, it > 0))
-        for column, value in zip(seen, found[2:], strict=True):
-            column[own] = value
-        targets.lives.status[changed] = DELETED
-        changed[own] = True
+        silent[own] = False
+        one, none = chosen(targets, slice(own[0], own[0] + 1)), np.zeros(1)
+        origins = Origins(1.0, np.log([LEAST_DENSITY]), one.identity, none == 0, of.gates)
+        found = _update(one, of, look, none, origins)
+        _review(one, of, look, sensor, found, (none + look.time, none > 0))
+        changed, seen = own, Seen(*found[2:])
     else:
-        targets.lives.status[changed] = DELETED
-        rows = np.zeros(1, int)
-        begun = _begun(of, look, sensor, rows, np.array([identity]), np.ones(1))
-        targets, seen = joined(targets, begun), joined(seen, _first_seen(rows, begun.existence))
-        changed = np.append(changed, True)
+        first = np.zeros(1, int)
+        begun = _begun(of, look, sensor, first, np.array([identity]), np.ones(1))
+        changed, seen = np.array([len(silent)]), _first_seen(first, begun.existence)
+        targets = joined(targets, begun)
+    ended = np.flatnonzero(silent)
+    if len(ended):
+        targets.lives.status[ended] = DELETED
+        order = np.argsort(np.append(changed, ended), kind="stable")
+        changed, seen = np.append(changed, ended)[order], chosen(joined(seen, _not_seen(len(ended))), order)
     return _completed(state, targets, of, seen, changed)
 
 
@@ -166,6 +169,10 @@ def _first_seen(rows: np.ndarray, existence: np.ndarray) -> Seen:
     return Seen(np.ones(len(rows), int), rows, existence, np.full(len(rows), np.nan))
 
 
+def _not_seen(count: int) -> Seen:
+    return Seen(np.zeros(count, int), np.full(count, -1), np.zeros(count), np.full(count, np.nan))
+
+
 def _thin(targets: Targets, of: Assumed) -> None:
     """Delete the later of two tracks on one target, and the least likely ones beyond `max_tracks`, in
     place."""
@@ -184,26 +191,20 @@ def _thin(targets: Targets, of: Assumed) -> None:
 def _completed(
     state: State, targets: Targets, of: Assumed, seen: Seen, changed: np.ndarray
 ) -> tuple[State, Tracks]:
-    """The state without the tracks deleted now, new ones labelled, and the rows of those changed."""
-    ended = targets.lives.status == DELETED
-    unseen = ended & (targets.lives.label == 0)
-    if unseen.any():
-        targets, seen, changed, ended = (
-            chosen(of_all, ~unseen) for of_all in (targets, seen, changed, ended)
-        )
-    new = targets.lives.label == 0
-    count = int(new.sum())
-    targets.lives.label[new] = state.next_label + np.arange(count)
-    rows = _rows(state.time, of, chosen(targets, changed), chosen(seen, changed))
-    kept = chosen(targets, ~ended) if ended.any() else targets
-    return state._replace(targets=kept, next_label=state.next_label + count), rows
+    """The state without the tracks deleted now, new ones labelled, and rows of those changed, indices."""
+    lives = targets.lives
+    new = changed[lives.label[changed] == 0]
+    lives.label[new] = state.next_label + np.arange(len(new))
+    rows = _rows(state.time, of, targets, changed, seen)
+    if (rows.status == DELETED).any():
+        targets = chosen(targets, lives.status != DELETED)
+    return state._replace(targets=targets, next_label=state.next_label + len(new)), rows
 
 
-def _rows(time: float, of: Assumed, targets: Targets, seen: Seen) -> Tracks:
-    """Rows of the targets, brought to `time`."""
+def _rows(time: float, of: Assumed, targets: Targets, which: np.ndarray, seen: Seen) -> Tracks:
+    """Rows of the targets `which`, brought to `time`."""
     axes, lives = of.model.axes, targets.lives
-    banks = Banks(*carried(targets.banks, of.modes, time, axes))
+    banks = Banks(*carried(chosen(targets.banks, which), of.modes, time, axes))
     x, P = engine.outputs(banks, axes)
-    return Tracks(
-        np.full(len(x), time), lives.label, lives.status, x, P, targets.existence, banks.w, *seen, lives.age
-    )
+    label, status, age = lives.label[which], lives.status[which], lives.age[which]
+    return Tracks(np.full(len(x), time), label, status, x, P, targets.existence[which], banks.w, *seen, age)
