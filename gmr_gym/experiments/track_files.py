@@ -43,6 +43,7 @@ def track_many(file: Path, out: Path | None, given: Mapping[str, Any]) -> Iterat
     found = detections_of(file, settings)
     scans = cut(found, window=given["scan_window"])
     model = many_targets_model(found, settings, given)
+    found = found._replace(sensors=model.sensors)  # with what is assumed where nothing is known
     modes = [f"{mode.motion}_{mode.deviation:g}" for mode in model.modes]
     words = ["gmr-gym", "track", str(file), "--targets", "many", *typed(given), "--out", str(asked["out"])]
     run = Run(file, settings, found, scans, are_reports(found, scans), modes, shlex.join(words))
