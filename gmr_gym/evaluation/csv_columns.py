@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ class Columns(NamedTuple):
 
     where: str  # the file, and the line of its header
     names: tuple[str, ...]  # all of them
-    values: dict[str, np.ndarray | list]
+    values: dict[str, Any]  # an array or a list of each
     line: np.ndarray  # (n,) int, from 1
 
 
@@ -184,7 +184,7 @@ def _blocks(
 
 
 def _cells(path: Path | str, lines: list[int], contents: list[str], delimiter: str) -> list[list[str]]:
-    form = {"delimiter": delimiter, "strict": True, "skipinitialspace": delimiter == " "}
+    form: dict[str, Any] = {"delimiter": delimiter, "strict": True, "skipinitialspace": delimiter == " "}
     try:
         rows = [*csv.reader(contents, **form)]
     except csv.Error:
@@ -207,7 +207,9 @@ def delimiter_of(content: str) -> str:
     return best if best in content.strip() else " " if " " in content.strip() else ","
 
 
-def _even(path, names: list[str], lines: list[int], rows: list[list[str]], header: bool) -> list[list[str]]:
+def _even(
+    path: Path | str, names: list[str], lines: list[int], rows: list[list[str]], header: bool
+) -> list[list[str]]:
     """Rows of as many cells as there are names."""
     n = len(names)
     if all(len(row) == n for row in rows):
@@ -225,7 +227,7 @@ def _joined(parts: list) -> np.ndarray | list:
     return [value for part in parts for value in part]
 
 
-def _check_memory(path, parts: dict[str, list], rows: int, share: float) -> None:
+def _check_memory(path: Path | str, parts: dict[str, list], rows: int, share: float) -> None:
     """Refuse a file of which the first rows, a share of it, say that the whole does not fit."""
     sizes = (p.nbytes if isinstance(p, np.ndarray) else 64 * len(p) for some in parts.values() for p in some)
     needed = 2 * sum(sizes) / max(share, 1e-9)  # parts, and what is joined of them

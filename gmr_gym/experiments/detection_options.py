@@ -23,9 +23,11 @@ ROLES = {
     "time": "COLUMN:UNIT, COLUMN:iso, or COLUMN:FORMAT as in %d/%m/%Y %H:%M:%S",
     "x": f"east: {COLUMN}", "y": "north", "z": "up",
     "lat": "latitude", "lon": "longitude", "alt": "altitude",
-    "range": "slant range", "azimuth": "see --azimuth-convention", "elevation": "above the horizon",
+    "range": "slant range", "azimuth": "see --azimuth-convention",
+    "elevation": "above the horizon",
     "range_rate": "away from the sensor is positive",
-    "own_x": "where a moving sensor is, from which x, y are measured", "own_y": "likewise", "own_z": "likewise",
+    "own_x": "where a moving sensor is, from which x, y are measured",
+    "own_y": "likewise", "own_z": "likewise",
     "scan": "number of the scan", "sensor": "name of the sensor", "id": "identity that the sensor reports",
     "truth": "target that a row is of, for evaluation",
 }  # fmt: skip
@@ -38,7 +40,7 @@ INPUT = {
     "decimal": Option(str, "what stands before decimals", ".", ("--decimal",)),
     "encoding": Option(str, "of text", "utf-8"),
     "header": Option(
-        bool, "whether the first line names the columns; else they are 1, 2, ...", True, ("--header/--no-header",)
+        bool, "whether the first line names the columns, else 1, 2, ...", True, ("--header/--no-header",)
     ),
     "day": Option(str, "YYYY-MM-DD of the first row, where times are of the day"),
     "order": Option(str, "sort rows by time, or refuse those that are not: sort|strict", "sort"),
@@ -63,8 +65,8 @@ SENSOR = {
 TARGET = {
     "motion": Option(str, "of many targets: imm, constant-velocity or constant-acceleration", "imm"),
     "acceleration_deviation": Option(
-        str, "m/s^2 of one target, 3 unless given; of many for each motion model, what is added to the velocity in a "
-        "second, 0.1,3 unless given",
+        str, "m/s^2 of one target, 3 unless given; of many for each motion model, what is added to the "
+        "velocity in a second, 0.1,3 unless given",
     ),
     "max_speed": Option(float | None, "m/s, of a new target", None),
     "stay_probability": Option(float | None, "of a motion model, per second", None),
@@ -101,7 +103,7 @@ ALL_GROUPS = (*INPUT_GROUPS, ("target", TARGET), ("tracks", TRACKS), ("output", 
 
 
 def takes(*groups: tuple[str, Mapping[str, Option]]) -> Callable[[Callable], Callable]:
-    """A decorator of a command that takes the options of these groups as keywords, and has them in its help."""
+    """A decorator of a command that takes the options of these groups as keywords."""
 
     def decorated(command: Callable) -> Callable:
         signature = inspect.signature(command, eval_str=True)

@@ -2,8 +2,8 @@
 
 import operator
 import re
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,8 +31,8 @@ NAMED = {
 }  # fmt: skip
 # columns of a file that has positions in metres and nothing else
 PLAIN = {
-    "x", "y", "z", "east", "north", "up", "easting", "northing", "e", "n", "u", "px", "py", "pz", "pos_x", "pos_y",
-    "pos_z",
+    "x", "y", "z", "east", "north", "up", "easting", "northing", "e", "n", "u", "px", "py", "pz",
+    "pos_x", "pos_y", "pos_z",
 }  # fmt: skip
 COMPARED = {
     ">=": operator.ge, "<=": operator.le, "!=": operator.ne, "==": operator.eq, "=": operator.eq,
@@ -175,8 +175,8 @@ def check_plain(where: str, coordinates: Sequence[str], times: np.ndarray) -> No
             )
     if np.abs(times).max() > AFTER:
         raise ValueError(
-            f"{where}: {np.abs(times).max():.16g} s is {np.abs(times).max() / 31_557_600:.3g} years; say what times "
-            "are, such as --time COLUMN:us, and --x COLUMN:m --y COLUMN:m"
+            f"{where}: {np.abs(times).max():.16g} s is {np.abs(times).max() / 31_557_600:.3g} years; say "
+            "what times are, such as --time COLUMN:us, and --x COLUMN:m --y COLUMN:m"
         )
 
 
@@ -196,7 +196,7 @@ def kept_rows(
     return mask
 
 
-def condition(text: str, names: Sequence[str]):
+def condition(text: str, names: Sequence[str]) -> tuple[str, Callable[[Any, Any], bool], str]:
     """Column, comparison and value of a condition."""
     found = re.fullmatch(r"\s*(.+?)\s*(>=|<=|!=|==|=|>|<)\s*(.*?)\s*", text)
     if not found:

@@ -20,7 +20,7 @@ MEASURED = {
     "y": LENGTH,
     "z": LENGTH,
 }
-READING = {
+READING: dict[str, type] = {
     "keep": list, "where": list, "delimiter": str, "decimal": str, "encoding": str, "header": bool,
     "day": date, "drop_repeats": bool, "order": str, "reference": dict, "azimuth_convention": str,
 }  # fmt: skip
@@ -39,6 +39,7 @@ KEYS = {
     ),
     "output": ("out", "geojson", "html", "report", "mot", "labelled", "smooth", "only", "overwrite"),
 }  # fmt: skip
+OF_ROLE = {"time": ("format", "day"), "azimuth": ("from", "turning")}  # keys of one role alone
 AUTO = "auto"
 
 
@@ -109,10 +110,7 @@ def sensor(where: str, table: Mapping[str, Any]) -> SensorSettings:
     _check_keys(f"{where}, clutter", clutter, ("density", "per_scan", "learn"))
     geodetic = place = None
     if "lat" in position or "lon" in position:
-        geodetic = geodetic_of(
-            f"{where}, position",
-            [position.get(k, 0.0 if k == "alt" else None) for k in ("lat", "lon", "alt")],
-        )
+        geodetic = _geodetic(f"{where}, position", position)
     elif position:
         place = tuple(
             quantity_typed(position.get(axis, 0.0), LENGTH, f"{where}, position {axis}") for axis in "xyz"
@@ -166,6 +164,12 @@ def geodetic_of(where: str, values: Sequence) -> tuple[float, float, float]:
     return latitude, longitude, altitude
 
 
+def _geodetic(where: str, table: Mapping[str, Any]) -> tuple[float, float, float]:
+    """As `geodetic_of`, of a table with lat, lon and perhaps alt."""
+    _check_keys(where, table, ("lat", "lon", "alt"))
+    return geodetic_of(where, [table.get("lat"), table.get("lon"), table.get("alt", 0.0)])
+
+
 def _input(where: str, table: Mapping[str, Any]) -> tuple[dict[str, list[str]], dict[str, Any]]:
     """Columns by role, and other arguments of `read`."""
     columns: dict[str, list[str]] = {}
@@ -177,10 +181,7 @@ def _input(where: str, table: Mapping[str, Any]) -> tuple[dict[str, list[str]], 
         elif not isinstance(value, READING[key]):
             raise ValueError(f"{where}, {key}: must be of type {READING[key].__name__}, got {value!r}")
         elif key == "reference":
-            reading[key] = geodetic_of(
-                f"{where}, reference",
-                [value.get(k, 0.0 if k == "alt" else None) for k in ("lat", "lon", "alt")],
-            )
+            reading[key] = _geodetic(f"{where}, reference", value)
         else:
             reading[key] = value
     return columns, reading
@@ -190,8 +191,7 @@ def _column(where: str, role: str, entry: Any, reading: dict[str, Any]) -> str:
     """`SENSOR=COLUMN:UNIT` of a text or of a table with column, unit, format, sensor."""
     if not isinstance(entry, Mapping):
         return str(entry)
-    extra = {"time": ("format", "day"), "azimuth": ("from", "turning")}.get(role, ())
-    _check_keys(where, entry, ("column", "unit", "sensor", *extra))
+    _check_keys(where, entry, ("column", "unit", "sensor", *OF_ROLE.get(role, ())))
     if "column" not in entry:
         raise ValueError(f'{where}: needs a column, as in {{ column = "{role}_m" }}')
     if "day" in entry:

@@ -15,7 +15,7 @@ SHOWN = 6  # names in a line
 
 
 def described(found: Detections, scans: list[Scan]) -> list[str]:
-    """Lines for the reader: rows, columns, times, scans, extent, sensors, identities, remarks, statics, metadata.
+    """What was understood, a line each of rows, columns, times, scans, extent, sensors, ..., and the remarks.
 
     Parameters
     ----------
@@ -62,8 +62,8 @@ def _scans(scans: list[Scan]) -> str:
     usual = float(np.median(gaps))
     rows = np.array([len(scan.rows) for scan in scans])
     return (
-        f"{len(scans)}, {rows.mean():.3g} rows each (0 in {(rows == 0).sum()}, most {rows.max()}); every {usual:.4g} s, "
-        f"{(gaps > GAP * usual).sum()} gaps, longest {gaps.max():.4g} s"
+        f"{len(scans)}, {rows.mean():.3g} rows each (0 in {(rows == 0).sum()}, most {rows.max()}); every "
+        f"{usual:.4g} s, {(gaps > GAP * usual).sum()} gaps, longest {gaps.max():.4g} s"
     )
 
 

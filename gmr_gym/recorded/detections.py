@@ -5,6 +5,7 @@ from datetime import datetime
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 CARTESIAN, POLAR = "cartesian", "polar"
 
@@ -63,11 +64,11 @@ class Detections(NamedTuple):
 
 
 def from_arrays(
-    time,
-    z,
+    time: ArrayLike,
+    z: ArrayLike,
     *,
-    range_rate=None,
-    sensor=None,
+    range_rate: ArrayLike | None = None,
+    sensor: ArrayLike | None = None,
     identity: Sequence | None = None,
     sensors: Sequence[SensorSpec] | None = None,
     **fields: Any,
@@ -132,7 +133,7 @@ def from_arrays(
     return Detections(time=time, z=z, sensors=specs, **given)
 
 
-def chosen(found: Detections, rows) -> Detections:
+def chosen(found: Detections, rows: np.ndarray) -> Detections:
     """The detections of these rows, indices or a mask (n,), in their order."""
     rows = np.arange(len(found.time))[rows]
     each = ("time", "z", "range_rate", "origin", "sensor", "scan", "identity", "truth", "row")

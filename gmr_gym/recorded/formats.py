@@ -29,7 +29,7 @@ class TextForm(NamedTuple):
     header: bool = True
 
 
-def columns_of(source, choose: Choose, form: TextForm, kept: Callable[[Mapping], bool]) -> Columns:
+def columns_of(source: Any, choose: Choose, form: TextForm, kept: Callable[[Mapping], bool]) -> Columns:
     """Columns of a file, of a data frame, or of a mapping of arrays.
 
     Parameters
@@ -70,15 +70,15 @@ def columns_of(source, choose: Choose, form: TextForm, kept: Callable[[Mapping],
 def _check_names(where: str, names: Sequence[str]) -> None:
     if sum(map(is_number, names)) > 1 and names[0] != "1":
         raise ValueError(
-            f"{where}: a header names the columns, got {', '.join(names)[:60]}; without one give --no-header, "
-            "the columns are then called 1, 2, ..."
+            f"{where}: a header names the columns, got {', '.join(names)[:60]}; without one give "
+            "--no-header, the columns are then called 1, 2, ..."
         )
     for i, name in enumerate(names):
         if not name.isprintable() or (name and name in names[:i]):
             raise ValueError(f"{where}, column {i + 1}: {name!r} is not a name, or is used twice")
 
 
-def _of_frame(frame, choose: Choose) -> Columns:
+def _of_frame(frame: Any, choose: Choose) -> Columns:
     names = [str(name) for name in getattr(frame, "columns", frame)]
     where = type(frame).__name__
     wanted = choose(where, names)
@@ -92,7 +92,7 @@ def _of_frame(frame, choose: Choose) -> Columns:
     return Columns(where, tuple(names), values, np.arange(1, 1 + max(lengths.values(), default=0)))
 
 
-def _of_json(path, choose: Choose, kept: Callable[[Mapping], bool]) -> Columns:
+def _of_json(path: Path | str, choose: Choose, kept: Callable[[Mapping], bool]) -> Columns:
     """Records of JSON as rows: `a.b` is an entry of an entry, `a[0]` of a list. Lists of numbers of equal
     length make a row for each of their entries."""
     try:
@@ -114,7 +114,7 @@ def _of_json(path, choose: Choose, kept: Callable[[Mapping], bool]) -> Columns:
                 rows.append(row)
                 lines.append(line)
     cells = [*zip(*rows, strict=True)] or [()] * len(wanted)
-    values = {name: texts(column, str) for name, column in zip(wanted, cells, strict=True)}
+    values: dict[str, Any] = {name: texts(column, str) for name, column in zip(wanted, cells, strict=True)}
     return Columns(f"{path}", tuple(names), values, np.array(lines, int))
 
 

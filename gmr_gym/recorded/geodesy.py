@@ -1,6 +1,7 @@
 """WGS-84: geodetic coordinates, Earth-centred ones, and a local frame of east, north and up."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 RADIUS = 6378137.0  # m, semi-major axis
 FLATTENING = 1 / 298.257223563
@@ -8,7 +9,7 @@ ECCENTRICITY2 = FLATTENING * (2 - FLATTENING)
 POLAR_RADIUS = RADIUS * (1 - FLATTENING)
 
 
-def to_ecef(geodetic) -> np.ndarray:
+def to_ecef(geodetic: ArrayLike) -> np.ndarray:
     """Earth-centred, Earth-fixed coordinates.
 
     Parameters
@@ -29,7 +30,7 @@ def to_ecef(geodetic) -> np.ndarray:
     return np.stack([across * np.cos(longitude), across * np.sin(longitude), up], axis=-1)
 
 
-def from_ecef(ecef) -> np.ndarray:
+def from_ecef(ecef: ArrayLike) -> np.ndarray:
     """Latitude and longitude, deg, and height, m, (..., 3) of Earth-centred coordinates (..., 3), m.
 
     The closed form is Vermeille's (2002), for all points but those within some 43 km of the centre.
@@ -56,7 +57,7 @@ def from_ecef(ecef) -> np.ndarray:
     return np.stack([np.degrees(latitude), np.degrees(np.arctan2(y, x)), (k + e2 - 1) / k * far], axis=-1)
 
 
-def axes_at(reference) -> np.ndarray:
+def axes_at(reference: ArrayLike) -> np.ndarray:
     """Unit vectors (3, 3), a row each, of east, north and up at (latitude deg, longitude deg, ...)."""
     latitude, longitude = np.radians(np.asarray(reference, float)[:2])
     sin, cos, across, along = np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude)
@@ -65,7 +66,7 @@ def axes_at(reference) -> np.ndarray:
     )
 
 
-def to_local(geodetic, reference) -> np.ndarray:
+def to_local(geodetic: ArrayLike, reference: ArrayLike) -> np.ndarray:
     """East, north and up of points, from a reference point.
 
     Parameters
@@ -89,6 +90,6 @@ def to_local(geodetic, reference) -> np.ndarray:
     return (to_ecef(geodetic) - to_ecef(reference)) @ axes_at(reference).T
 
 
-def from_local(points, reference) -> np.ndarray:
+def from_local(points: ArrayLike, reference: ArrayLike) -> np.ndarray:
     """Latitude, longitude and height (..., 3) of east, north and up (..., 3), m: `to_local` backwards."""
     return from_ecef(np.asarray(points, float) @ axes_at(reference) + to_ecef(reference))

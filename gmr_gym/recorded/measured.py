@@ -1,9 +1,11 @@
 """Positions of rows in SI units, from whatever columns and units they have."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gmr_gym.checks import check_choice
 from gmr_gym.evaluation.csv_columns import numbers
@@ -15,7 +17,7 @@ from gmr_gym.recorded.units import scale_of
 COMPASS, MATH = "compass", "math"  # azimuths clockwise from north, or counter-clockwise from x
 FARTHEST = 1e9  # m, of any position: beyond it a unit is mistaken
 TURN = 2 * np.pi
-Place = Callable[[int, str], str]  # where the cell of a row and a column stands
+Place = Callable[[str, int], str]  # where the cell of a column and a row stands
 
 
 class Positions(NamedTuple):
@@ -42,9 +44,9 @@ def read_positions(
         column = layout[role]
         unit = unit_of(where, role, column)
         scale = scale_of(unit, ROLES[role] or "", f"{where}, column {column.name}")
-        cells = values[column.name]
+        cells: Any = values[column.name]
         if not isinstance(cells, np.ndarray):
-            cells = numbers(cells, lambda i: at(i, column.name), ABSENT, decimal)
+            cells = numbers(cells, partial(at, column.name), ABSENT, decimal)
         if role in ("lat", "lon"):
             return cells if unit == "deg" else np.degrees(cells * scale)
         return cells * scale
@@ -61,9 +63,9 @@ def read_positions(
     some, all_there = ~np.isnan(z).all(axis=1), ~np.isnan(z).any(axis=1)
     for i in np.flatnonzero(some & ~all_there)[:1].tolist():
         lacking, other = (layout[family[int(f(np.isnan(z[i])))]].name for f in (np.argmax, np.argmin))
-        raise ValueError(f"{at(i, lacking)}: no value, though {other} has one")
+        raise ValueError(f"{at(lacking, i)}: no value, though {other} has one")
     names = [layout[role].name for role in family]
-    _check(family, z, lambda i, j: at(i, names[j]))
+    _check(family, z, lambda i, j: at(names[j], i))
     rate = si("range_rate") if "range_rate" in layout else np.full(n, np.nan)
     own = np.full((n, 3), np.nan)
     if "own_x" in layout:
@@ -89,7 +91,7 @@ def azimuths(measured: np.ndarray, convention: str, north_offset: float = 0.0) -
     return -np.mod(-(turned - north_offset) + np.pi, TURN) + np.pi
 
 
-def to_axes(z: np.ndarray, geodetic, reference) -> np.ndarray:
+def to_axes(z: np.ndarray, geodetic: ArrayLike, reference: ArrayLike) -> np.ndarray:
     """Range, azimuth[, elevation] (n, p), from the axes of a sensor at `geodetic` to those of the reference:
     meridians converge, and the horizon falls."""
     azimuth, elevation = z[:, 1], z[:, 2] if z.shape[1] > 2 else np.zeros(len(z))

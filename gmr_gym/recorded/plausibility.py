@@ -1,6 +1,7 @@
 """Speeds that no target has: the sign of a unit that was mistaken."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gmr_gym.recorded.detections import CARTESIAN, Detections
 
@@ -67,7 +68,7 @@ def _steps(found: Detections) -> tuple[np.ndarray, np.ndarray]:
     return first, second
 
 
-def _places(found: Detections, rows) -> np.ndarray:
+def _places(found: Detections, rows: ArrayLike) -> np.ndarray:
     """Positions (k, 2) on the ground, m."""
     rows = np.atleast_1d(rows)
     z, origin = found.z[rows], found.origin[rows, :2]

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from datetime import date
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,8 @@ from gmr_gym.recorded.plausibility import check_speeds
 from gmr_gym.recorded.times import Times, read_times
 from gmr_gym.recorded.units import did_you_mean, unit_in_name
 
+Layouts = Mapping[str | None, Layout]
+Reference = Any  # latitude deg, longitude deg, altitude m; None for none
 TEXTS = ("scan", "sensor", "id", "truth")
 
 
@@ -33,7 +36,7 @@ class _Rows(NamedTuple):
 
 
 def read(
-    source,
+    source: Any,
     columns: Mapping[str, str | Sequence[str]] | None = None,
     *,
     sensors: Sequence[SensorSettings] = (),
@@ -46,7 +49,7 @@ def read(
     day: date | None = None,
     order: str = "sort",
     drop_repeats: bool = True,
-    reference: tuple[float, float, float] | None = None,
+    reference: Reference = None,
     azimuth_convention: str = COMPASS,
 ) -> Detections:
     """Read detections from a file, a data frame or a mapping of arrays.
@@ -107,7 +110,9 @@ def read(
     return _assembled(table, rows, found, reference, azimuth_convention, order == "strict", drop_repeats)
 
 
-def _wanted(where: str, names: Sequence[str], found: Mapping, conditions, keep) -> dict[str, bool]:
+def _wanted(
+    where: str, names: Sequence[str], found: Layouts, conditions: Sequence[str], keep: Sequence[str] | None
+) -> dict[str, bool]:
     """Columns that are read, True for numbers."""
     wanted = {condition(text, names)[0]: False for text in conditions}
     numeric: dict[str, bool] = {}
@@ -141,14 +146,16 @@ def _filtered(table: Columns, conditions: Sequence[str]) -> Columns:
     return table._replace(values={k: _taken(v, mask) for k, v in table.values.items()}, line=table.line[mask])
 
 
-def _taken(values: Sequence, rows: np.ndarray) -> Any:
+def _taken(values: Any, rows: np.ndarray) -> Any:
     """Entries of an array or a list, by a mask or indices."""
     if isinstance(values, np.ndarray):
         return values[rows]
     return [values[i] for i in np.arange(len(values))[rows].tolist()]
 
 
-def _by_sensor(table: Columns, found, settings, day, decimal: str) -> list[_Rows]:
+def _by_sensor(
+    table: Columns, found: Layouts, settings: Sequence[SensorSettings], day: date | None, decimal: str
+) -> list[_Rows]:
     """Rows of each sensor, read by its own columns."""
     column = next((layout["sensor"].name for layout in found.values() if "sensor" in layout), None)
     own = [name for name in found if name is not None]
@@ -171,7 +178,7 @@ def _by_sensor(table: Columns, found, settings, day, decimal: str) -> list[_Rows
         values = {c.name: _taken(table.values[c.name], indices) for c in layout.values()}
         lines = table.line[indices]
 
-        def at(k: int, cell: str, lines=lines) -> str:
+        def at(cell: str, k: int, lines: np.ndarray = lines) -> str:
             return f"{source}, {unit} {lines[k]}, column {cell}"
 
         time = layout.get("time")
@@ -180,7 +187,7 @@ def _by_sensor(table: Columns, found, settings, day, decimal: str) -> list[_Rows
                 f"{table.where}: sensor {name!r} has no columns; give --time {name}=COLUMN:UNIT and others"
             )
         form = time.unit or unit_in_name(time.name)
-        times = read_times(values[time.name], form, lambda k, at=at, c=time.name: at(k, c), day)
+        times = read_times(values[time.name], form, partial(at, time.name), day)
         positions = read_positions(layout, values, table.where, at, decimal)
         said = [s for s in settings if s.name == name] or [
             s for s in settings if s.name is None or not column
@@ -190,7 +197,13 @@ def _by_sensor(table: Columns, found, settings, day, decimal: str) -> list[_Rows
 
 
 def _assembled(
-    table: Columns, rows: list[_Rows], found, reference, convention: str, strict: bool, drop_repeats: bool
+    table: Columns,
+    rows: list[_Rows],
+    found: Layouts,
+    reference: Reference,
+    convention: str,
+    strict: bool,
+    drop_repeats: bool,
 ) -> Detections:
     """Rows of all sensors in order of time, without those that repeat others or have no position."""
     n, p = len(table.line), max(each.positions.z.shape[1] for each in rows)
@@ -232,11 +245,11 @@ def _source(table: Columns) -> str:
     return table.where.rpartition(", line ")[0] or table.where
 
 
-def _reference(rows: list[_Rows]) -> tuple[float, float, float] | None:
+def _reference(rows: list[_Rows]) -> Reference:
     """Where the first sensor is, or else latitude and longitude of the first row, at height 0."""
     for each in rows:
         if each.settings.geodetic is not None:
-            return each.settings.geodetic  # type: ignore[return-value]
+            return each.settings.geodetic
     for each in rows:
         there = each.positions.z[~np.isnan(each.positions.z[:, 0])]
         if each.positions.family[0] == "lat" and len(there):
@@ -244,14 +257,14 @@ def _reference(rows: list[_Rows]) -> tuple[float, float, float] | None:
     return None
 
 
-def _place(each: _Rows, reference) -> np.ndarray:
+def _place(each: _Rows, reference: Reference) -> np.ndarray:
     """Where the sensor is (3,), m."""
     if each.settings.geodetic is not None:
         return to_local(each.settings.geodetic, reference)
     return np.array(each.settings.position or (0.0, 0.0, 0.0))
 
 
-def _measured(each: _Rows, own: np.ndarray, reference, convention: str) -> np.ndarray:
+def _measured(each: _Rows, own: np.ndarray, reference: Reference, convention: str) -> np.ndarray:
     """Measurements (k, p) in local coordinates or polar ones, from what the file has."""
     z, p = each.positions.z, each.positions.z.shape[1]
     if each.positions.family[0] == "lat":
@@ -260,8 +273,8 @@ def _measured(each: _Rows, own: np.ndarray, reference, convention: str) -> np.nd
     if each.positions.family[0] == "range":
         z = z.copy()
         z[:, 1] = azimuths(z[:, 1], convention, each.settings.north_offset)
-        far = each.settings.geodetic is not None and each.settings.geodetic != reference
-        return to_axes(z, each.settings.geodetic, reference) if far else z
+        there = each.settings.geodetic
+        return z if there is None or there == reference else to_axes(z, there, reference)
     moving = "own_x" in each.layout  # what it measures is relative to itself
     return z + own[:, :p] if moving else z
 
@@ -324,7 +337,7 @@ def _with_empty(seen: Detections, times: np.ndarray, sensors: np.ndarray) -> tup
     return seen._replace(empty_time=empty_time, empty_sensor=empty_sensor), len(times) - len(held)
 
 
-def _text(table: Columns, found: Mapping[Any, Layout], role: str) -> np.ndarray:
+def _text(table: Columns, found: Layouts, role: str) -> np.ndarray:
     """Texts of a role, None where a cell is blank or no column has the role."""
     name = next((layout[role].name for layout in found.values() if role in layout), None)
     cells = [""] * len(table.line) if name is None else list(map(str, table.values[name]))

@@ -33,8 +33,9 @@ def cut(found: Detections, by: str | None = None, window: float | None = None) -
     ----------
     found : Detections
     by : str, optional
-        `times`: rows of one time are a scan. `column`: the scan column. `turns`: a turn of the antenna, by the
-        sensor's rotation period. `reports`: every row by itself. `window`: rows within `window` of the first.
+        `times`: rows of one time are a scan. `column`: the scan column. `turns`: a turn of the antenna, by
+        the sensor's rotation period. `reports`: every row by itself. `window`: rows within `window` of the
+        first.
         By default the first that there is of scan column, window, rotation period, and identities at times
         of their own; else equal times.
     window : float, optional
@@ -88,7 +89,9 @@ def _usual(found: Detections, rows: np.ndarray, spec: SensorSpec, window: float 
     return REPORTS if single and any(value is not None for value in found.identity[rows].tolist()) else TIMES
 
 
-def _scans(found: Detections, rows, sensor: int, spec: SensorSpec, way: str, window) -> Iterator[Scan]:
+def _scans(
+    found: Detections, rows: np.ndarray, sensor: int, spec: SensorSpec, way: str, window: float | None
+) -> Iterator[Scan]:
     time = found.time[rows]
     azimuths = None
     if way == COLUMN:
@@ -98,7 +101,7 @@ def _scans(found: Detections, rows, sensor: int, spec: SensorSpec, way: str, win
     elif way == REPORTS:
         number = np.arange(len(rows))
     elif way == WINDOW:
-        number = _windows(time, window)
+        number = _windows(time, window or 0.0)
     elif way == TURNS:
         if not spec.rotation_period > 0:
             raise ValueError(
@@ -116,7 +119,14 @@ def _scans(found: Detections, rows, sensor: int, spec: SensorSpec, way: str, win
     )
 
 
-def _grouped(rows, time, number, sensor: int, azimuths, period: float) -> Iterator[Scan]:
+def _grouped(
+    rows: np.ndarray,
+    time: np.ndarray,
+    number: np.ndarray,
+    sensor: int,
+    azimuths: tuple[float, float] | None,
+    period: float,
+) -> Iterator[Scan]:
     """A scan for each number; between turns that are further apart than one, empty ones."""
     order = np.argsort(number, kind="stable")
     starts = np.flatnonzero(np.diff(number[order], prepend=-1) != 0)

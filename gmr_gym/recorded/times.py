@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from datetime import UTC, date, datetime, timedelta
 from decimal import Decimal
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,7 @@ FLOATS = 1e6  # s; to here a float of decimal seconds is exact to a nanosecond
 EPOCH, MICROSECOND = datetime(1970, 1, 1, tzinfo=UTC), timedelta(microseconds=1)
 NANOSECONDS = {unit: round(scale * SECOND) for unit, scale in UNITS[TIME].items()}
 ISO = "iso"
+Cells = Any  # a sequence of str, or an array
 
 
 class Times(NamedTuple):
@@ -31,7 +32,7 @@ class Times(NamedTuple):
         return EPOCH + timedelta(microseconds=int(self.ns.min()) // 1000) if self.absolute else None
 
 
-def read_times(cells, form: str | None, at: Callable[[int], str], day: date | None = None) -> Times:
+def read_times(cells: Cells, form: str | None, at: Callable[[int], str], day: date | None = None) -> Times:
     """Times of a column.
 
     Parameters
@@ -82,22 +83,14 @@ def is_number(cell: str) -> bool:
         return False
 
 
-def _numeric(cells, unit: str, at: Callable[[int], str], day: date | None) -> Times:
-    ns = _counted(cells, unit, at)
-    farthest = max(ns, key=abs) if isinstance(ns, list) else ns[np.abs(ns).argmax()]
-    i = list(ns).index(farthest) if abs(farthest) > LATEST * SECOND else 0
-    if abs(farthest) > LATEST * SECOND:
-        value = farthest // NANOSECONDS[unit]
-        better = [
-            u for u in ("ms", "us", "ns") if EARLIEST * SECOND <= value * NANOSECONDS[u] < LATEST * SECOND
-        ]
-        way = (
-            f"it is a time since 1970 in {better[0]}: give --time COLUMN:{better[0]}"
-            if better
-            else "another unit?"
-        )
-        raise ValueError(f"{at(i)}: {value} {unit} is {farthest / DAY / 365.25:.3g} years; {way}")
-    ns = np.array(ns, np.int64)
+def _numeric(cells: Cells, unit: str, at: Callable[[int], str], day: date | None) -> Times:
+    counted = _counted(cells, unit, at)
+    for i, count in (
+        enumerate(counted) if max(map(abs, (min(counted), max(counted)))) > LATEST * SECOND else ()
+    ):
+        if abs(count) > LATEST * SECOND:
+            raise ValueError(f"{at(i)}: {_too_late(int(count), unit)}")
+    ns = np.array(counted, np.int64)
     if day is not None:
         return _from_day(ns, day, at, f"{unit} of the day")
     since_1970 = EARLIEST * SECOND <= ns
@@ -117,7 +110,18 @@ def _numeric(cells, unit: str, at: Callable[[int], str], day: date | None) -> Ti
     return Times(ns, bool(since_1970.all()), f"{unit} since 1970" if since_1970.all() else unit)
 
 
-def _counted(cells, unit: str, at: Callable[[int], str]) -> Sequence[int] | np.ndarray:
+def _too_late(count: int, unit: str) -> str:
+    value = count // NANOSECONDS[unit]
+    for better in ("ms", "us", "ns"):
+        if EARLIEST * SECOND <= value * NANOSECONDS[better] < LATEST * SECOND:
+            way = f"it is a time since 1970 in {better}: give --time COLUMN:{better}"
+            break
+    else:
+        way = "another unit?"
+    return f"{value} {unit} is {count / DAY / 365.25:.3g} years; {way}"
+
+
+def _counted(cells: Cells, unit: str, at: Callable[[int], str]) -> Sequence[int] | np.ndarray:
     """Numbers in a unit as whole nanoseconds, exactly as they are written."""
     scale = NANOSECONDS[unit]
     if isinstance(cells, np.ndarray):
@@ -141,7 +145,9 @@ def _counted(cells, unit: str, at: Callable[[int], str]) -> Sequence[int] | np.n
         return [round(Decimal(cell.strip()) * scale) for cell in written]
 
 
-def _moments(cells, parse: Callable[[str], datetime], advice: Callable[[str], str], at) -> np.ndarray:
+def _moments(
+    cells: Cells, parse: Callable[[str], datetime], advice: Callable[[str], str], at: Callable[[int], str]
+) -> np.ndarray:
     """Nanoseconds since 1970 of cells that are dates with times."""
     found: list[datetime] = []
     try:
