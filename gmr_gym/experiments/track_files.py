@@ -96,10 +96,9 @@ def refuse_of_one(given: Mapping[str, Any]) -> None:
 
 def planned(run: Run, asked: Mapping[str, Any]) -> list[str]:
     """What would be done, in words."""
-    files = ", ".join(str(asked[name]) for name in KINDS if asked[name])
     return [
         f"{len(run.detections.time)} detections in {len(run.scans)} scans would be tracked",
-        f"would write {files}",
+        f"would write {_named(asked)}",
     ]
 
 
@@ -139,8 +138,11 @@ def write_all(tracks: Tracks, run: Run, asked: Mapping[str, Any], truth: Truth |
     yield from in_short(first)
     for figures in others:
         yield from in_lines(figures)
-    number = len(np.unique(kept.track))
-    yield f"{len(run.scans)} scans, {number} tracks; written to {', '.join(str(asked[n]) for n in KINDS if asked[n])}"
+    yield f"{len(run.scans)} scans, {len(np.unique(kept.track))} tracks; written to {_named(asked)}"
+
+
+def _named(asked: Mapping[str, Any]) -> str:
+    return ", ".join(str(asked[name]) for name in KINDS if asked[name])
 
 
 def _figures(
