@@ -25,7 +25,7 @@ from gmr_gym.recorded.report import ENDINGS, in_lines, in_short, write_report
 from gmr_gym.recorded.scans import Scan, cut
 from gmr_gym.recorded.tracking import track
 from gmr_gym.recorded.tracks import Tracks
-from gmr_gym.recorded.truth import Truth, is_autoferry, read_autoferry_truth, truth_from
+from gmr_gym.recorded.truth import Truth, at_times, is_autoferry, read_autoferry_truth, truth_from
 from gmr_gym.replay.page import write_page
 from gmr_gym.replay.tracked import recording_of
 
@@ -125,7 +125,7 @@ def write_all(tracks: Tracks, run: Run, asked: Mapping[str, Any], truth: Truth |
     if asked["geojson"]:
         write_geojson(asked["geojson"], kept, run.detections)
     if asked["html"]:
-        write_page(recording_of(kept, run.detections, run.scans, title=run.source.name), asked["html"])
+        _write_page(asked["html"], kept, run, truth)
     if asked["mot"]:
         write_mot(asked["mot"], kept, times)
     if asked["labelled"]:
@@ -139,6 +139,14 @@ def write_all(tracks: Tracks, run: Run, asked: Mapping[str, Any], truth: Truth |
     for figures in others:
         yield from in_lines(figures)
     yield f"{len(run.scans)} scans, {len(np.unique(kept.track))} tracks; written to {_named(asked)}"
+
+
+def _write_page(file: Path, tracks: Tracks, run: Run, truth: Truth | None) -> None:
+    true = None
+    if truth:
+        at = np.array([scan.time for scan in run.scans])
+        true, _ = at_times(truth.time, truth.target, truth.position[:, :2], at)
+    write_page(recording_of(tracks, run.detections, run.scans, title=run.source.name, truth=true), file)
 
 
 def _named(asked: Mapping[str, Any]) -> str:
