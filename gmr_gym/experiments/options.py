@@ -16,6 +16,7 @@ from gmr_gym.experiments.papers.registry import PAPERS, paper_named
 
 TRACKED = {env_id: line for env_id, line in ABOUT.items() if env_id != TUNING}
 FORMATS = ("table", "markdown", "csv", "latex", "json")
+TARGETS = ("one", "many")
 MODELS = {"constant-velocity": "a target whose velocity changes by a random acceleration"}
 
 Named = Mapping[str, str]  # what a shell completes to, each with a line about it

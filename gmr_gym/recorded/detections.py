@@ -5,6 +5,7 @@ from datetime import datetime
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 CARTESIAN, POLAR = "cartesian", "polar"
 
@@ -14,16 +15,13 @@ class SensorSpec(NamedTuple):
 
     name: str
     kind: str = CARTESIAN  # or polar
-    position: tuple[float, ...] = (
-        0.0,
-        0.0,
-        0.0,
-    )  # m, in local coordinates; `Detections.origin` where it moves
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)  # m, local; of one that moves see `Detections.origin`
     deviation: tuple[float, ...] = (np.nan, np.nan)  # (p,) of what it measures: m, or m, rad[, rad]
     range_rate_deviation: float = np.nan  # m/s
     detection_probability: float = np.nan
     clutter_per_scan: float = np.nan
     rotation_period: float = np.nan  # s
+    clutter_density: float = np.nan  # false alarms a scan per m^2 (m^3 in space), where given instead
 
     @property
     def p(self) -> int:
@@ -54,9 +52,7 @@ class Detections(NamedTuple):
     sensors: tuple[SensorSpec, ...]
     coordinates: tuple[str, ...]  # names of the columns of `z`, as in the input
     start: datetime | None = None  # UTC, of time 0
-    reference: tuple[float, float, float] | None = (
-        None  # latitude deg, longitude deg, altitude m of the origin
-    )
+    reference: tuple[float, float, float] | None = None  # of the origin: deg, deg, m
     remarks: tuple[str, ...] = ()  # what was dropped, sorted, converted, assumed
 
     @property
@@ -67,11 +63,11 @@ class Detections(NamedTuple):
 
 
 def from_arrays(
-    time,
-    z,
+    time: ArrayLike,
+    z: ArrayLike,
     *,
-    range_rate=None,
-    sensor=None,
+    range_rate: ArrayLike | None = None,
+    sensor: ArrayLike | None = None,
     identity: Sequence | None = None,
     sensors: Sequence[SensorSpec] | None = None,
     **fields: Any,
@@ -136,7 +132,7 @@ def from_arrays(
     return Detections(time=time, z=z, sensors=specs, **given)
 
 
-def chosen(found: Detections, rows) -> Detections:
+def chosen(found: Detections, rows: np.ndarray) -> Detections:
     """The detections of these rows, indices or a mask (n,), in their order."""
     rows = np.arange(len(found.time))[rows]
     each = ("time", "z", "range_rate", "origin", "sensor", "scan", "identity", "truth", "row")

@@ -53,7 +53,8 @@ def page(recording: Recording) -> str:
     text = json.dumps(data, separators=(",", ":"))
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
-    title = f"{data['title']}: {recording.environment} seed {recording.seed}"
+    seed = "" if recording.seed is None else f" seed {recording.seed}"
+    title = f"{data['title']}: {recording.environment}{seed}"
     return PAGE.format(title=escape(title), css=css, data=text, js=_script())
 
 

@@ -44,7 +44,8 @@ function build(player) {
 }
 
 function header(player) {
-  const { title, environment, seed } = player.episode, about = `${environment} seed ${seed}`.trim();
+  const { title, environment, seed } = player.episode;
+  const about = seed === null ? environment : `${environment} seed ${seed}`.trim();
   const shade = () => player.shade(player.root.dataset.theme === "light");
   return make(
     "header", {},
@@ -107,10 +108,11 @@ function stageSlider(player) {
 
 function switchesOf(player) {
   const ofTraces = { merges: `Animate the reduction, up to ${SLOW} scans/s`, lines: "Lines to the parents" };
+  const { traced, targets, filed } = player.episode;
   const titles = {
-    truth: "The true path",
-    origin: "Ring the target's own detection",
-    ...(player.episode.traced && ofTraces),
+    ...(targets && { truth: "The true path" }),
+    origin: filed ? "Ring the detections that tracks take" : "Ring the target's own detection",
+    ...(traced && ofTraces),
   };
   const nodes = Object.entries(titles).map(([key, title]) => {
     const node = button("toggle", title, () => player.turn(key), key);
@@ -138,7 +140,7 @@ function helpBox(player) {
 }
 
 /** What the marks of the panels mean. */
-function keyOf({ many, traced }) {
+function keyOf({ many, traced, targets, filed }) {
   const weight = `${SIGMAS}σ; weight as opacity`;
   const one = [
     ["ellipse gate", "gates"],
@@ -151,8 +153,9 @@ function keyOf({ many, traced }) {
     ["cross", "declared, by label; existence as opacity"],
     ["ellipse clutter", "true clutter, 95 %"],
     ["ellipse guess", "clutter assumed or learned"],
-  ];
-  const rows = [["detection", "detections"], ["path truth", "true path"], ...(many ? several : one)];
+  ].filter(([kind]) => !filed || kind === "cross");
+  const truth = targets ? [["path truth", "true path"]] : [];
+  const rows = [["detection", "detections"], ...truth, ...(many ? several : one)];
   const item = ([kind, text]) => make("li", {}, make("i", { class: `gmr-mark ${kind}` }), text);
   return make("ul", { class: "gmr-key" }, ...rows.map(item));
 }

@@ -1,0 +1,105 @@
+"""Tracks of recorded detections as a recording, to be watched as an episode is."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gmr_gym.recorded.detections import POLAR, Detections
+from gmr_gym.recorded.positions import local_positions
+from gmr_gym.recorded.scans import Scan
+from gmr_gym.recorded.tracks import Tracks
+from gmr_gym.replay.columns import upper
+from gmr_gym.replay.recording import Recording
+
+MOST_FRAMES = 2000  # that a page shows; of more scans, neighbours are shown together
+LIKELY = 0.5  # weight from which a detection is shown as one of a track
+EMPTY = np.empty((0, 2))
+
+
+def recording_of(
+    tracks: Tracks,
+    detections: Detections,
+    scans: Sequence[Scan],
+    name: str = "tracks",
+    title: str = "",
+    truth: np.ndarray | None = None,
+    most: int = MOST_FRAMES,
+) -> Recording:
+    """A recording of tracks.
+
+    Parameters
+    ----------
+    tracks : Tracks
+    detections : Detections
+    scans : sequence of T Scan
+        In order of time.
+    name : str
+        Of what tracked.
+    title : str
+        Of what was tracked.
+    truth : ndarray (T, n, 2), optional
+        True positions at the scans, m, nan where a target is absent.
+    most : int
+        Frames. Of more scans, so many in a row are shown as one frame that there are no more: with all their
+        detections, and of each track the last row.
+
+    Returns
+    -------
+    Recording
+        Of many targets; a frame has a `time`, s. A detection's `origin` is the track that takes it, less one,
+        or -1.
+    """
+    frames, of_scan, times = _frames(scans, most)
+    of_row = of_scan[np.searchsorted([scan.time for scan in scans], tracks.time)]
+    last = _last(of_row, tracks.track)
+    rows = last[np.argsort(of_row[last], kind="stable")]
+    points = [scan.rows for scan in scans]
+    order = np.concatenate([*points, np.empty(0, int)]).astype(int)
+    z_counts = np.bincount(of_scan, weights=[len(one) for one in points], minlength=frames).astype(int)
+    taken = np.full(len(detections.time), -1)
+    likely = (tracks.weight >= LIKELY) & (tracks.detection >= 0)
+    taken[tracks.detection[likely]] = tracks.track[likely] - 1
+    at = np.searchsorted(of_scan, np.arange(frames), side="right") - 1
+    own = {
+        "z": local_positions(detections)[order, :2],
+        "z_start": _starts(z_counts),
+        "origin": taken[order],
+        "declared": tracks.x[rows, :2],
+        "declared_P": upper(tracks.P[rows]),
+        "declared_start": _starts(np.bincount(of_row[rows], minlength=frames)),
+        "existence": tracks.existence[rows],
+        "label": tracks.track[rows],
+        "expected": np.bincount(of_row[rows], weights=tracks.existence[rows], minlength=frames),
+        **_no_mixture(frames),
+    }
+    columns = {"truth": np.empty((frames, 0, 2)) if truth is None else truth[at], "time": times}
+    columns |= {f"0/{column}": values for column, values in own.items()}
+    radar = detections.kind == POLAR and not detections.origin.any()
+    period = (times[-1] - times[0]) / max(frames - 1, 1)
+    return Recording(title, None, "many", float(period), frames, 0, radar, (), (name,), columns)
+
+
+def _frames(scans: Sequence[Scan], most: int) -> tuple[int, np.ndarray, np.ndarray]:
+    """Number of frames, the frame of each scan, and the time of each frame, that of its last scan."""
+    together = -(-len(scans) // most)
+    of_scan = np.arange(len(scans)) // together
+    ends = np.flatnonzero(np.diff(of_scan, append=len(scans)))
+    return len(ends), of_scan, np.array([scan.time for scan in scans])[ends]
+
+
+def _last(frame: np.ndarray, track: np.ndarray) -> np.ndarray:
+    """The last row of each track in each frame."""
+    _, first_from_behind = np.unique(np.stack([frame, track])[:, ::-1], axis=1, return_index=True)
+    return len(frame) - 1 - first_from_behind
+
+
+def _starts(counts: np.ndarray) -> np.ndarray:
+    return np.concatenate([[0], np.cumsum(counts)])
+
+
+def _no_mixture(frames: int) -> dict[str, np.ndarray]:
+    """The columns of an intensity that is not kept."""
+    return {
+        "kept": EMPTY, "kept_w": np.empty(0), "kept_P": np.empty((0, 3)),
+        "kept_start": np.zeros(frames + 1, int), "count": np.zeros(frames, int),
+    }  # fmt: skip
