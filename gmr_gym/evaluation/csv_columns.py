@@ -177,7 +177,7 @@ def _blocks(
         if not held:
             continue
         lines, contents = map(list, zip(*held, strict=True))
-        delimiter = delimiter or _delimiter(contents[0])
+        delimiter = delimiter or delimiter_of(contents[0])
         if delimiter == " ":
             contents = [content.strip() for content in contents]
         yield lines, _cells(path, lines, contents, delimiter)
@@ -201,7 +201,7 @@ def _cells(path: Path | str, lines: list[int], contents: list[str], delimiter: s
     raise ValueError(f"{path}, line {lines[0]}: not rows of CSV")
 
 
-def _delimiter(content: str) -> str:
+def delimiter_of(content: str) -> str:
     """Of comma, semicolon, tab and bar the one that a line has most of; a blank where it has none."""
     best = max(",;\t|", key=content.count)
     return best if best in content.strip() else " " if " " in content.strip() else ","

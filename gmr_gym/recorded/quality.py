@@ -29,7 +29,9 @@ class Life(NamedTuple):
     static: bool  # its displacement is none, or slow
 
 
-def quality(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> list[Figure]:
+def quality(
+    tracks: Tracks, detections: Detections, scans: Sequence[Scan], *, reports: bool = False
+) -> list[Figure]:
     """The figures of tracks that need no truth.
 
     Parameters
@@ -39,6 +41,8 @@ def quality(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> li
     detections : Detections
     scans : sequence of Scan
         In order of time.
+    reports : bool
+        Whether scans are single reports of targets, of which none can be missed.
 
     Returns
     -------
@@ -56,7 +60,7 @@ def quality(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> li
     moving = np.concatenate([np.empty(0, int), *(life.rows for life in lives if not life.static)])
     return [
         *consistency(tracks, detections, moving),
-        *_detection(tracks, detections, lives),
+        *([] if reports else _detection(tracks, detections, lives)),
         *_numbers(tracks, lives),
         _fragmentation(tracks, lives),
         *_unused(tracks, detections, scans),
