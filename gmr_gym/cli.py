@@ -412,11 +412,13 @@ def track_(
     many. The track of one starts without --prior from the first scan: any of its detections may be the
     target."""
     from gmr_gym.evaluation.recordings import write_track
-    from gmr_gym.experiments import reading, specs, tracks
-    from gmr_gym.recorded import cut, track
-    from gmr_gym.recorded.output import write_tracks
+    from gmr_gym.experiments import reading, specs, track_files, tracks
 
-    out = out or Path("tracks.csv" if targets == "many" else "track.csv")
+    if targets == "many":
+        _show(track_files.track_many(file, out, given))
+        return
+    track_files.refuse_of_one(given)
+    out = out or Path("track.csv")
     specs.check_writable(out, beside=file)
     specs.check_ending("--out", out, ".csv")
     if bool(prior) != bool(prior_deviations):
@@ -424,15 +426,6 @@ def track_(
     if not 0 < speed < float("inf"):
         raise ValueError(f"--speed must be positive and finite, got {speed}")
     settings = reading.configuration_of(given)
-    if targets == "many":
-        found = reading.detections_of(file, settings)
-        scans = cut(found, window=given["scan_window"])
-        assumed = tracks.many_targets_model(found, settings, given)
-        rows = track(found, scans, assumed, reports=tracks.are_reports(found, scans))
-        write_tracks(out, rows, found, modes=[mode.motion for mode in assumed.modes])
-        _show(found.remarks)
-        _show([f"{len(scans)} scans, {len(set(rows.track.tolist()))} tracks; written to {out}"])
-        return
     result, names = tracks.track_file(
         file,
         reading.one_target_scans(file, settings, given),

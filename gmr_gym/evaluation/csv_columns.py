@@ -179,7 +179,7 @@ def _blocks(
         line += len(block)
         if not contents:
             continue
-        delimiter = delimiter or _delimiter(contents[0])
+        delimiter = delimiter or delimiter_of(contents[0])
         if delimiter == " ":
             contents = [content.strip() for content in contents]
         yield lines, _cells(path, lines, contents, delimiter)
@@ -193,9 +193,8 @@ def _cells(path: Path | str, lines: list[int], contents: list[str], delimiter: s
         rows = []
     if len(rows) == len(lines):
         return rows
-    for line, content in zip(
-        lines, contents, strict=True
-    ):  # a quote that is not closed takes in what follows
+    # a quote that is not closed takes in what follows
+    for line, content in zip(lines, contents, strict=True):
         try:
             next(csv.reader([content], **form))
         except csv.Error as error:
@@ -203,7 +202,7 @@ def _cells(path: Path | str, lines: list[int], contents: list[str], delimiter: s
     raise ValueError(f"{path}, line {lines[0]}: not rows of CSV")
 
 
-def _delimiter(content: str) -> str:
+def delimiter_of(content: str) -> str:
     """Of comma, semicolon, tab and bar the one that a line has most of; a blank where it has none."""
     best = max(",;\t|", key=content.count)
     return best if best in content.strip() else " " if " " in content.strip() else ","

@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import typer
@@ -85,8 +86,20 @@ TRACKS = {
         bool, "estimate the clutter from what no track explains", False, ("--learn-clutter",)
     ),
 }
+OUTPUT = {
+    "geojson": Option(Path | None, "GeoJSON of many targets' tracks", None),
+    "html": Option(Path | None, "page to look at them, scan by scan", None),
+    "mot": Option(Path | None, "the ten columns of the MOTChallenge, .txt", None),
+    "labelled": Option(Path | None, "the file's own rows, each with its track", None),
+    "report": Option(Path | None, "figures of their quality, .json or .md", None),
+    "truth_file": Option(Path | None, "where targets were: such a file, or that of Autoferry", None),
+    "cutoff": Option(float, "m from a target beyond which a track is not of it", 50.0),
+    "only": Option(str, "confirmed: tracks from their confirmation on; or all", "confirmed"),
+    "overwrite": Option(bool, "replace files of many targets' tracks", False, ("--overwrite",)),
+    "dry_run": Option(bool, "say what would be tracked and written, and do neither", False, ("--dry-run",)),
+}  # fmt: skip
 INPUT_GROUPS = (("input", INPUT), ("sensor", SENSOR))
-ALL_GROUPS = (*INPUT_GROUPS, ("target", TARGET), ("tracks", TRACKS))
+ALL_GROUPS = (*INPUT_GROUPS, ("target", TARGET), ("tracks", TRACKS), ("output", OUTPUT))
 
 
 def takes(*groups: tuple[str, Mapping[str, Option]]) -> Callable[[Callable], Callable]:
@@ -108,6 +121,22 @@ def takes(*groups: tuple[str, Mapping[str, Option]]) -> Callable[[Callable], Cal
         return command
 
     return decorated
+
+
+def typed(given: Mapping[str, Any]) -> list[str]:
+    """The options that were given, as words of a command."""
+    words = []
+    for _, options in ALL_GROUPS:
+        for name, option in options.items():
+            yes, _, no = (option.names[0] if option.names else f"--{name.replace('_', '-')}").partition("/")
+            value = given[name]
+            if value == option.default:
+                continue
+            if isinstance(value, bool):
+                words.append(yes if value else no)
+            else:
+                words += [word for one in (value if isinstance(value, list) else [value]) for word in (yes, f"{one}")]
+    return words
 
 
 def given_columns(given: Mapping[str, Any]) -> dict[str, list[str]]:

@@ -53,6 +53,7 @@ class Detections(NamedTuple):
     coordinates: tuple[str, ...]  # names of the columns of `z`, as in the input
     start: datetime | None = None  # UTC, of time 0
     reference: tuple[float, float, float] | None = None  # of the origin: deg, deg, m
+    zero: float = 0.0  # s, of time 0 in the input's own count
     remarks: tuple[str, ...] = ()  # what was dropped, sorted, converted, assumed
 
     @property

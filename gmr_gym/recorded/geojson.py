@@ -9,7 +9,8 @@ import numpy as np
 
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.recorded.detections import Detections
-from gmr_gym.recorded.output import places, utc
+from gmr_gym.recorded.output import utc
+from gmr_gym.recorded.positions import geodetic
 from gmr_gym.recorded.tracks import STATUS, Tracks
 
 DEGREES = 7  # decimals: a centimetre
@@ -60,13 +61,9 @@ def geojson(tracks: Tracks, detections: Detections) -> dict[str, Any]:
     ValueError
         For detections without a reference point.
     """
-    if detections.reference is None:
-        raise ValueError(
-            "GeoJSON has latitudes and longitudes, but nothing says where on Earth x and y are 0: give "
-            "detections in lat and lon, or the position of the sensor"
-        )
+    reference = check_georeferenced(detections)
     axes = tracks.x.shape[1] // 2
-    latitude, longitude, height = places(tracks.x[:, :axes], detections.reference).T
+    latitude, longitude, height = geodetic(tracks.x[:, :axes], reference).T
     points = np.stack([longitude.round(DEGREES), latitude.round(DEGREES), height.round(2)], axis=1)
     features = []
     for track in np.unique(tracks.track):
@@ -75,6 +72,26 @@ def geojson(tracks: Tracks, detections: Detections) -> dict[str, Any]:
         rows = rows[: seen[-1] + 1] if len(seen) else rows[:1]
         features.append(_feature(tracks, rows, points[rows, : max(axes, 2)], detections))
     return {"type": "FeatureCollection", "features": features}
+
+
+def check_georeferenced(detections: Detections) -> tuple[float, float, float]:
+    """The reference point of detections.
+
+    Parameters
+    ----------
+    detections : Detections
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    if detections.reference is None:
+        raise ValueError(
+            "GeoJSON has latitudes and longitudes, but nothing says where on Earth x and y are 0: give --lat "
+            "and --lon, --sensor-position or --reference"
+        )
+    return detections.reference
 
 
 def _feature(tracks: Tracks, rows: np.ndarray, points: np.ndarray, detections: Detections) -> dict[str, Any]:

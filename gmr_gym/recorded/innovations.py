@@ -12,7 +12,7 @@ import numpy as np
 from gmr_gym.recorded.detections import POLAR, Detections, SensorSpec
 from gmr_gym.recorded.tracks import CONFIRMED, Tracks
 
-SURE = 0.9  # weight from which a detection is taken for the track's own
+SURE = 0.95  # weight from which a detection is taken for the track's own
 LEAST_LEFT = 1e-6  # of the variance of a detection, that is not the state's after the update
 
 
@@ -38,8 +38,9 @@ def innovations(tracks: Tracks, detections: Detections, sensor: int) -> Innovati
     Returns
     -------
     Innovations
-        Of the rows for which they can be found: not where the update added nothing. They are exact for one
-        motion model and Cartesian detections at the time of the scan, else to the first order.
+        Of the rows for which they can be found: not where the update added nothing. For one motion model and
+        Cartesian detections at the time of the scan they are exact; else their directions are of the first
+        order, and their lengths those of the tracker's NIS.
     """
     spec = detections.sensors[sensor]
     usable = (tracks.status == CONFIRMED) & (tracks.detections == 1) & (tracks.weight >= SURE)
@@ -57,7 +58,16 @@ def innovations(tracks: Tracks, detections: Detections, sensor: int) -> Innovati
     sound = np.linalg.eigvalsh(scaled)[:, 0] > LEAST_LEFT
     rows, C, e, h = rows[sound], C[sound], e[sound], h[sound]
     v = (R @ np.linalg.solve(C, e[..., None]))[..., 0]
-    return Innovations(rows, v, R @ np.linalg.solve(C, np.broadcast_to(R, C.shape)), _cartesian(v, h, spec))
+    S = R @ np.linalg.solve(C, np.broadcast_to(R, C.shape))
+    v *= _scale(tracks.nis[rows], v, S, detections.range_rate[tracks.detection[rows]])[:, None]
+    return Innovations(rows, v, S, _cartesian(v, h, spec))
+
+
+def _scale(nis: np.ndarray, v: np.ndarray, S: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """What makes the innovations as long as the tracker says, where it says so of the same coordinates."""
+    found = np.einsum("ki,ki->k", v, np.linalg.solve(S, v[..., None])[..., 0])
+    known = np.isfinite(nis) & ~np.isfinite(rate) & (found > 0)
+    return np.sqrt(np.divide(nis, found, out=np.ones(len(nis)), where=known))
 
 
 def _at_time(x: np.ndarray, P: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

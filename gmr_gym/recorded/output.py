@@ -10,7 +10,7 @@ import numpy as np
 
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.recorded.detections import Detections
-from gmr_gym.recorded.geodesy import from_local
+from gmr_gym.recorded.positions import geodetic
 from gmr_gym.recorded.tracks import CONFIRMED, STATUS, Tracks
 from gmr_gym.version import __version__
 
@@ -90,14 +90,12 @@ def track_columns(tracks: Tracks, detections: Detections, modes: Sequence[str] =
 
 
 def confirmed_only(tracks: Tracks) -> Tracks:
-    """The rows of the tracks that were confirmed at some time, those before that too."""
-    ever = np.unique(tracks.track[tracks.status == CONFIRMED])
-    return kept(tracks, np.isin(tracks.track, ever))
-
-
-def kept(tracks: Tracks, rows: np.ndarray) -> Tracks:
-    """The rows of tracks that a mask (m,) or indices say."""
-    return Tracks(*(column[rows] for column in tracks))
+    """The rows of confirmed tracks, each from its first confirmation to its end."""
+    keep = np.zeros(len(tracks.time), bool)
+    for track in np.unique(tracks.track[tracks.status == CONFIRMED]):
+        rows = np.flatnonzero(tracks.track == track)
+        keep[rows[np.flatnonzero(tracks.status[rows] == CONFIRMED)[0] :]] = True
+    return Tracks(*(column[keep] for column in tracks))
 
 
 def write_mot(path: Path | str, tracks: Tracks, times: np.ndarray) -> None:
@@ -147,22 +145,6 @@ def utc(start: datetime, seconds: float) -> str:
     return f"{time.isoformat(timespec='microseconds')}Z"
 
 
-def places(points: np.ndarray, reference: tuple[float, float, float]) -> np.ndarray:
-    """Latitude and longitude, deg, and height, m, (m, 3) of local points (m, 2) or (m, 3), m.
-
-    Points of the plane are put on the ellipsoid at the height of the reference, east and north of it as they
-    are.
-    """
-    there = np.zeros((len(points), 3))
-    there[:, : points.shape[1]] = points
-    found = from_local(there, reference)
-    if points.shape[1] == 2:
-        for _ in range(3):  # each leaves about 1e-3 of the error
-            there[:, 2] += reference[2] - found[:, 2]
-            found = from_local(there, reference)
-    return found
-
-
 def _head(detections: Detections, command: str) -> Iterable[str]:
     yield f"gmr-gym {__version__}"
     if command:
@@ -204,7 +186,7 @@ def _of_detection(tracks: Tracks, values: list) -> list:
 
 def _places(tracks: Tracks, reference: tuple[float, float, float]) -> dict[str, list]:
     axes = tracks.x.shape[1] // 2
-    latitude, longitude, height = places(tracks.x[:, :axes], reference).T
+    latitude, longitude, height = geodetic(tracks.x[:, :axes], reference).T
     found = {"lat": latitude.round(DEGREES).tolist(), "lon": longitude.round(DEGREES).tolist()}
     return found | ({"alt": height.round(DECIMALS).tolist()} if axes == 3 else {})
 

@@ -230,7 +230,7 @@ def _assembled(
     seen = Detections(
         (ns - ns.min()) / 1e9, z, rate, origin, sensor, _scans(text["scan"]), text["id"], text["truth"],
         table.line, metadata, np.empty(0), np.empty(0, int), tuple(specs), _coordinates(rows), start,
-        reference,
+        reference, ns.min() / 1e9,
     )  # fmt: skip
     seen = chosen(seen, order) if remarks else seen
     blank = np.isnan(seen.z[:, 0])

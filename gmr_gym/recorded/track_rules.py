@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.filters.bernoulli_tracks import outputs
+from gmr_gym.filters.bernoulli_tracks import Bernoullis, outputs, update
 from gmr_gym.filters.imm_tracks import Banks
 from gmr_gym.kernels import kernel
 from gmr_gym.recorded.model import TrackingModel
@@ -104,30 +104,56 @@ def passes(banks, time, origin, sweep):
 
 
 @kernel
-def review(lives, rules, looked, hit, existence, x, P, time):
-    """Note the look in `lives` and set every status, in place; looked (n,) says whether a miss counts, hit
-    (n,) whether there was a detection."""
-    p = lives.start.shape[1]
-    for i in range(len(existence)):
-        lives.age[i] += 1
-        if hit[i] or looked[i]:
-            for c in range(lives.hits.shape[1] - 1, 0, -1):
-                lives.hits[i, c] = lives.hits[i, c - 1]
-            lives.hits[i, 0] = HIT if hit[i] else MISSED
-        if rules.min_speed > 0.0 and not lives.moved[i]:
-            d2, variance = 0.0, lives.start_variance[i]
-            for c in range(p):
-                d2 += (x[i, c] - lives.start[i, c]) ** 2
-                variance += P[i, c, c]
-            slowest = rules.min_speed * (time - lives.start_time[i])
-            lives.moved[i] = d2 >= slowest**2 and d2 > 9.0 * variance
-        known = lives.status[i] != TENTATIVE
-        if not known and lives.moved[i]:
-            known = _confirmed(lives.hits[i], existence[i], rules)
-        if _ended(lives, i, known, existence[i], rules, time):
-            lives.status[i] = DELETED
-        elif known:
-            lives.status[i] = COASTED if lives.hits[i, 0] == MISSED else CONFIRMED
+def follow(targets, span, assumed, look, origins, beam, sensor):
+    """Update the targets from span[0] to span[1] with a look and review their lives, in place.
+
+    assumed is (modes, rules, survival probability of a second); beam is (passed, looked), when the beam
+    passed each of them and whether a miss then counts. Returns their positions and velocities, covariances,
+    and the fields of `Associated`.
+    """
+    (low, high), (modes, rules, survival), (passed, looked) = span, assumed, beam
+    whole = targets.banks
+    banks = Banks(whole.w[low:high], whole.m[low:high], whole.P[low:high], whole.time[low:high])
+    existence = targets.existence[low:high]
+    existence *= survival ** (look.time - banks.time)
+    tracks = Bernoullis(banks, existence, targets.identity[low:high], looked * origins.detection_probability)
+    unassigned, found, gated, best, weight, nis = update(tracks, modes, look, origins)
+    x, P = outputs(banks, look.z.shape[1])
+    for i in range(high - low):
+        hit = best[i] >= 0 and found[i] >= 0.5 * existence[i]
+        seen = look.at[best[i]] if hit else passed[i]
+        if hit:
+            targets.lives.hit_time[low + i] = seen
+        if hit or looked[i]:
+            targets.lives.look_time[low + i, sensor] = seen
+        _review(targets, low + i, rules, (looked[i], hit, look.time), (x[i], P[i]))
+    return x, P, (unassigned, found, gated, best, weight, nis)
+
+
+@kernel
+def _review(targets, i, rules, event, state):
+    """Note in the life of target i whether a miss counted and whether there was a detection, and set its
+    status."""
+    (looked, hit, time), (x, P), lives = event, state, targets.lives
+    lives.age[i] += 1
+    if hit or looked:
+        for c in range(lives.hits.shape[1] - 1, 0, -1):
+            lives.hits[i, c] = lives.hits[i, c - 1]
+        lives.hits[i, 0] = HIT if hit else MISSED
+    if rules.min_speed > 0.0 and not lives.moved[i]:
+        d2, variance = 0.0, lives.start_variance[i]
+        for c in range(lives.start.shape[1]):
+            d2 += (x[c] - lives.start[i, c]) ** 2
+            variance += P[c, c]
+        slowest = rules.min_speed * (time - lives.start_time[i])
+        lives.moved[i] = d2 >= slowest**2 and d2 > 9.0 * variance
+    known = lives.status[i] != TENTATIVE
+    if not known and lives.moved[i]:
+        known = _confirmed(lives.hits[i], targets.existence[i], rules)
+    if _ended(lives, i, known, targets.existence[i], rules, time):
+        lives.status[i] = DELETED
+    elif known:
+        lives.status[i] = COASTED if lives.hits[i, 0] == MISSED else CONFIRMED
 
 
 @kernel
@@ -153,10 +179,10 @@ def _ended(lives, i, known, existence, rules, time):
     return missed or failed or existence < rules.prune_existence
 
 
-def started(banks: Banks, times: np.ndarray, model: TrackingModel) -> Lives:
-    """Lives of new tracks, detected first at these times (n,); no label yet."""
+def started(x: np.ndarray, P: np.ndarray, times: np.ndarray, model: TrackingModel) -> Lives:
+    """Lives of new tracks of states x (n, 2 p), P (n, 2 p, 2 p), detected first at these times (n,); no
+    label yet."""
     n, p = len(times), model.axes
-    x, P = outputs(banks, p)
     hits = np.full((n, width(model)), NO_LOOK, np.int8)
     hits[:, 0] = HIT
     return Lives(

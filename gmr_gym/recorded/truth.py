@@ -10,6 +10,8 @@ import numpy as np
 from gmr_gym.recorded.detections import Detections, objects
 from gmr_gym.recorded.positions import local_positions
 
+NAMES = "id", "target", "target_id", "track_id", "identity"  # of columns
+
 
 class Truth(NamedTuple):
     """Positions of targets, in any order."""
@@ -25,7 +27,8 @@ def truth_from(found: Detections, detections: Detections) -> Truth:
     Parameters
     ----------
     found : Detections
-        Their identity, or else their column of the truth, names the target; without either there is one.
+        Their identity, or else their column of the truth, or one that is called `id`, `target` or the like,
+        names the target; without any there is one.
     detections : Detections
         What is tracked, in the same local coordinates.
 
@@ -40,9 +43,19 @@ def truth_from(found: Detections, detections: Detections) -> Truth:
     """
     if (found.start is None) != (detections.start is None):
         raise ValueError("the truth and the detections must both have absolute times, or neither")
-    after = (found.start - detections.start).total_seconds() if found.start and detections.start else 0.0
-    named = found.identity if any(one is not None for one in found.identity) else found.truth
-    return Truth(found.time + after, objects([str(one or "1") for one in named]), local_positions(found))
+    after = found.zero - detections.zero
+    if found.start and detections.start:
+        after = (found.start - detections.start).total_seconds()
+    return Truth(found.time + after, objects(_names(found)), local_positions(found))
+
+
+def _names(found: Detections) -> list[str]:
+    """Of the identities, the column of the truth, and the first column that is called as a target is, the
+    first that there is."""
+    columns = [found.identity.tolist(), found.truth.tolist()]
+    columns += [found.metadata[name] for name in NAMES if name in found.metadata]
+    named = (column for column in columns if any(one is not None for one in column))
+    return [str(one) for one in next(named, ["1"] * len(found.time))]
 
 
 def read_autoferry_truth(path: Path | str, detections: Detections) -> Truth:

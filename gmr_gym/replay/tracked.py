@@ -7,7 +7,7 @@ import numpy as np
 from gmr_gym.recorded.detections import POLAR, Detections
 from gmr_gym.recorded.positions import local_positions
 from gmr_gym.recorded.scans import Scan
-from gmr_gym.recorded.tracks import Tracks
+from gmr_gym.recorded.tracks import DELETED, Tracks
 from gmr_gym.replay.columns import upper
 from gmr_gym.replay.recording import Recording
 
@@ -40,19 +40,18 @@ def recording_of(
     truth : ndarray (T, n, 2), optional
         True positions at the scans, m, nan where a target is absent.
     most : int
-        Frames. Of more scans, so many in a row are shown as one frame that there are no more: with all their
-        detections, and of each track the last row.
+        Frames. Of more scans, so many in a row are shown as one frame that there are no more, with all their
+        detections.
 
     Returns
     -------
     Recording
-        Of many targets; a frame has a `time`, s. A detection's `origin` is the track that takes it, less one,
-        or -1.
+        Of many targets; a frame has a `time`, s, and of each track the last row until then, from its first to
+        that of its deletion. A detection's `origin` is the track that takes it, less one, or -1.
     """
     frames, of_scan, times = _frames(scans, most)
     of_row = of_scan[np.searchsorted([scan.time for scan in scans], tracks.time)]
-    last = _last(of_row, tracks.track)
-    rows = last[np.argsort(of_row[last], kind="stable")]
+    frame_of, rows = _held(of_row, tracks, frames)
     points = [scan.rows for scan in scans]
     order = np.concatenate([*points, np.empty(0, int)]).astype(int)
     z_counts = np.bincount(of_scan, weights=[len(one) for one in points], minlength=frames).astype(int)
@@ -66,10 +65,10 @@ def recording_of(
         "origin": taken[order],
         "declared": tracks.x[rows, :2],
         "declared_P": upper(tracks.P[rows]),
-        "declared_start": _starts(np.bincount(of_row[rows], minlength=frames)),
+        "declared_start": _starts(np.bincount(frame_of, minlength=frames)),
         "existence": tracks.existence[rows],
         "label": tracks.track[rows],
-        "expected": np.bincount(of_row[rows], weights=tracks.existence[rows], minlength=frames),
+        "expected": np.bincount(frame_of, weights=tracks.existence[rows], minlength=frames),
         **_no_mixture(frames),
     }
     columns = {"truth": np.empty((frames, 0, 2)) if truth is None else truth[at], "time": times}
@@ -87,10 +86,18 @@ def _frames(scans: Sequence[Scan], most: int) -> tuple[int, np.ndarray, np.ndarr
     return len(ends), of_scan, np.array([scan.time for scan in scans])[ends]
 
 
-def _last(frame: np.ndarray, track: np.ndarray) -> np.ndarray:
-    """The last row of each track in each frame."""
-    _, first_from_behind = np.unique(np.stack([frame, track])[:, ::-1], axis=1, return_index=True)
-    return len(frame) - 1 - first_from_behind
+def _held(frame: np.ndarray, tracks: Tracks, frames: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frames, in order, and the last row of each track until then, from its first to that of its deletion."""
+    found, rows = [np.empty(0, int)], [np.empty(0, int)]
+    for track in np.unique(tracks.track):
+        own = np.flatnonzero(tracks.track == track)
+        end = frame[own[-1]] + 1 if tracks.status[own[-1]] == DELETED else frames
+        within = np.arange(frame[own[0]], end)
+        found.append(within)
+        rows.append(own[np.searchsorted(frame[own], within, side="right") - 1])
+    at, row = np.concatenate(found), np.concatenate(rows)
+    order = np.argsort(at, kind="stable")
+    return at[order], row[order]
 
 
 def _starts(counts: np.ndarray) -> np.ndarray:

@@ -2,7 +2,10 @@
 
 import csv
 import json
+import re
+from fnmatch import fnmatch
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +14,8 @@ from made_tracks import REFERENCE, START, made
 from gmr_gym.recorded.detections import objects
 from gmr_gym.recorded.geodesy import to_local
 from gmr_gym.recorded.geojson import geojson, write_geojson
-from gmr_gym.recorded.output import confirmed_only, places, write_mot, write_tracks
+from gmr_gym.recorded.output import confirmed_only, write_mot, write_tracks
+from gmr_gym.recorded.positions import geodetic
 from gmr_gym.recorded.tracks import CONFIRMED, STATUS, Tracks
 from gmr_gym.version import __version__
 
@@ -83,8 +87,8 @@ def test_places_on_earth_are_those_of_the_points_at_the_height_of_the_reference(
     back = to_local(np.column_stack([found, np.full(len(found), REFERENCE[2])]), REFERENCE)
     assert back[:, :2] == pytest.approx(MADE.tracks.x[:, :2], abs=2e-4)
     far = np.array([[120e3, -80e3], [0.0, 0.0]])
-    assert places(far, REFERENCE)[:, 2] == pytest.approx(REFERENCE[2], abs=1e-3)
-    assert to_local(places(far, REFERENCE), REFERENCE)[:, :2] == pytest.approx(far, abs=1e-3)
+    assert geodetic(far, REFERENCE)[:, 2] == pytest.approx(REFERENCE[2], abs=1e-3)
+    assert to_local(geodetic(far, REFERENCE), REFERENCE)[:, :2] == pytest.approx(far, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -123,12 +127,29 @@ def test_tracks_in_space(tmp_path):
     assert numbers(rows, "alt")[:, 0] == pytest.approx(520, abs=0.5)
 
 
-def test_confirmed_tracks_alone_keep_their_tentative_rows():
+def test_the_page_has_every_column_in_order(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "files.md").read_text(encoding="utf-8")
+    table = page.partition("### Columns of a file of tracks")[2].partition("| column | |\n|---|---|\n")[2]
+    cells = [line.split("|")[1] for line in table.partition("\n\n")[0].splitlines()]
+    wanted = [name for cell in cells for name in re.findall("`([^`]+)`", cell)]
+    detections = MADE.detections._replace(identity=objects(["a"] * len(MADE.detections.time)), metadata={})
+    write_tracks(tmp_path / "a.csv", in_space(MADE.tracks, 500.0), detections, modes=["slow", "fast"])
+    place = [
+        [fnmatch(name, pattern) for pattern in wanted].index(True) for name in read(tmp_path / "a.csv")[1][0]
+    ]
+    assert set(place) == set(range(len(wanted)))
+    turns = {wanted.index("var_*"), wanted.index("cov_*")}  # variances and covariances take turns
+    assert [i for i in place if i not in turns] == sorted(i for i in place if i not in turns)
+
+
+def test_confirmed_tracks_alone_begin_with_their_confirmation():
     tracks = MADE.tracks
     never = tracks._replace(status=np.where(tracks.track == 2, 0, tracks.status).astype(np.int8))
     left = confirmed_only(never)
+    for track in 1, 3:
+        rows = tracks.track == track
+        assert left.time[left.track == track].tolist() == tracks.time[rows][2:].tolist()
     assert set(left.track) == {1, 3}
-    assert (left.status == 0).sum() == ((tracks.status == 0) & (tracks.track != 2)).sum() > 0
 
 
 def test_the_lines_of_the_motchallenge(tmp_path):

@@ -62,7 +62,8 @@ def test_polar_innovations_are_those_of_an_extended_kalman_filter():
     z[1] += 2 * np.pi  # the same azimuth
     spec = SensorSpec("radar", POLAR, (*origin, 0.0), deviation=(5.0, 0.01))
     one, row, status = np.ones(1), np.zeros(1, int), np.array([CONFIRMED], np.int8)
-    tracks = Tracks(one, row + 1, status, x[None], P[None], one, one[:, None], row + 1, row, one, one, row)
+    nis = one * (v @ np.linalg.solve(S, v))
+    tracks = Tracks(one, row + 1, status, x[None], P[None], one, one[:, None], row + 1, row, one, nis, row)
     found = innovations(tracks, from_arrays(one, z[None], sensors=[spec]), 0)
     assert found.v[0] == pytest.approx(v, rel=0.02)
     assert found.S[0] == pytest.approx(S, rel=0.03)
@@ -111,6 +112,20 @@ def test_the_probability_of_detection_is_counted_between_the_first_and_the_last_
     assert told["detection probability, lowest of its 95 % interval"].value < figure.value
 
 
+def test_reports_of_targets_themselves_have_neither_misses_nor_clutter():
+    figures = by_name(quality(MADE.tracks, MADE.detections, MADE.scans, reports=True))
+    assert not [name for name in figures if name.startswith(("detection probability", "unused"))]
+
+
+def test_who_comes_back_to_where_it_was_is_not_static():
+    tracks = MADE.tracks
+    rows = np.flatnonzero(tracks.track == 3)
+    x = tracks.x.copy()
+    angle = 2 * np.pi * np.arange(len(rows)) / (len(rows) - 3)  # from the first detection that counts
+    x[rows, :2] += 200 * np.column_stack([np.cos(angle), np.sin(angle)])
+    assert [life.static for life in lives_of(tracks._replace(x=x))] == [False] * 3
+
+
 def test_wilsons_interval_has_the_ends_at_which_the_score_test_is_at_its_limit():
     for hits, of in (0, 10), (9, 10), (455, 500):
         for end in wilson(hits, of):
@@ -121,7 +136,10 @@ def test_detections_of_no_track_are_clutter(told):
     left = len(MADE.detections.time) - MADE.tracks.weight.sum()
     figure = told["unused detections a scan"]
     assert figure.value == pytest.approx(left / 300)
-    assert told["unused detections a scan and km2"].value == pytest.approx(figure.value / 4, rel=0.25)
+    still = made(seed=3, scans=200, starts=((0.0, 0.0, 0.0, 0.0),))  # all is in a square of 4 km2
+    scattered = by_name(quality(still.tracks, still.detections, still.scans))
+    density = scattered["unused detections a scan and km2"].value
+    assert density == pytest.approx(scattered["unused detections a scan"].value / 4, rel=0.05)
     assert told["index of dispersion of unused detections"].sound
     bursts = MADE.detections, [scan._replace(rows=scan.rows if t % 10 == 0 else scan.rows[:0]) for t, scan in
                                enumerate(MADE.scans)]  # fmt: skip
@@ -239,6 +257,12 @@ def test_a_truth_that_is_read_as_detections_are_is_put_on_their_clock():
     )
     assert truth.time.tolist() == [10, 11]
     assert truth.target.tolist() == ["a", "b"]
+    counted = truth_from(
+        from_arrays([0.0, 1.0], [[1, 2], [3, 4]], zero=7.0, metadata={"target": ["u", "v"]}),
+        detections._replace(start=None, zero=5.0),
+    )
+    assert counted.time.tolist() == [2, 3]
+    assert counted.target.tolist() == ["u", "v"]
     with pytest.raises(ValueError, match="must both have absolute times, or neither"):
         truth_from(detections._replace(start=None), detections)
 

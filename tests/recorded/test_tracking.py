@@ -90,12 +90,12 @@ def test_the_order_of_detections_does_not_matter_but_for_rounding():
     for t, z in enumerate(crossing(15)):
         order = rng.permutation(len(z))
         a, b = tracker.update(float(t), z), other.update(float(t), z[order])
-        where = lambda rows: np.lexsort(rows.x.round(3).T)  # noqa: E731
-        i, j = where(a), where(b)
-        np.testing.assert_allclose(a.x[i], b.x[j], atol=1e-6)
-        np.testing.assert_allclose(a.existence[i], b.existence[j], atol=1e-9)
-        real = a.detection[i] >= 0
-        np.testing.assert_array_equal(a.detection[i][real], order[b.detection[j][real]])
+        a, b = tracker.update(float(t), z), other.update(float(t), z[order])
+        np.testing.assert_array_equal(a.track, b.track)
+        np.testing.assert_allclose(a.x, b.x, rtol=1e-9, atol=1e-6)
+        np.testing.assert_allclose(a.existence, b.existence, rtol=1e-9)
+        found = b.detection >= 0
+        np.testing.assert_array_equal(a.detection[found], order[b.detection[found]])
 
 
 def test_a_target_that_goes_is_coasted_and_deleted_after_its_misses():

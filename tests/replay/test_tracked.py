@@ -53,6 +53,16 @@ def test_scans_beyond_the_most_share_frames_with_all_their_detections():
         assert frame(columns, "declared", "declared", t) == pytest.approx(np.array([want[i] for i in labels]))
 
 
+def test_a_track_without_a_row_at_a_scan_stays_where_it_was():
+    tracks = MADE.tracks
+    gone = ~((tracks.track == 2) & np.isin(tracks.time, (20.0, 22.0)))
+    kept = recording_of(type(tracks)(*(column[gone] for column in tracks)), MADE.detections, MADE.scans)
+    before = tracks.x[(tracks.track == 2) & (tracks.time == 18.0), :2]
+    for t in 10, 11:
+        shown = frame(kept.columns, "declared", "declared", t)
+        assert shown[frame(kept.columns, "label", "declared", t) == 2] == pytest.approx(before)
+
+
 def test_polar_detections_are_drawn_where_they_lie():
     z = MADE.detections.z
     spec = SensorSpec("radar", POLAR, deviation=(10.0, 0.01))
