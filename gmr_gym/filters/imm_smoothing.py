@@ -16,8 +16,8 @@ def smoothed(banks, modes, axes):
     Notes
     -----
     The state before and the one after are taken as jointly Gaussian, with the first two moments that the bank
-    gives them (Sarkka 2013, sec. 10.1): with :math:`w_{ij} = \pi_{ij} \mu_j`, the probability of mode j before
-    and i after,
+    gives them (Sarkka 2013, sec. 10.1): with :math:`w_{ij} = \pi_{ij} \mu_j`, the probability of mode j
+    before and i after,
 
     .. math::
 
