@@ -94,7 +94,7 @@ OUTPUT = {
     "report": Option(Path | None, "figures of their quality, .json or .md", None),
     "truth_file": Option(Path | None, "where targets were: such a file, or that of Autoferry", None),
     "cutoff": Option(float, "m from a target beyond which a track is not of it", 50.0),
-    "only": Option(str, "tracks that were confirmed, or all: confirmed|all", "confirmed"),
+    "only": Option(str, "confirmed: tracks from their confirmation on; or all", "confirmed"),
     "overwrite": Option(bool, "replace files of many targets' tracks", False, ("--overwrite",)),
     "dry_run": Option(bool, "say what would be tracked and written, and do neither", False, ("--dry-run",)),
 }  # fmt: skip
@@ -135,7 +135,11 @@ def typed(given: Mapping[str, Any]) -> list[str]:
             if isinstance(value, bool):
                 words.append(yes if value else no)
             else:
-                words += [word for one in (value if isinstance(value, list) else [value]) for word in (yes, f"{one}")]
+                words += [
+                    word
+                    for one in (value if isinstance(value, list) else [value])
+                    for word in (yes, f"{one}")
+                ]
     return words
 
 

@@ -128,6 +128,7 @@ def from_arrays(
         "coordinates": tuple("xyz"[: z.shape[1]]),
     } | fields
     for name in ("range_rate", "origin", "sensor", "scan", "identity", "truth", "row"):
+        given[name] = np.asarray(given[name])
         if len(given[name]) != n:
             raise ValueError(f"{name} must have {n} entries, one for each time, got {len(given[name])}")
     return Detections(time=time, z=z, sensors=specs, **given)
@@ -139,6 +140,11 @@ def chosen(found: Detections, rows: np.ndarray) -> Detections:
     each = ("time", "z", "range_rate", "origin", "sensor", "scan", "identity", "truth", "row")
     kept = {name: [column[i] for i in rows.tolist()] for name, column in found.metadata.items()}
     return found._replace(**{name: getattr(found, name)[rows] for name in each}, metadata=kept)
+
+
+def named(values: np.ndarray) -> np.ndarray:
+    """Mask (n,) of the identities that are there."""
+    return np.fromiter((value is not None for value in values.tolist()), bool, len(values))
 
 
 def objects(values: Sequence) -> np.ndarray:
