@@ -200,7 +200,7 @@ def test_figures_with_a_truth():
 
 def test_a_track_beyond_the_cutoff_is_of_no_target():
     x = MADE.tracks.x.copy()
-    x[MADE.tracks.track == 3, 0] += 60.0  # of a target that stands apart
+    x[MADE.tracks.track == 3, 0] += 120.0  # of a target that stands apart
     named = by_name(accuracy(MADE.tracks._replace(x=x), truth_of(), TIMES, cutoff=50.0)[0])
     assert named["coverage of target ship 2"].value == named["labels of target ship 2"].value == 0
     assert "median error of target ship 2" not in named
