@@ -13,7 +13,9 @@ import typer
 from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described, reductions
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.registry import ABOUT
+from gmr_gym.experiments.detection_options import ALL_GROUPS, INPUT_GROUPS, takes
 from gmr_gym.experiments.options import (
+    TARGETS,
     TRACKED,
     Backend,
     EnvId,
@@ -35,6 +37,7 @@ from gmr_gym.experiments.options import (
     Shard,
     Tables,
     TrackerNames,
+    choice,
     completing,
     tracker_option,
 )
@@ -431,46 +434,75 @@ def record(
 
 
 @command("track")
+@takes(*ALL_GROUPS)
 def track_(
-    file: Annotated[Path, typer.Argument(help="CSV: time (s), then coordinates (m); a row a detection")],
-    sensor_deviation: Annotated[float, typer.Option(help="standard deviation of a measurement, m")],
-    clutter_density: Annotated[float, typer.Option(help="false alarms per scan and m^2 (m^3 in space)")],
+    file: Annotated[Path, typer.Argument(help="CSV, text or JSON, also compressed with gzip")],
     *,
-    tracker: Annotated[str, tracker_option("NAME or NAME:key=value,key=value")] = "runnalls-30",
-    motion: MotionModel = "constant-velocity",
-    acceleration_deviation: Annotated[
-        float, typer.Option(help="standard deviation of the target's acceleration, m/s^2")
-    ] = 3.0,
-    detection_probability: Annotated[float, typer.Option(help="of the target, per scan")] = 0.9,
-    prior: Annotated[str, typer.Option(help="first state: positions, velocities, comma between")] = "",
+    targets: Annotated[
+        str, typer.Option(metavar="|".join(TARGETS), help="in the file", **choice("targets", TARGETS))
+    ] = "one",
+    tracker: Annotated[
+        str, tracker_option("of one target; NAME or NAME:key=value,key=value")
+    ] = "runnalls-30",
+    model: MotionModel = "constant-velocity",
+    prior: Annotated[
+        str, typer.Option(help="first state of one target: positions, velocities, comma between")
+    ] = "",
     prior_deviations: Annotated[str, typer.Option(help="its standard deviations likewise")] = "",
     speed: Annotated[
         float, typer.Option(help="standard deviation of the unknown first velocity, m/s")
     ] = 150.0,
     period: Annotated[float | None, typer.Option(help="s, if empty scans leave no row")] = None,
-    out: Annotated[Path, typer.Option("--out", help="CSV of estimates")] = Path("track.csv"),
+    out: Annotated[
+        Path | None, typer.Option("--out", help="CSV of estimates; track.csv or tracks.csv unless given")
+    ] = None,
+    **given: Any,
 ) -> None:
-    """Recorded detections in, estimates with their covariances out. Without --prior the track starts
-    from the first scan: any of its detections may be the target."""
+    """Recorded detections in, estimates with their covariances out, of one target or labelled tracks of
+    many. The track of one starts without --prior from the first scan: any of its detections may be the
+    target."""
     from gmr_gym.evaluation.recordings import write_track
-    from gmr_gym.experiments import specs
-    from gmr_gym.experiments.tracks import track_file
+    from gmr_gym.experiments import reading, specs, track_files, tracks
 
+    if targets == "many":
+        _show(track_files.track_many(file, out, given))
+        return
+    track_files.refuse_of_one(given)
+    out = out or Path("track.csv")
     specs.check_writable(out, beside=file)
     specs.check_ending("--out", out, ".csv")
     if bool(prior) != bool(prior_deviations):
         raise ValueError("give --prior and --prior-deviations together, or neither")
     if not 0 < speed < float("inf"):
         raise ValueError(f"--speed must be positive and finite, got {speed}")
-    track, names = track_file(
-        file, tracker, (prior, prior_deviations), speed, period,
-        acceleration_deviation=acceleration_deviation, sensor_deviation=sensor_deviation,
-        detection_probability=detection_probability, clutter_density=clutter_density,
-    )  # fmt: skip
-    write_track(out, track, names)
-    lost = (~track.alive).nonzero()[0][:1]
-    _show(f"given up at scan {i + 1}, time {track.times[i]:g}: from there on it only coasts" for i in lost)
-    _show([f"{len(track.times)} scans tracked; written to {out}"])
+    settings = reading.configuration_of(given)
+    result, names = tracks.track_file(
+        file,
+        reading.one_target_scans(file, settings, given),
+        tracker,
+        (prior, prior_deviations),
+        speed,
+        period,
+        **reading.one_target_model(settings, given),
+    )
+    write_track(out, result, names)
+    lost = (~result.alive).nonzero()[0][:1]
+    _show(f"given up at scan {i + 1}, time {result.times[i]:g}: from there on it only coasts" for i in lost)
+    _show([f"{len(result.times)} scans tracked; written to {out}"])
+
+
+@command()
+@takes(*INPUT_GROUPS)
+def inspect(
+    file: Annotated[Path, typer.Argument(help="CSV, text or JSON, also compressed with gzip")], **given: Any
+) -> None:
+    """What is understood of a file of detections: columns, units, times, scans, sensors. Tracks nothing."""
+    from gmr_gym.experiments import reading
+    from gmr_gym.recorded import cut
+    from gmr_gym.recorded.description import described
+
+    found = reading.detections_of(file, reading.configuration_of(given))
+    _show(described(found, cut(found, window=given["scan_window"])))
 
 
 @command()

@@ -6,14 +6,16 @@ detections. A radar's columns are `time,range_m,azimuth_rad,elevation_rad`.
 """
 
 import csv
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from decimal import Context
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from gmr_gym.checks import _check_positive
+from gmr_gym.evaluation.csv_columns import Convert, numbers, read_columns, texts
 from gmr_gym.evaluation.times import duration, seconds
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.filters.tracker import Tracker
@@ -46,7 +48,7 @@ class Track(NamedTuple):
 
 
 def read_scans(path: Path | str, *, farthest: float = ANY) -> Scans:
-    """Read scans from a CSV file in UTF-8, whose rows are in order of time.
+    """Read scans from a CSV file in UTF-8, whose rows are in order of time; it may be compressed with gzip.
 
     Blank lines and lines that start with # are ignored.
 
@@ -66,27 +68,35 @@ def read_scans(path: Path | str, *, farthest: float = ANY) -> Scans:
         Naming file, line and column of an invalid cell, of a coordinate beyond +-`farthest`, and of a time
         with more digits than a float has, such as nanoseconds since 1970.
     """
-    lines = _lines(path)
-    line, header = next(lines, (1, [""]))
-    names = _checked_header(f"{path}, line {line}", header)
-    scans: dict[float, list[list[float]]] = {}
-    last, written = -np.inf, ""
-    for line, cells in lines:
-        where = f"{path}, line {line}, column"
-        time, point = _row(where, names, cells, farthest)
-        if time < last:
-            raise ValueError(f"{where} {names[0]}: {time} comes after {last}; sort the rows by time")
-        if time == last and not (point and scans[time]):
-            raise ValueError(f"{where} {names[1]}: an empty scan must be the only row of its time")
-        if abs(time) >= LATEST or (time == last and not _same_number(cells[0], written)):
-            more = f"{cells[0]} has more digits than a float holds"
-            raise ValueError(f"{where} {names[0]}: {more}; give seconds, counted from the first row")
-        last, written = time, cells[0]
-        scans.setdefault(time, []).extend([point] if point else [])
-    if not scans:
-        raise ValueError(f"{path}, line {line}, column {names[0]}: no rows follow the header")
-    z = [np.array(points).reshape(-1, len(names) - 1) for points in scans.values()]
-    return Scans(np.array(list(scans)), z, names[1:])
+    table = read_columns(path, partial(_chosen, partial(_within, farthest)))
+    time, *coordinates = table.names
+    if not len(table.line):
+        raise ValueError(f"{table.where}, column {time}: no rows follow the header")
+
+    def at(i: int, name: str) -> str:
+        return f"{path}, line {table.line[i]}, column {name}"
+
+    written = table.values[time]
+    times = numbers(written, lambda i: at(i, time), absent=frozenset())
+    z = np.column_stack([table.values[name] for name in coordinates])
+    given = np.isfinite(z)
+    empty = ~given.any(axis=1)
+    for i, j in np.argwhere(~given & ~empty[:, None])[:1]:
+        raise ValueError(f"{at(i, coordinates[j])}: '' is not a finite number")
+    gaps = np.diff(times)
+    for i in np.flatnonzero(gaps < 0)[:1] + 1:
+        raise ValueError(f"{at(i, time)}: {times[i]} comes after {times[i - 1]}; sort the rows by time")
+    same = np.flatnonzero(gaps == 0) + 1
+    for i in same[empty[same] | empty[same - 1]][:1]:
+        raise ValueError(f"{at(i, coordinates[0])}: an empty scan must be the only row of its time")
+    far = np.flatnonzero(np.abs(times) >= LATEST).tolist()
+    for i in [*far, *(i for i in same.tolist() if not _same_number(written[i], written[i - 1]))][:1]:
+        more = f"{written[i]} has more digits than a float holds"
+        raise ValueError(f"{at(i, time)}: {more}; give seconds, counted from the first row")
+    starts = np.flatnonzero(np.append(True, gaps > 0))
+    ends = np.where(empty[starts], starts, np.append(starts[1:], len(z))).tolist()
+    scans = [z[start:end] for start, end in zip(starts.tolist(), ends, strict=True)]
+    return Scans(times[starts], scans, tuple(coordinates))
 
 
 def check_positions(path: Path | str, scans: Scans) -> None:
@@ -266,20 +276,17 @@ def from_first_detection(scans: Scans) -> Scans:
     return Scans(scans.times[held[0] :], scans.z[held[0] :], scans.coordinates)
 
 
-def _lines(path: Path | str) -> Iterator[tuple[int, list[str]]]:
-    """Number and cells of each line that is neither blank nor a comment."""
-    data = Path(path).read_bytes()
-    try:
-        text = data.decode("utf-8").removeprefix("\ufeff")  # spreadsheets put this mark first
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise ValueError(f"{path}, line {line}: not text in UTF-8; save it as CSV in UTF-8") from None
-    for line, content in enumerate(text.split("\n"), 1):
-        if content.strip() and not content.startswith("#"):
-            try:
-                yield line, [cell.strip() for cell in next(csv.reader([content], strict=True))]
-            except csv.Error as error:
-                raise ValueError(f"{path}, line {line}: not a row of CSV: {error}") from None
+def _chosen(convert: Convert, where: str, names: list[str]) -> dict[str, Convert]:
+    """How a file of scans is read: all columns are numbers, but times are compared as they are written."""
+    time, *coordinates = _checked_header(where, names)
+    return {time: texts, **dict.fromkeys(coordinates, convert)}
+
+
+def _within(farthest: float, cells: Sequence[str], at: Callable[[int], str]) -> np.ndarray:
+    found = numbers(cells, at)
+    for i in np.flatnonzero(np.abs(found) > farthest)[:1].tolist():
+        raise ValueError(f"{at(i)}: {cells[i].strip()} lies beyond +-{farthest:g}, farther than tracked")
+    return found
 
 
 def _checked_header(where: str, names: Sequence[str]) -> tuple[str, ...]:
@@ -289,25 +296,6 @@ def _checked_header(where: str, names: Sequence[str]) -> tuple[str, ...]:
         if not name or name != name.strip() or not name.isprintable() or name in names[:i]:
             raise ValueError(f"{where}, column {i + 1}: {name!r} is not a name, or is used twice")
     return tuple(names)
-
-
-def _row(where: str, names: tuple[str, ...], cells: list[str], farthest: float) -> tuple[float, list[float]]:
-    """Time and coordinates of a row, no coordinates for an empty scan."""
-    if len(cells) != len(names):
-        name = names[min(len(cells), len(names) - 1)]
-        raise ValueError(f"{where} {name}: {len(cells)} cells under {len(names)} columns")
-    numbers: list[float] = []
-    for name, cell in zip(names, cells if any(cells[1:]) else cells[:1], strict=False):
-        try:
-            number = float(cell.replace("_", "?"))  # float() would take 1_0 for ten
-        except ValueError:
-            number = np.nan
-        if not -np.inf < number < np.inf:
-            raise ValueError(f"{where} {name}: {cell!r} is not a finite number")
-        if numbers and abs(number) > farthest:  # the first is a time
-            raise ValueError(f"{where} {name}: {cell} lies beyond +-{farthest:g}, farther than tracked")
-        numbers.append(number)
-    return numbers[0], numbers[1:]
 
 
 def _same_number(one: str, other: str) -> bool:

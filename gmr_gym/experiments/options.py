@@ -20,6 +20,7 @@ EXAMPLES = {
     "crouse": "ten components in one dimension, of Crouse et al. 2011",
     "posterior": "hypotheses of a turning target before their reduction",
 }
+TARGETS = ("one", "many")
 MODELS = {"constant-velocity": "a target whose velocity changes by a random acceleration"}
 
 Named = Mapping[str, str]  # what a shell completes to, each with a line about it

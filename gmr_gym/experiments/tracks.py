@@ -1,6 +1,6 @@
-"""Detections in files: an episode recorded, and a recording tracked."""
+"""Detections in files: an episode recorded, and a recording tracked, as of one target or of many."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +9,23 @@ import numpy as np
 from gmr_gym.envs.lookup import parsed, tracker_of
 from gmr_gym.evaluation import recordings
 from gmr_gym.evaluation.loop import play
+from gmr_gym.experiments.detection_options import TARGET, TRACKS
 from gmr_gym.experiments.specs import numbers
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.filters.tracker import Tracker
 from gmr_gym.mixture import Mixture
+from gmr_gym.models.intervals import Mode
 from gmr_gym.models.priors import constant_velocity_model, prior_from_first_scan, prior_given
 from gmr_gym.points import FARTHEST
+from gmr_gym.recorded.columns import check_plain
+from gmr_gym.recorded.configuration import Configuration
+from gmr_gym.recorded.detections import CARTESIAN, Detections
+from gmr_gym.recorded.model import TrackingModel, tracking_model
+from gmr_gym.recorded.positions import local_positions
+from gmr_gym.recorded.scans import Scan, cut, equal_times
 from gmr_gym.simulation.single_target import Scenario, draw
+
+MARGIN, LEAST_MARGIN = 0.1, 100.0  # of the extent of the detections, and m, in which targets may be beside it
 
 
 def record_episode(scenario: Scenario, tracker: str, seed: int, out: Path, truth: Path | None) -> None:
@@ -32,12 +42,16 @@ def record_episode(scenario: Scenario, tracker: str, seed: int, out: Path, truth
 
 
 def track_file(
-    file: Path, tracker: str, prior: tuple[str, str], speed: float, period: float | None, **assumed: float
+    file: Path,
+    scans: recordings.Scans,
+    tracker: str,
+    prior: tuple[str, str],
+    speed: float,
+    period: float | None,
+    **assumed: float,
 ) -> tuple[recordings.Track, list[str]]:
-    """The track through a file of detections and the names of its state, from the prior that was typed, its
+    """The track through the scans of a file and the names of its state, from the prior that was typed, its
     mean and standard deviations, or from the first scan; `assumed` is the rest of the filter model."""
-    scans = recordings.read_scans(file, farthest=FARTHEST)
-    recordings.check_positions(file, scans)
     axes = len(scans.coordinates)
     if prior[0]:
         start, prior_time = _prior_typed(prior, axes), None
@@ -52,6 +66,83 @@ def track_file(
         )
     track = recordings.track(scans, _builder(tracker, start, axes, assumed), period, prior_time)
     return track, [*scans.coordinates, *(f"{name}_velocity" for name in scans.coordinates)]
+
+
+def plain_scans(file: Path) -> recordings.Scans:
+    """Scans of a file of times in seconds and positions in metres, and of nothing else."""
+    scans = recordings.read_scans(file, farthest=FARTHEST)
+    recordings.check_positions(file, scans)
+    check_plain(f"{file}", scans.coordinates, scans.times)
+    return scans
+
+
+def scans_of_positions(found: Detections, window: float | None) -> recordings.Scans:
+    """Scans of detections in local coordinates, m, of one sensor of positions."""
+    if found.kind != CARTESIAN or len(found.sensors) > 1:
+        raise ValueError(
+            "one target is tracked in positions of one sensor, and these are of "
+            f"{len(found.sensors)}, {found.kind}; choose one with --where, or give --targets many"
+        )
+    times, z = equal_times(found, cut(found, window=window))
+    axes = found.z.shape[1]
+    return recordings.Scans(times, z, ("x_m", "y_m", "z_m")[:axes])
+
+
+def many_targets_model(found: Detections, settings: Configuration, given: Mapping[str, Any]) -> TrackingModel:
+    """What is assumed of the targets and the sensors of detections."""
+    if not len(found.time):
+        raise ValueError("there are no detections to track")
+    points = local_positions(found)
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    margin = np.maximum(MARGIN * (high - low), LEAST_MARGIN)
+    low, high = low - margin, high + margin
+    volume = float(np.prod(high - low))
+    specs = []
+    for spec in found.sensors:
+        if not all(deviation > 0 for deviation in spec.deviation):
+            way = "50 (m)" if spec.kind == CARTESIAN else "range=50,azimuth=0.1deg"
+            raise ValueError(f"sensor {spec.name!r} has no deviation; give --sensor-deviation, such as {way}")
+        if spec.clutter_density > 0:
+            spec = spec._replace(clutter_per_scan=spec.clutter_density * volume)
+        specs.append(spec)
+    return tracking_model(specs, low.tolist(), high.tolist(), **_targets(settings, given))
+
+
+def _targets(settings: Configuration, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of `tracking_model`, from the settings and what was typed over them."""
+    said = {**settings.target, **settings.tracks}
+    said |= {name: given[name] for name in (*TARGET, *TRACKS) if given[name] not in ("", None, False)}
+    if "modes" in said:
+        said["motion"] = [
+            Mode(str(each.get("motion", "constant-velocity")), float(each["acceleration_deviation"]))
+            for each in said.pop("modes")
+        ]
+    elif "acceleration_deviation" in said:
+        deviation = numbers("--acceleration-deviation", str(said["acceleration_deviation"]).strip("[]() "))
+        said["acceleration_deviation"] = tuple(deviation)
+    for rule in ("confirm", "delete"):
+        existence = said.pop(f"{rule}_existence", None)
+        if rule in said:
+            said[rule] = _ratio(f"--{rule}", str(said[rule]))
+        elif existence is not None:
+            said[rule] = float(existence)
+    for name in ("targets", "tracker"):
+        said.pop(name, None)
+    if any(sensor.learn_clutter for sensor in settings.sensors):
+        said["learn_clutter"] = True
+    return said
+
+
+def _ratio(name: str, text: str) -> tuple[int, int]:
+    m, _, n = text.partition("/")
+    if not (m.strip().isdigit() and n.strip().isdigit()):
+        raise ValueError(f"{name} must be M/N, such as 3/5, got {text!r}")
+    return int(m), int(n)
+
+
+def are_reports(found: Detections, scans: list[Scan]) -> bool:
+    """Whether scans are single reports of targets with identities."""
+    return len(scans) == len(found.time) and all(name is not None for name in found.identity.tolist())
 
 
 def _prior_typed(prior: tuple[str, str], axes: int) -> Mixture:

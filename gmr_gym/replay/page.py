@@ -49,7 +49,8 @@ def page(recording: Recording) -> str:
         HTML: the recording, the player and its style. It loads nothing.
     """
     data = _data(recording)
-    title = f"{data['title']}: {f'{recording.environment} seed {recording.seed}'.strip()}"
+    seed = "" if recording.seed is None else f" seed {recording.seed}"
+    title = f"{data['title']}: {f'{recording.environment}{seed}'.strip()}"
     return document(title, data, "GmrPlayer", [PLAYER / "player.css"], sorted(PLAYER.glob("*.js")))
 
 

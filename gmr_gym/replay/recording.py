@@ -19,7 +19,8 @@ class Recording(NamedTuple):
     ----------
     environment : str
         Its id, or another name.
-    seed : int
+    seed : int or None
+        None of recorded detections.
     kind : str
         "one" target, or "many".
     period : float
@@ -58,7 +59,7 @@ class Recording(NamedTuple):
     ==================================================  ======================================================
 
     Of many targets there is the `truth` (T, n, 2), nan where a target is absent, the ellipses of the true
-    clutter, `clutter` and `clutter_P`, and of each tracker:
+    clutter, `clutter` and `clutter_P`, of recorded detections the `time` of each scan, and of each tracker:
 
     ==================================================  ======================================================
     z, origin                                           detections; index of the target of each, or -1
@@ -71,7 +72,7 @@ class Recording(NamedTuple):
     """
 
     environment: str
-    seed: int
+    seed: int | None
     kind: str
     period: float
     scans: int

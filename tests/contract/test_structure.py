@@ -18,7 +18,8 @@ ORDER = (
     ("version", "deprecated", "first_calls", "data"), ("kernels", "catalogue"), ("checks", "points"),
     ("linalg",), ("mixture",),
     ("reduction", "models"),
-    ("filters", "simulation"), ("scenarios", "evaluation"), ("tuning",), ("envs",), ("replay",),
+    ("filters", "simulation"), ("scenarios", "evaluation"), ("recorded",), ("tuning",), ("envs",),
+    ("replay",),
     ("__init__",), ("experiments",), ("cli",),
 )  # fmt: skip
 LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}

@@ -5,9 +5,11 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
+from made_tracks import made
 
 from gmr_gym.replay.page import page
 from gmr_gym.replay.recording import Recording
+from gmr_gym.replay.tracked import recording_of
 
 playwright = pytest.importorskip("playwright.sync_api")
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -234,6 +236,20 @@ def test_many_targets_are_said_and_charted_against_their_true_number(opened):
     tab.fill("input[aria-label=Scan]", "4")
     assert soon(tab, ".gmr-words", "2 targets declared, 2.25 expected; 2 components")
     assert "true number 2" in tab.locator(".gmr-strip-head").nth(1).inner_text()
+
+
+def test_tracks_of_a_file_are_said_with_their_own_times_and_without_a_truth(opened):
+    seen = made(seed=1, scans=8, period=2.5)
+    tab = opened(recording_of(seen.tracks, seen.detections, seen.scans, title="plots.csv"))
+    assert tab.inner_text("header span") == "plots.csv"
+    assert "3 tracks, 1.50 expected" in tab.inner_text(".gmr-words")
+    tab.fill("input[aria-label=Scan]", "4")
+    assert soon(tab, ".gmr-clock", "scan 4 of 8, 7.5 s")
+    assert "true" not in tab.inner_text(".gmr-key")
+    tab.keyboard.press("t")
+    tab.keyboard.press("n")
+    tab.get_by_label("Ring the detections that tracks take").click()
+    assert tab.get_by_label("Ring the detections that tracks take").get_attribute("aria-pressed") == "true"
 
 
 def test_a_radar_is_seen_from_where_it_stands(opened):

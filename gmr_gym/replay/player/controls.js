@@ -37,7 +37,7 @@ function build(player) {
   root.classList.add("gmr");
   root.tabIndex = -1; // a click gives it the keys
   root.replaceChildren(
-    header(player, title || environment, `${environment} seed ${seed}`.trim()),
+    header(player, title || environment, seed === null ? environment : `${environment} seed ${seed}`.trim()),
     panelsOf(player),
     pieces.transport,
     make("div", { class: "gmr-below" }, pieces.charts, pieces.aside),
@@ -96,10 +96,11 @@ function stageSlider(player) {
 
 function switchesOf(player) {
   const ofTraces = { merges: `Animate the reduction, up to ${SLOW} scans/s`, lines: "Lines to the parents" };
+  const { traced, targets, filed } = player.episode;
   const titles = {
-    truth: "The true path",
-    origin: "Ring the target's own detection",
-    ...(player.episode.traced && ofTraces),
+    ...(targets && { truth: "The true path" }),
+    origin: filed ? "Ring the detections that tracks take" : "Ring the target's own detection",
+    ...(traced && ofTraces),
   };
   const nodes = Object.entries(titles).map(([key, title]) => {
     const node = button("toggle", title, () => player.turn(key), key);
@@ -118,7 +119,7 @@ const viewsOf = ({ many, radar }) => [
 ];
 
 /** What the marks of the panels mean. */
-function keyOf({ many, traced }) {
+function keyOf({ many, traced, targets, filed }) {
   const weight = `${SIGMAS}σ; weight as opacity`;
   const one = [
     ["ellipse gate", "gates"],
@@ -131,6 +132,7 @@ function keyOf({ many, traced }) {
     ["cross", "declared, by label; existence as opacity"],
     ["ellipse clutter", "true clutter, 95 %"],
     ["ellipse guess", "clutter assumed or learned"],
-  ];
-  return keyList([["detection", "detections"], ["path truth", "true path"], ...(many ? several : one)]);
+  ].filter(([kind]) => !filed || kind === "cross");
+  const truth = targets ? [["path truth", "true path"]] : [];
+  return keyList([["detection", "detections"], ...truth, ...(many ? several : one)]);
 }

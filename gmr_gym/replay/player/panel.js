@@ -60,6 +60,7 @@ class Panel {
 
   declaredInWords(t) {
     const { declared, kept, expected } = this.tracker;
+    if (this.episode.filed) return `${plural(size(declared, t), "track")}, ${figures(expected[t])} expected`;
     const targets = plural(size(declared, t), "target"), components = plural(size(kept, t), "component");
     return `${targets} declared, ${figures(expected[t])} expected; ${components}`;
   }

@@ -76,6 +76,7 @@ class Player extends Frame {
 
   /** Turn something on or off. */
   turn(key) {
+    if (!this.pieces.switches[key]) return;
     this.show[key] = !this.show[key];
     this.pieces.switches[key].setAttribute("aria-pressed", this.show[key]);
     if (key === "merges") Object.assign(this.show, { phase: 1, way: 1 });
@@ -193,7 +194,7 @@ class Player extends Frame {
     Object.assign(this, { saidScan: t, saidStage: stage });
     this.root.dataset.scan = t + 1;
     pieces.clock.firstChild.textContent = `scan ${t + 1} of ${episode.scans}`;
-    pieces.clock.lastChild.textContent = `, ${+((t + 1) * episode.period).toFixed(2)} s`;
+    pieces.clock.lastChild.textContent = `, ${+episode.timeOf(t).toFixed(2)} s`;
     pieces.time.value = t + 1;
     this.panels.forEach((panel) => panel.say(t, STAGES[stage].name));
     this.strips.forEach((strip) => strip.say(t));

@@ -6,11 +6,13 @@
 /** What the panels draw: the columns under names of their own, and what follows from them. */
 function recording(data, column) {
   const trackers = data.trackers.map(({ name }, i) => trackerOf(data, (key) => column(`${i}/${key}`), name));
-  const truth = column("truth"), targets = truth.length / data.scans / 2;
+  const truth = column("truth"), targets = truth.length / data.scans / 2, times = column("time");
   return {
     ...data, truth, targets, trackers,
     last: data.scans - 1,
-    box: boundsOf(truth),
+    filed: data.seed === null, // detections of a file, no episode
+    timeOf: (t) => (times ? times[t] : (t + 1) * data.period),
+    box: targets ? boundsOf(truth) : boundsOf(...trackers.map(({ z }) => z.m)),
     lives: livesOf(truth, targets, data.scans),
     many: data.kind === "many",
     traced: trackers.some((tracker) => tracker.full),

@@ -1,0 +1,248 @@
+"""CSV files as columns: read block by block, each column converted as it is wanted."""
+
+import csv
+import gzip
+import io
+import sys
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+BLOCK = 2_000  # lines read together; larger ones keep the garbage collector busy
+GZIP = b"\x1f\x8b"  # how a gzip file begins
+BLANK = frozenset({""})  # cells that stand for no value
+
+# cells of a column and where each of them stands -> their values
+Convert = Callable[[Sequence[str], Callable[[int], str]], np.ndarray | list]
+
+
+class Columns(NamedTuple):
+    """Columns of a file; those that were not wanted are left out."""
+
+    where: str  # the file, and the line of its header
+    names: tuple[str, ...]  # all of them
+    values: dict[str, Any]  # an array or a list of each
+    line: np.ndarray  # (n,) int, from 1
+
+
+def read_columns(
+    path: Path | str,
+    choose: Callable[[str, list[str]], dict[str, Convert]],
+    *,
+    delimiter: str | None = ",",
+    encoding: str = "utf-8",
+    header: bool = True,
+) -> Columns:
+    """Read columns of a CSV file, which may be compressed with gzip.
+
+    Blank lines and lines that start with # are ignored, and blanks around cells.
+
+    Parameters
+    ----------
+    path : Path or str
+    choose : callable
+        Takes where the header stands and its names, and gives for each column that is wanted what converts
+        its cells, such as `numbers` or `texts`.
+    delimiter : str, optional
+        A blank stands for any number of blanks; None takes the one the first line has most of.
+    encoding : str
+    header : bool
+        Whether the first line names the columns. Otherwise they are named 1, 2, ..., and lines may differ in
+        length.
+
+    Returns
+    -------
+    Columns
+
+    Raises
+    ------
+    ValueError
+        Naming file, line and column.
+    MemoryError
+        Where the columns would not fit.
+    """
+    data = file_bytes(path)
+    try:
+        file = io.StringIO(data.decode(encoding).removeprefix("\ufeff"), newline="\n")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        kind = "UTF-8" if encoding == "utf-8" else encoding
+        raise ValueError(f"{path}, line {line}: not text in {kind}; save it as CSV in UTF-8") from None
+    blocks = _blocks(path, file, delimiter)
+    lines, rows = next(blocks, ([1], [[""]]))
+    where = f"{path}, line {lines[0]}"
+    names = [cell.strip() for cell in rows[0]]
+    if header:
+        lines, rows = lines[1:], rows[1:]
+    else:
+        names = [str(i + 1) for i in range(max(map(len, rows)))]
+    wanted = choose(where, names)
+    parts: dict[str, list] = {name: [] for name in wanted}
+    numbers: list[np.ndarray] = []
+    while True:
+        columns = [*zip(*_even(path, names, lines, rows, header), strict=True)] or [()] * len(names)
+        for name, convert in wanted.items():
+            parts[name].append(convert(columns[names.index(name)], _place(path, name, lines)))
+        numbers.append(np.array(lines, int))
+        if len(numbers) == 1:
+            _check_memory(path, parts, len(rows), file.tell() / max(len(data), 1))
+        following = next(blocks, None)
+        if following is None:
+            break
+        lines, rows = following
+    values = {name: _joined(some) for name, some in parts.items()}
+    return Columns(where, tuple(names), values, np.concatenate(numbers))
+
+
+def file_bytes(path: Path | str) -> bytes:
+    """What a file holds, decompressed where it is a gzip file."""
+    data = Path(path).read_bytes()
+    if not data.startswith(GZIP):
+        return data
+    try:
+        return gzip.decompress(data)
+    except (OSError, EOFError, zlib.error) as error:
+        raise ValueError(f"{path}: a damaged gzip file: {error}") from None
+
+
+def numbers(
+    cells: Sequence[str], at: Callable[[int], str], absent: frozenset[str] = BLANK, decimal: str = "."
+) -> np.ndarray:
+    """Cells as floats, NaN where one is absent.
+
+    Parameters
+    ----------
+    cells : sequence of n str
+    at : callable
+        Where the cell of an index stands, for the message.
+    absent : frozenset of str
+        Cells, in lower case, that stand for no value.
+    decimal : str
+        What stands before the decimals.
+
+    Returns
+    -------
+    ndarray (n,)
+
+    Raises
+    ------
+    ValueError
+        Naming file, line and column of a cell that is not a finite number.
+    """
+    if decimal != ".":
+        cells = [cell.replace(decimal, ".") for cell in cells]
+    try:
+        found = np.fromiter(map(float, cells), float, len(cells))
+    except ValueError:
+        found = np.array([np.nan])
+    if np.isfinite(found).all() and "_" not in "".join(cells):
+        return found
+    return np.array([_number(cell, absent, at, i) for i, cell in enumerate(cells)])
+
+
+def texts(cells: Sequence[str], at: Callable[[int], str]) -> list[str]:
+    """Cells as they are, without blanks around; equal ones are one object."""
+    return list(map(sys.intern, map(str.strip, cells)))
+
+
+def _number(cell: str, absent: frozenset[str], at: Callable[[int], str], i: int) -> float:
+    cell = cell.strip()
+    if cell.lower() in absent:
+        return np.nan
+    try:
+        number = float(cell.replace("_", "?"))  # float() would take 1_0 for ten
+    except ValueError:
+        number = np.nan
+    if not -np.inf < number < np.inf:
+        raise ValueError(f"{at(i)}: {cell!r} is not a finite number")
+    return number
+
+
+def _place(path: Path | str, name: str, lines: Sequence[int]) -> Callable[[int], str]:
+    return lambda i: f"{path}, line {lines[i]}, column {name}"
+
+
+def _blocks(
+    path: Path | str, file: io.StringIO, delimiter: str | None
+) -> Iterator[tuple[list[int], list[list[str]]]]:
+    """Numbers and cells of the lines that are neither blank nor comments."""
+    line = 1
+    while block := list(islice(file, BLOCK)):
+        lines = [*range(line, line + len(block))]
+        contents = [content for content in block if content[0] != "#" and not content.isspace()]
+        if len(contents) < len(block):
+            lines = [i for i, s in zip(lines, block, strict=True) if s[0] != "#" and not s.isspace()]
+        line += len(block)
+        if not contents:
+            continue
+        delimiter = delimiter or delimiter_of(contents[0])
+        if delimiter == " ":
+            contents = [content.strip() for content in contents]
+        yield lines, _cells(path, lines, contents, delimiter)
+
+
+def _cells(path: Path | str, lines: list[int], contents: list[str], delimiter: str) -> list[list[str]]:
+    form: dict[str, Any] = {"delimiter": delimiter, "strict": True, "skipinitialspace": delimiter == " "}
+    try:
+        rows = [*csv.reader(contents, **form)]
+    except csv.Error:
+        rows = []
+    if len(rows) == len(lines):
+        return rows
+    # a quote that is not closed takes in what follows
+    for line, content in zip(lines, contents, strict=True):
+        try:
+            next(csv.reader([content], **form))
+        except csv.Error as error:
+            raise ValueError(f"{path}, line {line}: not a row of CSV: {error}") from None
+    raise ValueError(f"{path}, line {lines[0]}: not rows of CSV")
+
+
+def delimiter_of(content: str) -> str:
+    """Of comma, semicolon, tab and bar the one that a line has most of; a blank where it has none."""
+    best = max(",;\t|", key=content.count)
+    return best if best in content.strip() else " " if " " in content.strip() else ","
+
+
+def _even(
+    path: Path | str, names: list[str], lines: list[int], rows: list[list[str]], header: bool
+) -> list[list[str]]:
+    """Rows of as many cells as there are names."""
+    n = len(names)
+    if set(map(len, rows)) <= {n}:
+        return rows
+    for line, cells in zip(lines, rows, strict=True):
+        if len(cells) > n or (header and len(cells) < n):
+            name = names[min(len(cells), n - 1)]
+            raise ValueError(f"{path}, line {line}, column {name}: {len(cells)} cells under {n} columns")
+    return [row + [""] * (n - len(row)) for row in rows]
+
+
+def _joined(parts: list) -> np.ndarray | list:
+    if isinstance(parts[0], np.ndarray):
+        return np.concatenate(parts)
+    return [value for part in parts for value in part]
+
+
+def _check_memory(path: Path | str, parts: dict[str, list], rows: int, share: float) -> None:
+    """Refuse a file of which the first rows, a share of it, say that the whole does not fit."""
+    sizes = (p.nbytes if isinstance(p, np.ndarray) else 64 * len(p) for some in parts.values() for p in some)
+    needed = 2 * sum(sizes) / max(share, 1e-9)  # parts, and what is joined of them
+    if share < 1 and needed > (free := _free_memory()):
+        raise MemoryError(
+            f"{path}: some {rows / share:.2g} rows need {needed / 1e9:.1f} GB, and {free / 1e9:.1f} GB "
+            "are free; keep fewer columns, or cut the file in parts"
+        )
+
+
+def _free_memory() -> float:
+    """Bytes that are free, where the system says so."""
+    try:
+        text = Path("/proc/meminfo").read_text(encoding="ascii")
+        return 1024.0 * int(text.partition("MemAvailable:")[2].split()[0])
+    except (OSError, ValueError, IndexError):
+        return np.inf

@@ -1,0 +1,156 @@
+"""Options of the commands that read files of detections: what columns, sensors and targets are."""
+
+import inspect
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import typer
+
+
+class Option(NamedTuple):
+    """An option, by the name of its parameter."""
+
+    type: Any
+    help: str
+    default: Any = ""
+    names: tuple[str, ...] = ()  # on the command line, where they are not made of the parameter's
+
+
+Columns = list[str]
+COLUMN = "COLUMN:UNIT; SENSOR=COLUMN:UNIT for one sensor, repeatable"
+ROLES = {
+    "time": "COLUMN:UNIT, COLUMN:iso, or COLUMN:FORMAT as in %d/%m/%Y %H:%M:%S",
+    "x": f"east: {COLUMN}", "y": "north", "z": "up",
+    "lat": "latitude", "lon": "longitude", "alt": "altitude",
+    "range": "slant range", "azimuth": "see --azimuth-convention",
+    "elevation": "above the horizon",
+    "range_rate": "away from the sensor is positive",
+    "own_x": "where a moving sensor is, from which x, y are measured",
+    "own_y": "likewise", "own_z": "likewise",
+    "scan": "number of the scan", "sensor": "name of the sensor", "id": "identity that the sensor reports",
+    "truth": "target that a row is of, for evaluation",
+}  # fmt: skip
+INPUT = {
+    "config": Option(str | None, "TOML file of settings, which options override", None),
+    **{name: Option(Columns, text, []) for name, text in ROLES.items()},
+    "where": Option(Columns, "only rows that fulfil it, such as 'snr>10'; repeatable", []),
+    "keep": Option(Columns, "column kept as metadata; repeatable; all unless given", []),
+    "delimiter": Option(str, "one character, tab or space; found in the first line unless given"),
+    "decimal": Option(str, "what stands before decimals", ".", ("--decimal",)),
+    "encoding": Option(str, "of text", "utf-8"),
+    "header": Option(
+        bool, "whether the first line names the columns, else 1, 2, ...", True, ("--header/--no-header",)
+    ),
+    "day": Option(str, "YYYY-MM-DD of the first row, where times are of the day"),
+    "order": Option(str, "sort rows by time, or refuse those that are not: sort|strict", "sort"),
+    "drop_repeats": Option(
+        bool, "whether rows that repeat others are dropped", True, ("--drop-repeats/--keep-repeats",)
+    ),
+    "scan_window": Option(float | None, "s: rows within it are one scan", None),
+}  # fmt: skip
+SENSOR = {
+    "sensor_position": Option(str, "LAT,LON,ALT in degrees and metres"),
+    "reference": Option(str, "LAT,LON,ALT of the origin of x, y; the sensor or first row unless given"),
+    "north_offset": Option(str, "from true north to the sensor's, clockwise, such as 1.5deg"),
+    "azimuth_convention": Option(
+        str, "compass: clockwise from north; math: counter-clockwise from x", "compass"
+    ),
+    "rotation_period": Option(str, "s, of an antenna: a turn is a scan"),
+    "sensor_deviation": Option(str, "standard deviation, m, or range=50,azimuth=0.1deg,range_rate=1"),
+    "detection_probability": Option(float | None, "of a target, per scan; 0.9 unless given", None),
+    "clutter_density": Option(float | None, "false alarms per scan and m^2 (m^3 in space)", None),
+    "clutter_per_scan": Option(float | None, "false alarms per scan", None),
+}
+TARGET = {
+    "motion": Option(str, "of many targets: imm, constant-velocity or constant-acceleration", "imm"),
+    "acceleration_deviation": Option(
+        str, "m/s^2 of one target, 3 unless given; of many for each motion model, what is added to the "
+        "velocity in a second, 0.1,3 unless given",
+    ),
+    "max_speed": Option(float | None, "m/s, of a new target", None),
+    "stay_probability": Option(float | None, "of a motion model, per second", None),
+    "survival_probability": Option(float | None, "of a target, per second", None),
+}  # fmt: skip
+TRACKS = {
+    "confirm": Option(str, "M/N: when M of the last N looks detected it"),
+    "confirm_existence": Option(
+        float | None, "or when it exists with this probability; 0.9 unless given", None
+    ),
+    "delete": Option(str, "M/N: when M of the last N looks missed it; 5/5 unless given"),
+    "delete_existence": Option(float | None, "or when it exists with less probability", None),
+    "max_coast": Option(float | None, "s without a detection after which a track ends", None),
+    "gate_probability": Option(float | None, "that a target's detection is in its gate", None),
+    "min_speed": Option(float | None, "m/s; slower ones are not confirmed", None),
+    "learn_clutter": Option(
+        bool, "estimate the clutter from what no track explains", False, ("--learn-clutter",)
+    ),
+}
+OUTPUT = {
+    "geojson": Option(Path | None, "GeoJSON of many targets' tracks", None),
+    "html": Option(Path | None, "page to look at them, scan by scan", None),
+    "mot": Option(Path | None, "the ten columns of the MOTChallenge, .txt", None),
+    "labelled": Option(Path | None, "the file's own rows, each with its track", None),
+    "report": Option(Path | None, "figures of their quality, .json or .md", None),
+    "truth_file": Option(Path | None, "where targets were: such a file, or that of Autoferry", None),
+    "cutoff": Option(float, "m from a target beyond which a track is not of it", 50.0),
+    "only": Option(str, "confirmed: tracks from their confirmation on; or all", "confirmed"),
+    "overwrite": Option(bool, "replace files of many targets' tracks", False, ("--overwrite",)),
+    "dry_run": Option(bool, "say what would be tracked and written, and do neither", False, ("--dry-run",)),
+}  # fmt: skip
+INPUT_GROUPS = (("input", INPUT), ("sensor", SENSOR))
+ALL_GROUPS = (*INPUT_GROUPS, ("target", TARGET), ("tracks", TRACKS), ("output", OUTPUT))
+
+
+def takes(*groups: tuple[str, Mapping[str, Option]]) -> Callable[[Callable], Callable]:
+    """A decorator of a command that takes the options of these groups as keywords."""
+
+    def decorated(command: Callable) -> Callable:
+        signature = inspect.signature(command, eval_str=True)
+        own = [p for p in signature.parameters.values() if p.kind is not inspect.Parameter.VAR_KEYWORD]
+        parameters = [
+            *own,
+            *(
+                _parameter(name, option, panel)
+                for panel, options in groups
+                for name, option in options.items()
+            ),
+        ]
+        command.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+        command.__annotations__ = {p.name: p.annotation for p in parameters}
+        return command
+
+    return decorated
+
+
+def typed(given: Mapping[str, Any]) -> list[str]:
+    """The options that were given, as words of a command."""
+    words = []
+    for _, options in ALL_GROUPS:
+        for name, option in options.items():
+            yes, _, no = (option.names[0] if option.names else f"--{name.replace('_', '-')}").partition("/")
+            value = given[name]
+            if value == option.default:
+                continue
+            if isinstance(value, bool):
+                words.append(yes if value else no)
+            else:
+                words += [
+                    word
+                    for one in (value if isinstance(value, list) else [value])
+                    for word in (yes, f"{one}")
+                ]
+    return words
+
+
+def given_columns(given: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Columns that were typed, by role."""
+    return {role: given[role] for role in ROLES if given[role]}
+
+
+def _parameter(name: str, option: Option, panel: str) -> inspect.Parameter:
+    names = option.names or (f"--{name.replace('_', '-')}",)
+    typed = typer.Option(*names, help=option.help, rich_help_panel=panel, show_default=bool(option.default))
+    return inspect.Parameter(
+        name, inspect.Parameter.KEYWORD_ONLY, default=option.default, annotation=Annotated[option.type, typed]
+    )

@@ -1,0 +1,166 @@
+"""The files that tracks of many targets leave behind."""
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gmr_gym.checks import _check_positive, check_choice
+from gmr_gym.experiments import specs
+from gmr_gym.experiments.detection_options import OUTPUT, typed
+from gmr_gym.experiments.reading import configuration_of, detections_of
+from gmr_gym.experiments.tracks import are_reports, many_targets_model
+from gmr_gym.recorded.accuracy import accuracy, label_accuracy
+from gmr_gym.recorded.configuration import Configuration
+from gmr_gym.recorded.detections import Detections
+from gmr_gym.recorded.figures import Figure
+from gmr_gym.recorded.geojson import check_georeferenced, write_geojson
+from gmr_gym.recorded.labels import write_labelled
+from gmr_gym.recorded.output import confirmed_only, write_mot, write_tracks
+from gmr_gym.recorded.quality import quality
+from gmr_gym.recorded.reading import read
+from gmr_gym.recorded.report import ENDINGS, in_lines, in_short, write_report
+from gmr_gym.recorded.scans import Scan, cut
+from gmr_gym.recorded.tracking import track
+from gmr_gym.recorded.tracks import Tracks
+from gmr_gym.recorded.truth import Truth, at_times, is_autoferry, read_autoferry_truth, truth_from
+from gmr_gym.replay.page import write_page
+from gmr_gym.replay.tracked import recording_of
+
+KINDS = {
+    "out": (".csv",), "geojson": (".geojson", ".json"), "html": (".html",), "mot": (".txt",),
+    "labelled": (".csv", ".txt", ".tsv"), "report": ENDINGS,
+}  # fmt: skip
+
+
+def track_many(file: Path, out: Path | None, given: Mapping[str, Any]) -> Iterator[str]:
+    """Track the targets of a file, write what is asked for, and say what was done; `given` are options by
+    name."""
+    settings = configuration_of(given)
+    asked = outputs(out, file, settings, given)
+    found = detections_of(file, settings)
+    scans = cut(found, window=given["scan_window"])
+    model = many_targets_model(found, settings, given)
+    found = found._replace(sensors=model.sensors)  # with what is assumed where nothing is known
+    modes = [f"{mode.motion}_{mode.deviation:g}" for mode in model.modes]
+    words = ["gmr-gym", "track", str(file), "--targets", "many", *typed(given), "--out", str(asked["out"])]
+    run = Run(file, settings, found, scans, are_reports(found, scans), modes, shlex.join(words))
+    truth = check_run(run, asked)
+    if asked["dry_run"]:
+        yield from planned(run, asked)
+    else:
+        yield from write_all(track(found, scans, model, reports=run.reports), run, asked, truth)
+
+
+class Run(NamedTuple):
+    """What was tracked, and how."""
+
+    source: Path
+    settings: Configuration
+    detections: Detections
+    scans: Sequence[Scan]
+    reports: bool  # whether scans are single reports of targets
+    modes: Sequence[str]
+    command: str
+
+
+def outputs(
+    out: Path | None, source: Path, settings: Configuration, given: Mapping[str, Any]
+) -> dict[str, Any]:
+    """What is written, by option: as typed, or else as the settings say. Refused before the work: files that
+    could not be written, that are there already, or whose ending is of another kind."""
+    asked = {name: given[name] for name in OUTPUT}
+    for name, value in settings.output.items():
+        if name in OUTPUT and asked[name] == OUTPUT[name].default:
+            asked[name] = Path(value) if name in KINDS else value
+    asked["out"] = out or Path(settings.output.get("out", "tracks.csv"))
+    check_choice("--only", asked["only"], ("confirmed", "all"))
+    _check_positive(**{"--cutoff": asked["cutoff"]})
+    files = {name: asked[name] for name in KINDS if asked[name]}
+    for name, file in files.items():
+        specs.check_ending(f"--{name}", file, *KINDS[name])
+        if file.is_file() and not asked["overwrite"]:
+            raise ValueError(f"--{name}: {file} is there already; give --overwrite, or another name")
+    specs.check_writable(*files.values(), beside=source)
+    return asked
+
+
+def refuse_of_one(given: Mapping[str, Any]) -> None:
+    """ValueError for an option that writes what one target's track does not have."""
+    for name, option in OUTPUT.items():
+        if given[name] != option.default:
+            raise ValueError(f"--{name.replace('_', '-')} is of many targets; give --targets many")
+
+
+def planned(run: Run, asked: Mapping[str, Any]) -> list[str]:
+    """What would be done, in words."""
+    return [
+        f"{len(run.detections.time)} detections in {len(run.scans)} scans would be tracked",
+        f"would write {_named(asked)}",
+    ]
+
+
+def check_run(run: Run, asked: Mapping[str, Any]) -> Truth | None:
+    """The truth, where there is a file of it; ValueError for what the detections do not allow."""
+    if asked["geojson"]:
+        check_georeferenced(run.detections)
+    return truth_of(asked["truth_file"], run.detections) if asked["truth_file"] else None
+
+
+def truth_of(file: Path, detections: Detections) -> Truth:
+    """The truth of a file, in the frame of the detections."""
+    if is_autoferry(file):
+        return read_autoferry_truth(file, detections)
+    return truth_from(read(file, reference=detections.reference), detections)
+
+
+def write_all(tracks: Tracks, run: Run, asked: Mapping[str, Any], truth: Truth | None) -> Iterator[str]:
+    """Write every file that is asked for, and say what was done and how good it is."""
+    times = np.unique([scan.time for scan in run.scans])
+    kept = confirmed_only(tracks) if asked["only"] == "confirmed" else tracks
+    groups, over_time = _figures(tracks, run, asked, truth, times)
+    write_tracks(asked["out"], kept, run.detections, modes=run.modes, command=run.command)
+    if asked["geojson"]:
+        write_geojson(asked["geojson"], kept, run.detections)
+    if asked["html"]:
+        _write_page(asked["html"], kept, run, truth)
+    if asked["mot"]:
+        write_mot(asked["mot"], kept, times)
+    if asked["labelled"]:
+        form = {k: v for k, v in run.settings.reading.items() if k in ("delimiter", "encoding", "header")}
+        write_labelled(asked["labelled"], kept, run.detections, run.source, **form)
+    if asked["report"]:
+        write_report(asked["report"], groups, over_time, command=run.command, remarks=run.detections.remarks)
+    yield from run.detections.remarks
+    first, *others = groups.values()
+    yield from in_short(first)
+    for figures in others:
+        yield from in_lines(figures)
+    yield f"{len(run.scans)} scans, {len(np.unique(kept.track))} tracks; written to {_named(asked)}"
+
+
+def _write_page(file: Path, tracks: Tracks, run: Run, truth: Truth | None) -> None:
+    true = None
+    if truth:
+        at = np.array([scan.time for scan in run.scans])
+        true, _ = at_times(truth.time, truth.target, truth.position[:, :2], at)
+    write_page(recording_of(tracks, run.detections, run.scans, title=run.source.name, truth=true), file)
+
+
+def _named(asked: Mapping[str, Any]) -> str:
+    return ", ".join(str(asked[name]) for name in KINDS if asked[name])
+
+
+def _figures(
+    tracks: Tracks, run: Run, asked: Mapping[str, Any], truth: Truth | None, times: np.ndarray
+) -> tuple[dict[str, list[Figure]], dict[str, list[float]]]:
+    """Figures by title, and those by scan."""
+    groups = {"Without a truth": quality(tracks, run.detections, run.scans, reports=run.reports)}
+    over_time: dict[str, list[float]] = {}
+    if any(name is not None for name in run.detections.truth):
+        groups["With the targets that the input names"] = label_accuracy(tracks, run.detections)
+    if truth:
+        groups["With a truth"], over_time = accuracy(tracks, truth, times, asked["cutoff"])
+    return groups, over_time

@@ -1,0 +1,299 @@
+"""What the columns of a file are: time, position, sensor, identity. A column without a role is metadata."""
+
+import operator
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gmr_gym.recorded.times import LATEST as AFTER
+from gmr_gym.recorded.times import is_number
+from gmr_gym.recorded.units import ANGLE, LENGTH, SPEED, TIME, UNITS, base_of, did_you_mean, unit_in_name
+
+# quantity of each role; None: text
+ROLES = {
+    "time": TIME, "x": LENGTH, "y": LENGTH, "z": LENGTH, "lat": ANGLE, "lon": ANGLE, "alt": LENGTH,
+    "range": LENGTH, "azimuth": ANGLE, "elevation": ANGLE, "range_rate": SPEED,
+    "own_x": LENGTH, "own_y": LENGTH, "own_z": LENGTH,
+    "scan": None, "sensor": None, "id": None, "truth": None,
+}  # fmt: skip
+# coordinates that make a position; the last is optional
+FAMILIES = (("x", "y", "z"), ("lat", "lon", "alt"), ("range", "azimuth", "elevation"))
+NEEDS = {"range_rate": "range", "own_x": "own_y", "own_y": "own_x", "own_z": "own_x", "time": "time"}
+# what columns are called, without their unit, where no option says so
+NAMED = {
+    "time": ("time", "time_utc", "utc", "datetime", "timestamp", "time_of_day", "tod", "t"),
+    "x": ("x", "east", "easting"), "y": ("y", "north", "northing"), "z": ("z", "up"),
+    "lat": ("lat", "latitude"), "lon": ("lon", "long", "lng", "longitude"),
+    "alt": ("alt", "altitude", "height"), "range": ("range", "slant_range"), "azimuth": ("azimuth",),
+    "elevation": ("elevation",), "range_rate": ("range_rate",),
+}  # fmt: skip
+# columns of a file that has positions in metres and nothing else
+PLAIN = {
+    "x", "y", "z", "east", "north", "up", "easting", "northing", "e", "n", "u", "px", "py", "pz",
+    "pos_x", "pos_y", "pos_z",
+}  # fmt: skip
+COMPARED = {
+    ">=": operator.ge, "<=": operator.le, "!=": operator.ne, "==": operator.eq, "=": operator.eq,
+    ">": operator.gt, "<": operator.lt,
+}  # fmt: skip
+
+
+class Column(NamedTuple):
+    """A column and how it is read."""
+
+    name: str
+    unit: str | None  # of a time also `iso` or a format
+
+
+Layout = dict[str, Column]  # by role
+
+
+def option(role: str) -> str:
+    """The command-line option of a role."""
+    return f"--{role.replace('_', '-')}"
+
+
+def layouts(
+    where: str, names: Sequence[str], given: Mapping[str, str | Sequence[str]]
+) -> dict[str | None, Layout]:
+    """Columns by role, for each sensor that has its own.
+
+    Parameters
+    ----------
+    where : str
+        Where the names stand, for messages.
+    names : sequence of str
+        Columns of the file.
+    given : mapping of str to str or sequence of str
+        By role `COLUMN`, `COLUMN:UNIT`, or `SENSOR=COLUMN:UNIT` for the rows of one sensor; a time has `iso`
+        or a format of strptime in place of a unit. Without any position among them, columns are found by
+        their names.
+
+    Returns
+    -------
+    dict
+        Of None: what holds for all sensors; of the others: all that holds for them.
+
+    Raises
+    ------
+    ValueError
+        Naming the option to give or to change.
+    """
+    found: dict[str | None, Layout] = {None: {}}
+    for role, typed in given.items():
+        if role not in ROLES:
+            raise ValueError(
+                f"unknown role {role!r}{did_you_mean(role, ROLES)}; choose from {', '.join(ROLES)}"
+            )
+        for text in [typed] if isinstance(typed, str) else typed:
+            sensor, column = _typed(where, names, role, text)
+            if role in found.setdefault(sensor, {}):
+                raise ValueError(f"{option(role)} is given twice: {found[sensor][role].name}, {column.name}")
+            found[sensor][role] = column
+    common = found[None]
+    if "time" not in common and not all("time" in own for sensor, own in found.items() if sensor is not None):
+        common |= _named(where, names, ["time"], common)
+    if len(found) == 1 and "time" not in common:
+        common |= _named(where, names, ["time"], common)
+    if not any(role in layout for layout in found.values() for family in FAMILIES for role in family):
+        common |= _positions_named(where, names, common)
+    for sensor, own in found.items():
+        found[sensor] = common | own
+        if sensor is not None or len(found) == 1:
+            _check(where, names, found[sensor], sensor)
+    return found
+
+
+def family_of(layout: Layout) -> tuple[str, ...]:
+    """The coordinates of a layout."""
+    return next(
+        (tuple(role for role in family if role in layout) for family in FAMILIES if family[0] in layout), ()
+    )
+
+
+def unit_of(where: str, role: str, column: Column) -> str:
+    """The unit of a column, from the option or from its name.
+
+    Raises
+    ------
+    ValueError
+        Naming the option to give, where neither says it or where they say different ones.
+    """
+    named, quantity = unit_in_name(column.name), ROLES[role]
+    if column.unit is None and named is None:
+        if role in ("lat", "lon"):
+            return "deg"
+        first, *others = UNITS[quantity or LENGTH]
+        raise ValueError(
+            f"{where}, column {column.name}: no unit in its name; give {option(role)} {column.name}:{first} "
+            f"(or {', '.join(others)})"
+        )
+    if (
+        column.unit
+        and named
+        and quantity
+        and named in UNITS[quantity]
+        and column.unit in UNITS[quantity]
+        and named != column.unit
+    ):
+        raise ValueError(
+            f"{where}, column {column.name}: {named} by its name, but {column.unit} by {option(role)}; "
+            f"rename the column, or give {option(role)} {column.name}:{named}"
+        )
+    return column.unit or named or ""
+
+
+def check_plain(where: str, coordinates: Sequence[str], times: np.ndarray) -> None:
+    """Check that columns are positions in metres by their names, and times seconds.
+
+    Parameters
+    ----------
+    where : str
+        The file, for the message.
+    coordinates : sequence of str
+        All columns but the time.
+    times : ndarray (T,)
+
+    Raises
+    ------
+    ValueError
+        Naming the column, and the options that say what it is.
+    """
+    for name in coordinates:
+        unit = unit_in_name(name)
+        if unit not in (None, "m"):
+            raise ValueError(
+                f"{where}, column {name}: in {unit}, not in metres; say what the columns are, such as "
+                f"--x {name} --y COLUMN, or --lat and --lon, or --range and --azimuth"
+            )
+        if unit is None and base_of(name) not in PLAIN and "," not in name:
+            raise ValueError(
+                f"{where}, column {name}: no position in metres by its name; say which are, such as "
+                "--x COLUMN:m --y COLUMN:m: the other columns are then kept beside them"
+            )
+    if np.abs(times).max() > AFTER:
+        raise ValueError(
+            f"{where}: {np.abs(times).max():.16g} s is {np.abs(times).max() / 31_557_600:.3g} years; say "
+            "what times are, such as --time COLUMN:us, and --x COLUMN:m --y COLUMN:m"
+        )
+
+
+def kept_rows(
+    conditions: Sequence[str], names: Sequence[str], cells: Mapping[str, Sequence], n: int
+) -> np.ndarray:
+    """Mask (n,) of the rows that fulfil all conditions, such as `snr>10` or `type=plot`."""
+    mask = np.ones(n, bool)
+    for text in conditions:
+        name, compare, value = condition(text, names)
+        column = list(map(str, cells[name]))
+        if is_number(value):
+            held = [float(cell) if is_number(cell) else np.nan for cell in column]
+            mask &= np.array([compare(cell, float(value)) for cell in held], bool)
+        else:
+            mask &= np.array([compare(cell, value) for cell in column], bool)
+    return mask
+
+
+def condition(text: str, names: Sequence[str]) -> tuple[str, Callable[[Any, Any], bool], str]:
+    """Column, comparison and value of a condition."""
+    found = re.fullmatch(r"\s*(.+?)\s*(>=|<=|!=|==|=|>|<)\s*(.*?)\s*", text)
+    if not found:
+        raise ValueError(f"--where must be COLUMN, a comparison and a value, such as 'snr>10', got {text!r}")
+    if found[1] not in names:
+        raise ValueError(
+            f"--where {text!r}: no column {found[1]!r}{did_you_mean(found[1], names)}; "
+            f"there are {', '.join(names)}"
+        )
+    return found[1], COMPARED[found[2]], found[3]
+
+
+def _typed(where: str, names: Sequence[str], role: str, text: str) -> tuple[str | None, Column]:
+    """Sensor and column of `[SENSOR=]COLUMN[:UNIT]`; a column's name may hold either sign."""
+    sensor: str | None = None
+    name, unit = _split(names, text)
+    if name is None and "=" in text:
+        sensor, _, text = text.partition("=")
+        name, unit = _split(names, text)
+    if name is None:
+        typed = text.partition(":")[0]
+        hint = did_you_mean(typed, names)
+        raise ValueError(
+            f"{where}: no column {typed!r} for {option(role)}{hint}; there are {', '.join(names)}"
+        )
+    return sensor, Column(name, unit)
+
+
+def _split(names: Sequence[str], text: str) -> tuple[str | None, str | None]:
+    """The column that a text begins with, the longest, and what follows its colon."""
+    if text in names:
+        return text, None
+    for i in range(len(text) - 1, 0, -1):
+        if text[i] == ":" and text[:i] in names:
+            return text[:i], text[i + 1 :]
+    return None, None
+
+
+def _named(where: str, names: Sequence[str], roles: Sequence[str], layout: Layout) -> Layout:
+    """Columns found by their names."""
+    taken = {column.name for column in layout.values()}
+    found = {}
+    for role in roles:
+        for alias in NAMED[role]:
+            fits = [name for name in names if base_of(name) == alias and name not in taken]
+            if len(fits) > 1:
+                raise ValueError(
+                    f"{where}: columns {' and '.join(fits)} may both be {role}; say which by "
+                    f"{option(role)} {fits[0]}"
+                )
+            if fits:
+                found[role] = Column(fits[0], None)
+                break
+    return found
+
+
+def _positions_named(where: str, names: Sequence[str], layout: Layout) -> Layout:
+    families = []
+    for family in FAMILIES:
+        extra = ["range_rate"] if family[0] == "range" else []
+        found = _named(where, names, [*family, *extra], layout)
+        if family[0] in found and family[1] in found:
+            families.append(found)
+    if len(families) == 1:
+        return families[0]
+    ways = "--x COLUMN --y COLUMN, or --lat and --lon, or --range and --azimuth"
+    if not families:
+        raise ValueError(f"{where}: which columns are positions? give {ways}; there are {', '.join(names)}")
+    several = " and ".join(", ".join(c.name for c in found.values()) for found in families)
+    raise ValueError(f"{where}: {several} are positions; say which by {ways}")
+
+
+def _check(where: str, names: Sequence[str], layout: Layout, sensor: str | None) -> None:
+    """Refuse a layout without a time, with half a position or two, and a column of two roles."""
+    of = f" of sensor {sensor}" if sensor else ""
+    if "time" not in layout:
+        raise ValueError(
+            f"{where}: which column{of} is the time? give --time COLUMN; there are {', '.join(names)}"
+        )
+    present = [family for family in FAMILIES if any(role in layout for role in family)]
+    if len(present) != 1:
+        two = " and ".join("/".join(family[:2]) for family in present) or "no column"
+        raise ValueError(
+            f"{where}: {two} are given as the position{of}; give one of x/y, lat/lon, range/azimuth"
+        )
+    for role in present[0][:2]:
+        if role not in layout:
+            other = next(r for r in present[0] if r in layout)
+            raise ValueError(f"{where}: {option(other)}{of} needs {option(role)} COLUMN as well")
+    for role, needed in NEEDS.items():
+        if role in layout and needed not in layout:
+            raise ValueError(f"{where}: {option(role)}{of} needs {option(needed)} COLUMN as well")
+    roles: dict[str, str] = {}
+    for role, column in layout.items():
+        if column.name in roles:
+            raise ValueError(
+                f"{where}, column {column.name}: given as {option(roles[column.name])} and as "
+                f"{option(role)}; a column has one role"
+            )
+        roles[column.name] = role

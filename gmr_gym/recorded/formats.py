@@ -1,0 +1,172 @@
+"""Where columns come from: text with any delimiter, JSON, arrays and data frames."""
+
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gmr_gym.evaluation.csv_columns import Columns, Convert, file_bytes, numbers, read_columns, texts
+from gmr_gym.recorded.times import is_number
+
+ABSENT = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})  # cells that stand for no value
+PATH = re.compile(r"[^.\[\]]+")
+SENTENCES = (b"!AIVDM", b"!AIVDO", b"!BSVDM", b"$AIVDM")
+
+# names of the columns and where they stand -> which are read, True for numbers
+Choose = Callable[[str, Sequence[str]], Mapping[str, bool]]
+
+
+class TextForm(NamedTuple):
+    """How a text file is written."""
+
+    delimiter: str | None = None  # by default the one that the first line has most of
+    decimal: str = "."
+    encoding: str = "utf-8"
+    header: bool = True
+
+
+def columns_of(source: Any, choose: Choose, form: TextForm, kept: Callable[[Mapping], bool]) -> Columns:
+    """Columns of a file, of a data frame, or of a mapping of arrays.
+
+    Parameters
+    ----------
+    source : Path, str, or anything with columns
+        A data frame is read by `source.columns` and `source[name]`.
+    choose : callable
+        Takes where the names stand and the names, and gives those that are wanted; True for numbers.
+    form : TextForm
+    kept : callable
+        Whether a record of JSON, a mapping of its cells, is kept.
+
+    Returns
+    -------
+    Columns
+        Of a JSON file the line is the number of the record.
+    """
+    if not isinstance(source, str | Path):
+        return _of_frame(source, choose)
+    head = file_bytes(source)[:4096].lstrip(b"\xef\xbb\xbf \t\r\n")
+    if head.startswith(SENTENCES) or (head.startswith(b"\\") and any(s in head for s in SENTENCES)):
+        raise ValueError(
+            f"{source}, line 1: AIS sentences hold no time of reception, only the second of the minute; "
+            "give the CSV that the receiver writes, with a column of times"
+        )
+    if head.startswith((b"[", b"{")):
+        return _of_json(source, choose, kept)
+
+    def convert(where: str, names: list[str]) -> dict[str, Convert]:
+        _check_names(where, names)
+        number = partial(numbers, absent=ABSENT, decimal=form.decimal)
+        return {name: number if is_number else texts for name, is_number in choose(where, names).items()}
+
+    delimiter = {"tab": "\t", "\\t": "\t", "space": " "}.get(form.delimiter or "", form.delimiter)
+    return read_columns(source, convert, delimiter=delimiter, encoding=form.encoding, header=form.header)
+
+
+def _check_names(where: str, names: Sequence[str]) -> None:
+    if sum(map(is_number, names)) > 1 and names[0] != "1":
+        raise ValueError(
+            f"{where}: a header names the columns, got {', '.join(names)[:60]}; without one give "
+            "--no-header, the columns are then called 1, 2, ..."
+        )
+    for i, name in enumerate(names):
+        if not name.isprintable() or (name and name in names[:i]):
+            raise ValueError(f"{where}, column {i + 1}: {name!r} is not a name, or is used twice")
+
+
+def _of_frame(frame: Any, choose: Choose) -> Columns:
+    names = [str(name) for name in getattr(frame, "columns", frame)]
+    where = type(frame).__name__
+    wanted = choose(where, names)
+    values: dict[str, Any] = {}
+    for name in wanted:
+        column = np.asarray(frame[name])
+        values[name] = column if column.dtype.kind in "iufM" else [_text(cell) for cell in column.tolist()]
+    lengths = {name: len(column) for name, column in values.items()}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"{where}: columns differ in length: {lengths}")
+    return Columns(where, tuple(names), values, np.arange(1, 1 + max(lengths.values(), default=0)))
+
+
+def _of_json(path: Path | str, choose: Choose, kept: Callable[[Mapping], bool]) -> Columns:
+    """Records of JSON as rows: `a.b` is an entry of an entry, `a[0]` of a list. Lists of numbers of equal
+    length make a row for each of their entries."""
+    try:
+        records = json.loads(file_bytes(path), parse_float=str, parse_int=str, parse_constant=str)
+    except ValueError as error:
+        raise ValueError(f"{path}: not JSON: {error}") from None
+    if isinstance(records, dict):
+        lists = [value for value in records.values() if isinstance(value, list)]
+        records = lists[0] if len(lists) == 1 else [records]
+    if not all(isinstance(record, dict) for record in records):
+        raise ValueError(f"{path}: JSON must be a list of records in braces, one for each row or scan")
+    names = list(dict.fromkeys(name for record in records for name in _entries(record)))
+    wanted = choose(f"{path}", names)
+    rows: list[list[str]] = []
+    lines: list[int] = []
+    for line, record in enumerate(records, 1):
+        if kept(_Cells(record)):
+            for row in _rows(f"{path}, record {line}", wanted, [_at(record, name) for name in wanted]):
+                rows.append(row)
+                lines.append(line)
+    cells = [*zip(*rows, strict=True)] or [()] * len(wanted)
+    values: dict[str, Any] = {name: texts(column, str) for name, column in zip(wanted, cells, strict=True)}
+    return Columns(f"{path}", tuple(names), values, np.array(lines, int))
+
+
+class _Cells(dict):
+    """Cells of a record by their path."""
+
+    def __missing__(self, name: str) -> str:
+        return _text(_at(self, name))
+
+
+def _entries(record: dict, before: str = "") -> Iterator[str]:
+    """Paths of a record's entries that are no records themselves, and of those in its lists."""
+    for key, value in record.items():
+        name = f"{before}{key}"
+        if isinstance(value, dict):
+            yield from _entries(value, f"{name}.")
+        elif isinstance(value, list):
+            yield from (f"{name}[{i}]" for i in range(min(len(value), 6)))
+        else:
+            yield name
+
+
+def _at(record: Any, path: str) -> Any:
+    """What stands at a path, None for nothing."""
+    for step in PATH.findall(path):
+        if isinstance(record, dict):
+            record = dict.get(record, step)
+        elif isinstance(record, list) and step.isdigit() and int(step) < len(record):
+            record = record[int(step)]
+        else:
+            return None
+    return record
+
+
+def _rows(where: str, wanted: Mapping[str, bool], values: list) -> list[list[str]]:
+    """A record as rows: one, or one for each entry of its lists of numbers; of texts others are left out."""
+    lists = {
+        name: len(v) for (name, n), v in zip(wanted.items(), values, strict=True) if n and isinstance(v, list)
+    }
+    if len(set(lists.values())) > 1:
+        raise ValueError(f"{where}: lists differ in length: {lists}")
+    k = next(iter(lists.values()), 1)
+    even = [
+        [None] * max(k, 1)
+        if (isinstance(v, list) and len(v) != k) or v == []
+        else v
+        if isinstance(v, list)
+        else [v] * max(k, 1)
+        for v in values
+    ]
+    return [[_text(value) for value in row] for row in zip(*even, strict=True)]
+
+
+def _text(value: Any) -> str:
+    return "" if value is None or value != value else str(value)

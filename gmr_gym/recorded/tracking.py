@@ -1,0 +1,216 @@
+"""Tracks of many targets, with labels, scan by scan: live, or over a whole file with the same numbers."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmr_gym.models.positions import Look
+from gmr_gym.recorded.detections import Detections
+from gmr_gym.recorded.model import TrackingModel, as_text, from_text, polar
+from gmr_gym.recorded.scans import Scan
+from gmr_gym.recorded.track_state import initial_state, leaves, rebuilt
+from gmr_gym.recorded.track_update import assumed, report, scan
+from gmr_gym.recorded.tracks import Tracks, joined_rows, no_rows
+
+TOGETHER = 1000  # scans whose rows are joined at a time
+
+
+class LiveTracker:
+    """Tracks many targets from scans as they come.
+
+    Parameters
+    ----------
+    model : TrackingModel
+        What is assumed; `tracking_model` makes one.
+
+    Attributes
+    ----------
+    state : State
+        All that changes from scan to scan.
+
+    Examples
+    --------
+    >>> from gmr_gym.recorded import SensorSpec, tracking_model
+    >>> model = tracking_model([SensorSpec("radar", deviation=(5.0, 5.0))], (-1e3, -1e3), (1e3, 1e3))
+    >>> tracker = LiveTracker(model)
+    >>> for scan in range(4):
+    ...     rows = tracker.update(float(scan), [[10.0 * scan, 0.0]])
+    >>> rows.track.tolist(), rows.status.tolist()
+    ([1], [1])
+    """
+
+    def __init__(self, model: TrackingModel):
+        self.model = model
+        self.state = initial_state(model)
+        self._of = assumed(model)
+        self._deviations = [np.array([*s.deviation, s.range_rate_deviation]) for s in model.sensors]
+
+    def update(
+        self,
+        time: float,
+        z: ArrayLike,
+        *,
+        range_rate: ArrayLike | None = None,
+        times: ArrayLike | None = None,
+        sensor: int = 0,
+        identity: str | Sequence[str | None] | None = None,
+        origin: ArrayLike | None = None,
+        azimuths: tuple[float, float] | None = None,
+    ) -> Tracks:
+        """Update the tracks with a scan, or with a report of one target.
+
+        Parameters
+        ----------
+        time : float
+            To which the tracks are brought, s: the time of the last detection, not before the last scan.
+        z : array_like (k, p)
+            m, or range m, azimuth rad[, elevation rad] from the sensor. None of them: an empty list.
+        range_rate : array_like (k,), optional
+            m/s, NaN where not measured.
+        times : array_like (k,), optional
+            Time of each detection, s; all at `time` unless given.
+        sensor : int
+            Index into the model's sensors.
+        identity : str or sequence of k str or None, optional
+            Of each detection: it joins no track of another identity. One str for one detection: a report by
+            itself, which is no false alarm and no miss of other targets.
+        origin : array_like (3,) or (k, 3), optional
+            Position of the sensor, m, where it moves.
+        azimuths : tuple of float, optional
+            From and to which the beam has turned in the scan, rad: counter-clockwise where the second is
+            greater. All directions unless given.
+
+        Returns
+        -------
+        Tracks
+            A row for each track, also of those deleted now. After a report, of the tracks that it changed.
+
+        Raises
+        ------
+        ValueError
+            Naming the argument that has another shape, is not finite, or goes back in time.
+        """
+        look = self._look(time, z, range_rate, times, sensor, origin)
+        table, k = self.state.identities, len(look.at)
+        if isinstance(identity, str):
+            if k != 1:
+                raise ValueError(f"an identity of one str is of one detection, got {k} detections")
+            self.state, rows = report(
+                self.state, self._of, look, sensor, table.setdefault(identity, len(table))
+            )
+            return rows
+        names = [None] * k if identity is None else identity
+        if len(names) != k:
+            raise ValueError(f"identity must have {k} entries, one for each detection, got {len(names)}")
+        known = [-1 if name is None else table.setdefault(name, len(table)) for name in names]
+        self.state, rows = scan(self.state, self._of, look, sensor, np.array(known, np.int64), azimuths)
+        return rows
+
+    def save(self, path: str | Path) -> None:
+        """Write model and state to a file, from which `load` goes on as if there had been no break.
+
+        Parameters
+        ----------
+        path : str or Path
+            `.npz` is appended if it is not there.
+        """
+        arrays = {f"{i:03d}": leaf for i, leaf in enumerate(leaves(self.state))}
+        np.savez(path, model=np.array(as_text(self.model)), **arrays)  # type: ignore[arg-type]
+
+    @classmethod
+    def load(cls, path: str | Path) -> "LiveTracker":
+        """The tracker of `save`.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Returns
+        -------
+        LiveTracker
+
+        Raises
+        ------
+        ValueError
+            For another file.
+        """
+        with np.load(path, allow_pickle=False) as file:
+            if "model" not in file:
+                raise ValueError(f"{path}: not a file of a saved tracker, which `LiveTracker.save` writes")
+            tracker = cls(from_text(str(file["model"])))
+            names = sorted(name for name in file.files if name != "model")
+            tracker.state = rebuilt(tracker.state, iter([file[name] for name in names]))
+        return tracker
+
+    def _look(self, time: float, z: Any, range_rate: Any, times: Any, sensor: int, origin: Any) -> Look:
+        """The checked scan."""
+        spec, p, k = self.model.sensors[sensor], self.model.axes, len(z)
+        z = np.array(z, float) if k else np.empty((0, p))
+        at = np.full(k, float(time)) if times is None else np.array(times, float)
+        rate = np.full(k, np.nan) if range_rate is None else np.array(range_rate, float)
+        if z.shape != (k, p) or not np.isfinite(z).all():
+            raise ValueError(f"z must be finite with shape (k, {p}), got shape {z.shape}")
+        if not self.state.time <= time < np.inf:
+            raise ValueError(f"time must be finite and not go back: got {time} after {self.state.time}")
+        for name, column in (("times", at), ("range_rate", rate)):
+            if column.shape != (k,):
+                raise ValueError(f"{name} must have shape ({k},), one for each detection, got {column.shape}")
+        if not np.isfinite(at).all():
+            raise ValueError("times must be finite")
+        if not (spec.range_rate_deviation > 0 or np.isnan(rate).all()):
+            raise ValueError(f"sensor {spec.name!r} needs a range_rate_deviation for range rates")
+        place = np.empty((k, 3))
+        place[:] = spec.position if origin is None else origin
+        return Look(float(time), at, z, rate, place, self._deviations[sensor], polar(spec))
+
+
+def track(
+    detections: Detections, scans: Iterable[Scan], model: TrackingModel, *, reports: bool = False
+) -> Tracks:
+    """Track over a file: the numbers of `LiveTracker.update` scan by scan.
+
+    Parameters
+    ----------
+    detections : Detections
+    scans : iterable of Scan
+        In order of time.
+    model : TrackingModel
+        Of the sensors of the detections.
+    reports : bool
+        Whether a scan of one detection with an identity is a report by itself (see `LiveTracker.update`).
+
+    Returns
+    -------
+    Tracks
+        `detection` is an index into the detections.
+    """
+    tracker = LiveTracker(model)
+    parts, joined = [no_rows(model.axes, len(model.modes))], []
+    for one in scans:
+        rows = tracker.update(**_arguments(detections, one, model, reports))
+        index = np.append(one.rows, -1)[rows.detection]  # the last is of no detection
+        parts.append(rows._replace(detection=index))
+        if len(parts) > TOGETHER:
+            joined.append(joined_rows(parts))
+            parts = []
+    return joined_rows([*joined, *parts])
+
+
+def _arguments(detections: Detections, scan: Scan, model: TrackingModel, reports: bool) -> dict:
+    """The arguments of `LiveTracker.update` for a scan of the detections."""
+    rows = scan.rows
+    names = detections.identity[rows].tolist()
+    alone = reports and len(names) == 1 and names[0] is not None
+    return {
+        "time": scan.time,
+        "z": detections.z[rows, : model.axes],
+        "range_rate": detections.range_rate[rows],
+        "times": detections.time[rows],
+        "sensor": scan.sensor,
+        "identity": names[0] if alone else names,
+        "origin": detections.origin[rows],
+        "azimuths": scan.azimuths,
+    }
