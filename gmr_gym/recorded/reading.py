@@ -172,8 +172,7 @@ def _by_sensor(
             raise ValueError(
                 f"{table.where}: no row is of sensor {name!r}{hint}; there are {', '.join(there[:9])}"
             )
-    unit = "line" if ", line " in table.where else "record"
-    source = table.where.rpartition(", line ")[0] or table.where
+    unit, source = _unit(table), _source(table)
     rows = []
     for i in np.argsort(first).tolist():
         name, indices = str(there[i]), np.flatnonzero(code == i)
@@ -245,6 +244,11 @@ def _assembled(
     return seen._replace(remarks=(*_as_read(rows, convention), *remarks, *([fast] if fast else [])))
 
 
+def _unit(table: Columns) -> str:
+    """What a row of the input is called: JSON and arrays have no lines."""
+    return "line" if ", line " in table.where else "record"
+
+
 def _source(table: Columns) -> str:
     return table.where.rpartition(", line ")[0] or table.where
 
@@ -307,9 +311,10 @@ def _order(table: Columns, ns: np.ndarray, strict: bool) -> tuple[np.ndarray, li
     late = ns < np.maximum.accumulate(ns)
     if strict and late.any():
         i = int(np.argmax(late))
+        back = (ns[i - 1] - ns[i]) / 1e9
         raise ValueError(
-            f"{_source(table)}, line {table.line[i]}: time runs back by {(ns[i - 1] - ns[i]) / 1e9:g} s; "
-            "sort the rows, or leave --order strict out"
+            f"{_source(table)}, {_unit(table)} {table.line[i]}: time runs back by {back:g} s; sort the rows, "
+            "or leave --order strict out"
         )
     return np.argsort(ns, kind="stable"), [f"{late.sum()} rows sorted by time"] if late.any() else []
 
