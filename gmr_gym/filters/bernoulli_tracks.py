@@ -98,7 +98,7 @@ class Associated(NamedTuple):
     nis: np.ndarray
 
 
-@kernel
+@kernel(inline="always")  # `track_rules.follow` is the one kernel that calls it
 def update(tracks, modes, look, origins):
     r"""Bring the tracks to the time of the look and update them with its detections, in place.
 
@@ -145,7 +145,7 @@ def update(tracks, modes, look, origins):
     return unassigned, hit, gated, best, weight, nis
 
 
-@kernel
+@kernel(inline="always")
 def _gated(tracks, predicted, modes, look, origins):
     """Pairs (e,) of track and detection in a gate, and log likelihoods (e, r)."""
     banks, r = tracks.banks, predicted.w.shape[1]
@@ -163,7 +163,7 @@ def _gated(tracks, predicted, modes, look, origins):
     return track[kept], detection[kept], log_likelihood[kept]
 
 
-@kernel
+@kernel(inline="always")
 def _near(tracks, predicted, look, origins):
     """Which tracks and detections (n, k) may be in a gate: a circle about it, and no other identity."""
     (n, r), (k, axes) = predicted.w.shape, look.z.shape
@@ -204,7 +204,7 @@ def positions_of(look):
     return place, variance
 
 
-@kernel
+@kernel(inline="always")
 def _condition(tracks, predicted, modes, look, associations):
     """Moment match of every mode over a miss and its detections, in place; returns the probability (n,) that
     a track exists and was detected."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.kernels import ONE, kernel
+from gmr_gym.kernels import ONE, ZERO, kernel
 from gmr_gym.linalg import cholesky_into, mahalanobis_squared
 from gmr_gym.mixture import match
 from gmr_gym.models.intervals import switching_over, transition
@@ -36,7 +36,7 @@ class Banks(NamedTuple):
     time: np.ndarray
 
 
-@kernel
+@kernel(inline="always")
 def mix(banks, modes, time):
     """Mix the modes of every track over the interval from its own time to `time`, in place (see
     `imm.mix_and_predict`; no mode is moved yet)."""
@@ -109,7 +109,7 @@ def normalised_innovation(banks, predicted, modes, look, i, j):
     """Squared innovation of detection j, normalised by the covariance of the mixture of the modes of track
     i."""
     r, one = banks.w.shape[1], np.zeros(banks.w.shape[1], np.int64)
-    m, P = at_detection(banks, predicted, modes, look, (i, 0, j))
+    m, P = at_detection(banks, predicted, modes, look, (i, ZERO, j))
     q = len(compared(m, P, look, j)[0])
     off, S, L = np.empty((r, q)), np.empty((r, q, q)), np.zeros((q, q))
     for mode in range(r):

@@ -130,7 +130,7 @@ def follow(targets, span, assumed, look, origins, beam, sensor):
     return x, P, (unassigned, found, gated, best, weight, nis)
 
 
-@kernel
+@kernel(inline="always")
 def _review(targets, i, rules, event, state):
     """Note in the life of target i whether a miss counted and whether there was a detection, and set its
     status."""
@@ -156,14 +156,14 @@ def _review(targets, i, rules, event, state):
         lives.status[i] = COASTED if lives.hits[i, 0] == MISSED else CONFIRMED
 
 
-@kernel
+@kernel(inline="always")
 def _confirmed(hits, existence, rules):
     if rules.confirm_looks == 0:
         return existence >= rules.confirm_existence
     return (hits[: rules.confirm_looks] == HIT).sum() >= rules.confirm_hits
 
 
-@kernel
+@kernel(inline="always")
 def _ended(lives, i, known, existence, rules, time):
     """Whether track i is to be deleted; a tentative one of M of N also when its N looks are over."""
     hits = lives.hits[i]

@@ -178,3 +178,44 @@ def test_what_is_wrong_with_a_scan_is_named(arguments, message):
     tracker.update(1.0, [])
     with pytest.raises(ValueError, match=message):
         tracker.update(**arguments)
+
+
+def test_sensors_of_two_kinds_follow_one_track():
+    polar = SensorSpec(
+        "polar", "polar", (300.0, -500.0, 0.0), (5.0, 0.01), detection_probability=0.9, clutter_per_scan=1.0
+    )
+    tracker, rng = LiveTracker(model(sensors=[RADAR, polar])), np.random.default_rng(0)
+    for t in range(10):
+        place = np.array([-100.0 + 20 * t, 5.0 * t])
+        away = place - [300.0, -500.0]
+        if t % 2:
+            z = np.array([np.hypot(*away), np.arctan2(away[1], away[0])]) + rng.normal(0, [5.0, 0.01])
+        else:
+            z = place + rng.normal(0, 5, 2)
+        rows = tracker.update(float(t), [z], sensor=t % 2)
+        assert rows.track.tolist() == [1] and rows.detection.tolist() == [0]
+    assert rows.status[0] == CONFIRMED
+    assert np.linalg.norm(rows.x[0, :2] - place) < 10 and np.linalg.norm(rows.x[0, 2:] - [20, 5]) < 4
+
+
+def test_a_radar_with_elevation_tracks_in_space():
+    radar = SensorSpec(
+        "radar",
+        "polar",
+        (0.0, 0.0, 50.0),
+        (10.0, 0.002, 0.002),
+        detection_probability=0.9,
+        clutter_per_scan=1.0,
+    )
+    space = (-2e4, -2e4, 0.0), (2e4, 2e4, 1e4)
+    tracker, rng = LiveTracker(model(sensors=[radar], box=space, max_speed=200.0)), np.random.default_rng(0)
+    for t in range(12):
+        place = np.array([5000.0 + 100 * t, -3000.0 + 80 * t, 2000.0 - 10 * t])
+        away = place - [0.0, 0.0, 50.0]
+        level = np.hypot(*away[:2])
+        z = [np.hypot(level, away[2]), np.arctan2(away[1], away[0]), np.arctan2(away[2], level)]
+        rows = tracker.update(float(t), [z + rng.normal(0, [10.0, 0.002, 0.002])])
+    assert rows.track.tolist() == [1] and rows.status[0] == CONFIRMED
+    assert rows.x.shape == (1, 6) and rows.P.shape == (1, 6, 6)
+    off = rows.x[0] - [*place, 100, 80, -10]
+    assert off @ np.linalg.solve(rows.P[0], off) < 22.5  # 99.9 % of six degrees of freedom
