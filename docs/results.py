@@ -21,6 +21,7 @@ import hashlib
 import io
 import json
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -43,6 +44,7 @@ from gmr_gym.version import __version__  # noqa: E402
 FOLDER = ROOT / "docs" / "results"
 ASKED = ("command", "needs", "table", "columns", "across", "figure", "left")  # written by hand
 BELOW = {"seed": "seed %s", "runs": "%s runs"}  # what a reader sees of them
+BLOCK = re.compile(r"^```python\n(.*?)^```$", re.M | re.S)
 KNOWN = ("version", "seed", "runs", "date", "source")  # by the command
 
 
@@ -102,10 +104,8 @@ def with_imported(files: Iterable[Path]) -> set[Path]:
 @cache
 def imported(file: Path) -> tuple[Path, ...]:
     """Files of the project that a file imports, wherever in it."""
-    if file.suffix != ".py":
-        return ()
     names = set()
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(python(file))):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -116,12 +116,20 @@ def imported(file: Path) -> tuple[Path, ...]:
     )
 
 
+def python(file: Path) -> str:
+    """The Python of a file: of a page its blocks, of others but Python none."""
+    if file.suffix == ".md":
+        return "".join(BLOCK.findall(file.read_text(encoding="utf-8")))
+    return file.read_text(encoding="utf-8") if file.suffix == ".py" else ""
+
+
 @cache
 def meaning(file: Path) -> str:
-    """The text of a file, whatever its bytes; of Python without comments, docstrings and blank lines."""
-    written = file.read_text(encoding="utf-8", errors="backslashreplace")
-    if file.suffix != ".py":
-        return written
+    """The text of a file, whatever its bytes; of Python without comments, docstrings and blank lines, of a
+    page its Python alone."""
+    if file.suffix not in (".py", ".md"):
+        return file.read_text(encoding="utf-8", errors="backslashreplace")
+    written = python(file)
     lines = written.splitlines()
     for token in tokenize.generate_tokens(io.StringIO(written).readline):
         if token.type == tokenize.COMMENT:

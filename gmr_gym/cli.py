@@ -19,6 +19,7 @@ from gmr_gym.experiments.options import (
     Backend,
     EnvId,
     Environments,
+    Example,
     Format,
     GridSettings,
     Jobs,
@@ -35,6 +36,7 @@ from gmr_gym.experiments.options import (
     Shard,
     Tables,
     TrackerNames,
+    completing,
     tracker_option,
 )
 from gmr_gym.experiments.papers.registry import PAPERS
@@ -360,6 +362,46 @@ def watch(
                 progress=report,
             )
     _show([f"written to {out}"])
+
+
+@command()
+def reduce(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="MIXTURE", help=".json, .npz or .csv; or give --example")
+    ] = None,
+    *,
+    method: Annotated[
+        list[str],
+        typer.Option(
+            "--method",
+            help="NAME or NAME:key=value,key=value of a reduction; repeatable, to 4; runnalls unless given",
+            autocompletion=completing(dict.fromkeys(reductions(), "")),
+        ),
+    ] = [],  # noqa: B006
+    example: Example = None,
+    components: Annotated[
+        int | None,
+        typer.Option("--components", help="how many remain; half of them unless given, and 1 on a page"),
+    ] = None,
+    axes: Annotated[
+        str, typer.Option("--axes", help="two coordinates that a page draws; 1,2 unless given")
+    ] = "",
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            help="a page, .html, of every step; or the mixture reduced by one method, .json, .npz or .csv",
+        ),
+    ] = Path("reduction.html"),
+) -> None:
+    """A mixture reduced by several methods: what each loses and takes, and every merge to watch."""
+    from gmr_gym.experiments import reducing, specs
+
+    specs.check_ending("--out", out, *reducing.ENDINGS)
+    specs.check_writable(out, beside=file)
+    specs.check_once("--method", method)
+    name, mixture = reducing.mixture_asked(file, example)
+    _show(reducing.reduction(name, mixture, method or ["runnalls"], components, axes, out))
 
 
 @command()

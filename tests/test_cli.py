@@ -31,15 +31,17 @@ from gmr_gym.evaluation.curves import CURVES
 from gmr_gym.evaluation.loop import play
 from gmr_gym.evaluation.montecarlo import run
 from gmr_gym.evaluation.summary import FEWEST, summary
+from gmr_gym.experiments.mixtures import crouse, read_mixture
 from gmr_gym.experiments.output import RUN_COLUMNS, write_runs
 from gmr_gym.filters.registry import GROUP, MULTI_TARGET_GROUP, make_tracker, trackers
-from gmr_gym.reduction.registry import REDUCERS
-from gmr_gym.replay import lineup
+from gmr_gym.reduction.registry import REDUCERS, reducer
+from gmr_gym.replay import lineup, reduction_page
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
 from gmr_gym.simulation.single_target import draw, scan
 
+CROUSE = "reduce", "--example", "crouse"
 JUMP, TURNING, RADAR = (f"gmr_gym/{name}-v0" for name in ("JumpMarkov", "TurningTarget", "AirborneRadar"))
 
 
@@ -413,6 +415,25 @@ def test_watch_pictures_one_scan_by_several_trackers(call):
         assert picture.width == 600
 
 
+def test_reduce_leaves_a_page_of_every_method_and_shows_what_each_costs(call):
+    code, printed, errors = call("reduce", "--example", "crouse", "--method", "runnalls", "--method", "west")
+    assert code == 0 and "written to reduction.html" in printed and "reducing: 18 of 18" in errors
+    assert "crouse: 10 components to 5" in printed
+    (row,) = [line.split("|")[1:] for line in printed.splitlines() if line.startswith("| runnalls")]
+    assert [cell.strip() for cell in row[:3]] == ["runnalls", "5", "0.02663"]
+    text = reduction_page(crouse(), ["runnalls", "west"], title="crouse")
+    assert Path("reduction.html").read_text(encoding="utf-8") == text
+
+
+def test_reduce_writes_the_mixture_that_one_method_leaves(call):
+    assert call("reduce", "--example", "crouse", "--components", 6, "--out", "p.csv")[0] == 0
+    code, printed, _ = call("reduce", "p.csv", "--method", "adaptive:loss_bound=0", "--out", "q.json")
+    assert code == 0 and "p: 6 components to 3" in printed
+    q = read_mixture(Path("p.csv"))
+    np.testing.assert_array_equal(q.m, reducer("runnalls", 6)(crouse())[0].m)
+    np.testing.assert_array_equal(read_mixture(Path("q.json")).m, reducer("runnalls", 3)(q)[0].m)
+
+
 def test_record_writes_the_detections_and_the_truth_of_the_episode(call):
     code, _, _ = call(
         "record", TURNING, "--set", "horizon=6", "--seed", 5, "--out", "z.csv", "--truth", "x.csv"
@@ -609,6 +630,25 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         ),
         (("watch", JUMP, "--tracker", "pda"), f"'pda' cannot run in {JUMP}: this tracker knows one motion"),
         (("watch", TURNING, "--out", "z.csv/f.html"), "error: z.csv: not a directory"),
+        (("reduce",), "give one mixture: a file, or --example, one of crouse, posterior"),
+        (("reduce", "z.csv", "--example", "crouse"), "give one mixture: a file, or --example, one of crouse"),
+        (("reduce", "--example", "cruse"), "unknown example 'cruse'; choose one of crouse, posterior"),
+        (("reduce", "p.txt"), "MIXTURE must end in .json or .npz or .csv, got 'p.txt'"),
+        (("reduce", "missing.csv"), "error: missing.csv: no such file or directory"),
+        (("reduce", "z.csv"), "z.csv: expected the header w,m1,P11, got 'time,x,y'"),
+        ((*CROUSE, "--out", "p.txt"), "--out must end in .html or .json or .npz or .csv, got 'p.txt'"),
+        ((*CROUSE, "--components", 11), "--components must be from 1 to the 10 of crouse, got 11"),
+        ((*CROUSE, "--method", "wst"), "unknown reduction 'wst'; did you mean 'west'?"),
+        ((*CROUSE, "--axes", "1,2"), "--axes is for coordinates of more than one dimension"),
+        ((*CROUSE, "--axes", "1,2", "--out", "p.csv"), "--axes is for a page, and p.csv is a mixture"),
+        (
+            ("reduce", "--example", "posterior", "--axes", "0,1"),
+            "--axes must be two different ones of 1 to 4",
+        ),
+        (
+            (*CROUSE, "--method", "west", "--method", "ise", "--out", "p.csv"),
+            "p.csv takes the mixture of one --method, got 2; a page takes more",
+        ),
         (("track", "missing.csv", *TRACK[2:]), "error: missing.csv: no such file or directory"),
         (("evaluate", TURNING, "--tracker", "pda", "--out", "z.csv"), "error: z.csv: not a directory"),
         ((*EVALUATE, "imm-pda", "--json", "z.csv/f.json"), "error: z.csv: not a directory"),
@@ -776,9 +816,10 @@ def test_a_kernel_that_is_interrupted_while_it_is_called_stops_the_command_as_ct
     [
         ((*TRACK, "--out", "./z.csv"), "z.csv"),
         (("record", TURNING, "--out", "z.csv", "--truth", "./z.csv"), "z.csv"),
+        (("reduce", "z.csv", "--out", "./z.csv"), "z.csv"),
         (("evaluate", TURNING, "--tracker", "pda", "--out", "e", "--json", "e/runs.csv"), "e/runs.csv"),
     ],
-    ids=["track over what it reads", "truth over detections", "figures over runs"],
+    ids=["track over what it reads", "truth over detections", "mixture", "figures over runs"],
 )
 def test_no_command_writes_over_what_it_reads_or_writes_twice_to_one_file(call, words, lost):
     Path("z.csv").write_text("time,x,y\n1.0,0,0\n2.0,5,5\n3.0,7,7\n")

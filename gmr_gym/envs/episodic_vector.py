@@ -23,7 +23,7 @@ UNDRAWN = "vector environments are not rendered; make a single one to render"
 
 
 class EpisodicVectorEnv(gym.vector.VectorEnv):
-    """`num_envs` independent episodes of one scenario, stepped by one call, as many `EpisodicEnv`s would be.
+    """`num_envs` independent episodes of one scenario, stepped by one call: bit for bit as many single ones.
 
     A subclass scores actions, begins episodes and emits scans by the methods at the end.
     """

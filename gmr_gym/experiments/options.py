@@ -16,6 +16,10 @@ from gmr_gym.experiments.papers.registry import PAPERS, paper_named
 
 TRACKED = {env_id: line for env_id, line in ABOUT.items() if env_id != TUNING}
 FORMATS = ("table", "markdown", "csv", "latex", "json")
+EXAMPLES = {
+    "crouse": "ten components in one dimension, of Crouse et al. 2011",
+    "posterior": "hypotheses of a turning target before their reduction",
+}
 MODELS = {"constant-velocity": "a target whose velocity changes by a random acceleration"}
 
 Named = Mapping[str, str]  # what a shell completes to, each with a line about it
@@ -24,8 +28,9 @@ Named = Mapping[str, str]  # what a shell completes to, each with a line about i
 def choice(what: str, names: Collection[str]) -> dict[str, Any]:
     """Arguments of an option or argument that takes one of these names, and no other."""
 
-    def check(ctx: typer.Context, value: str) -> str:
-        if not ctx.resilient_parsing and value not in names:  # while a shell completes, there may be none
+    def check(ctx: typer.Context, value: str | None) -> str | None:
+        absent = value is None or ctx.resilient_parsing  # while a shell completes, there may be none
+        if not absent and value not in names:
             one = "one of " if len(names) > 1 else ""
             raise ValueError(f"unknown {what} {value!r}; choose {one}{', '.join(names)}")
         return value
@@ -112,6 +117,15 @@ MoreTrackers = Annotated[
         "--tracker",
         help="also this tracker, a row more in every table; NAME or NAME:key=value,key=value; repeatable",
         autocompletion=complete_tracker,
+    ),
+]
+Example = Annotated[
+    str | None,
+    typer.Option(
+        "--example",
+        metavar="|".join(EXAMPLES),
+        help="a mixture to try",
+        **choice("example", EXAMPLES),
     ),
 ]
 Settings = Annotated[list[str], typer.Option("--set", help="key=value for the environment")]

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
+from inspect import signature
+from typing import Any
 
 from gmr_gym.catalogue import reduction_entry_points, reductions
 from gmr_gym.checks import check_not_negative
@@ -41,7 +43,7 @@ REDUCERS: dict[str, Callable] = {
 }
 
 
-def reducer(name: str, components: int) -> partial:
+def reducer(name: str, components: int, **parameters: Any) -> partial:
     """The reduction of that name to `components`, a function of a mixture.
 
     Parameters
@@ -51,11 +53,14 @@ def reducer(name: str, components: int) -> partial:
         is a function of (mixture, components).
     components : int
         Upper limit of the number of components that remain.
+    **parameters
+        Further parameters of the reduction.
 
     Raises
     ------
     ValueError
-        For an unknown name, suggesting the nearest one, and for a function that cannot be imported.
+        For an unknown name, suggesting the nearest one, for a function that cannot be imported, and for a
+        parameter that it does not take.
 
     Examples
     --------
@@ -65,8 +70,17 @@ def reducer(name: str, components: int) -> partial:
     >>> len(q.w)
     2
     """
-    if name in REDUCERS:
-        return partial(REDUCERS[name], components=components)
+    reduction = REDUCERS[name] if name in REDUCERS else _imported(name)
+    for parameter in parameters:
+        _, *accepted = (key for key in signature(reduction).parameters if key != "components")
+        if parameter not in accepted:
+            takes = ", ".join(accepted) or "none"
+            raise ValueError(f"reduction {name!r} takes no parameter {parameter!r}; it takes {takes}")
+    return partial(reduction, components=components, **parameters)
+
+
+def _imported(name: str) -> Callable:
+    """The reduction that an installed package gives the name, or "module:function"."""
     point = reduction_entry_points().get(name)
     module, colon, function = (point.value if point else str(name)).partition(":")
     if not colon:
@@ -78,7 +92,7 @@ def reducer(name: str, components: int) -> partial:
             "one of your own is MODULE:FUNCTION)"
         )
     try:
-        return partial(getattr(import_module(module), function), components=components)
+        return partial(getattr(import_module(module), function))
     except (ImportError, AttributeError, ValueError, TypeError) as error:
         raise ValueError(f"reduction {name!r} is no function that can be imported: {error}") from None
 

@@ -1,6 +1,7 @@
 """A recording as one HTML page that needs nothing else: no network, no server, no library."""
 
 import json
+from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 
@@ -25,7 +26,7 @@ PAGE = """<!doctype html>
 <script type="application/json" class="gmr-data">{data}</script>
 <script>
 {js}
-GmrPlayer.start(
+{name}.start(
   document.querySelector(".gmr-player"),
   JSON.parse(document.querySelector(".gmr-data").textContent)
 );
@@ -48,19 +49,37 @@ def page(recording: Recording) -> str:
         HTML: the recording, the player and its style. It loads nothing.
     """
     data = _data(recording)
-    css = (PLAYER / "player.css").read_text(encoding="utf-8")
+    title = f"{data['title']}: {f'{recording.environment} seed {recording.seed}'.strip()}"
+    return document(title, data, "GmrPlayer", [PLAYER / "player.css"], sorted(PLAYER.glob("*.js")))
+
+
+def document(title: str, data: dict, name: str, styles: Iterable[Path], parts: Iterable[Path]) -> str:
+    """A page that loads nothing.
+
+    Parameters
+    ----------
+    title : str
+    data : dict
+        What `start` of the script is given, beside the element to fill.
+    name : str
+        All that the script defines.
+    styles : iterable of Path
+        Style sheets.
+    parts : iterable of Path
+        Parts of the script, one of which has a function `start`.
+
+    Returns
+    -------
+    str
+        HTML.
+    """
+    css, js = ("\n".join(part.read_text(encoding="utf-8") for part in files) for files in (styles, parts))
+    js = f'var {name} = (function () {{\n"use strict";\n\n{js}\nreturn {{ start }};\n}})();'
     # within a script element no text can end it, and no line separator is bare
     text = json.dumps(data, separators=(",", ":"))
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
-    title = f"{data['title']}: {f'{recording.environment} seed {recording.seed}'.strip()}"
-    return PAGE.format(title=escape(title), css=css, data=text, js=_script())
-
-
-def _script() -> str:
-    """The parts of the player as one script, which defines GmrPlayer and nothing else."""
-    parts = "\n".join(part.read_text(encoding="utf-8") for part in sorted(PLAYER.glob("*.js")))
-    return f'var GmrPlayer = (function () {{\n"use strict";\n\n{parts}\nreturn {{ start }};\n}})();'
+    return PAGE.format(title=escape(title), css=css, data=text, js=js, name=name)
 
 
 def write_page(recording: Recording, out: Path | str) -> None:

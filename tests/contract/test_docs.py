@@ -27,8 +27,10 @@ RUN = (
     "merge",
     "record",
     "track",
+    "reduce",
     "list",
 )  # commands that take a second; the rest have tests of their own
+LONG = re.compile(r"^(STEPS|EPISODES) = [\d_]+", re.M)  # of training and judging: minutes, for a reader
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"\n]+)\")?\n(.*?)^```$", re.M | re.S)
 NUMBER = re.compile(r"(?<!\w)-?\d+(?:\.\d+)?(?:e-?\d+)?")
 TOCTREE = re.compile(r"^```{toctree}\n(.*?)^```$", re.M | re.S)
@@ -63,6 +65,7 @@ def without(words, *options):
 
 def execute(language, title, text, namespace):
     if language == "python":
+        text = LONG.sub(r"\1 = 1", text)
         if title:
             Path(title).write_text(text, encoding="utf-8")
             text = f"from {title.removesuffix('.py')} import *"

@@ -47,6 +47,26 @@ def test_a_table_is_older_than_its_code_where_that_has_changed(name, text, same,
     assert results.is_current(head) is same
 
 
+@pytest.mark.parametrize(
+    ("name", "old", "new", "same"),
+    [
+        ("page.md", "step()", "step(2)", False),
+        ("room/gate.py", "9", "16", False),
+        ("page.md", "Prose", "More prose", True),
+        ("page.md", "# the step", "", True),
+    ],
+)
+def test_of_a_page_its_python_counts_and_what_that_imports(name, old, new, same, tmp_path, monkeypatch):
+    files = {
+        "page.md": "Prose.\n\n```python\nfrom tracker import step  # the step\n\nstep()\n```\n",
+        "room/gate.py": "def gate(x):\n    return x < 9\n",
+    }
+    tree(tmp_path / "before", monkeypatch, **files)
+    before = results.source("page.md")
+    tree(tmp_path / "after", monkeypatch, **files | {name: files[name].replace(old, new)})
+    assert (results.source("page.md") == before) is same
+
+
 def test_a_file_of_any_bytes_may_be_needed(tmp_path, monkeypatch):
     tree(tmp_path, monkeypatch)
     for name, content in (("before.npz", b"PK\xff\x00"), ("after.npz", b"PK\xfe\x00")):

@@ -17,6 +17,7 @@ const KEYS = [
   ["?", "this help"],
 ];
 const OF_TRACES = [", .", "m", "l"]; // keys that act where there are hypotheses before the reduction
+const keysOf = ({ traced }) => KEYS.filter(([key]) => traced || !OF_TRACES.includes(key));
 const gesturesOf = ({ traced, many }) =>
   "Drag to move, wheel or two fingers to zoom. Drag on a chart to go through the scans. " +
   `Click a ${many ? "component" : "hypothesis"} or a detection to see ` +
@@ -24,11 +25,11 @@ const gesturesOf = ({ traced, many }) =>
 
 /** Fill the player's element; the pieces that change, by name. */
 function build(player) {
-  const { root, episode, panels, strips } = player;
+  const { root, episode, strips } = player, { title, environment, seed } = episode;
   const pieces = {
     time: timeSlider(player),
     chosen: make("div", { class: "gmr-chosen", "aria-live": "polite" }),
-    help: helpBox(player),
+    help: helpBox(player, keysOf(player.episode), gesturesOf(player.episode)),
     ...transport(player),
   };
   pieces.charts = make("div", { class: "gmr-strips" }, pieces.time, ...strips.map(({ node }) => node));
@@ -36,24 +37,13 @@ function build(player) {
   root.classList.add("gmr");
   root.tabIndex = -1; // a click gives it the keys
   root.replaceChildren(
-    header(player),
-    make("div", { class: "gmr-panels", "data-count": panels.length }, ...panels.map(({ node }) => node)),
+    header(player, title || environment, `${environment} seed ${seed}`.trim()),
+    panelsOf(player),
     pieces.transport,
     make("div", { class: "gmr-below" }, pieces.charts, pieces.aside),
     pieces.help,
   );
   return pieces;
-}
-
-function header(player) {
-  const { title, environment, seed } = player.episode, about = `${environment} seed ${seed}`.trim();
-  const shade = () => player.shade(player.root.dataset.theme === "light");
-  return make(
-    "header", {},
-    make("div", {}, make("h2", {}, title || environment), make("span", {}, about)),
-    button("plain", "Light or dark", shade, icon("theme")),
-    button("plain", "Keys and help", () => player.toggleHelp(), "?"),
-  );
 }
 
 function timeSlider(player) {
@@ -77,21 +67,18 @@ function transport(player) {
     "div", { class: "gmr-bar" },
     button("step", "Scan back", () => player.go(player.show.t - 1), icon("back")), pieces.play,
     button("step", "Scan forward", () => player.go(player.show.t + 1), icon("forward")), pieces.clock,
-    choice("Speed", SPEEDS.map(speedOption), player.speed, (value) => { player.speed = Number(value); }),
+    speedChoice(player, SPEEDS, "scan"),
   );
   pieces.transport = make(
     "div", { class: "gmr-transport", role: "group", "aria-label": "Playback and view" },
     pieces.bar, ...(pieces.stages ? [pieces.stages] : []), make("div", {}, ...Object.values(pieces.switches)),
     make(
       "div", {}, pieces.views, button("toggle", "Fit the whole path", () => player.look("whole"), "fit"),
-      button("plain", "Zoom out", () => player.zoom(1 / ZOOM), icon("minus")),
-      button("plain", "Zoom in", () => player.zoom(ZOOM), icon("plus")),
+      ...zoomButtons(player),
     ),
   );
   return pieces;
 }
-
-const speedOption = (speed) => [speed, `${speed} scan${speed === 1 ? "" : "s"}/s`];
 
 function stageSlider(player) {
   const stage = make("input", {
@@ -130,17 +117,6 @@ const viewsOf = ({ many, radar }) => [
   ["free", "free view"],
 ];
 
-function helpBox(player) {
-  const { episode } = player;
-  const acting = KEYS.filter(([key]) => episode.traced || !OF_TRACES.includes(key));
-  const rows = acting.map(([key, what]) => make("div", {}, make("kbd", {}, key), what));
-  return make(
-    "div", { class: "gmr-help", hidden: "", role: "dialog", "aria-label": "Keys and help" },
-    make("h3", {}, "Keys"), ...rows, make("p", {}, gesturesOf(episode)),
-    button("close", "Close the help", () => player.toggleHelp(), "close"),
-  );
-}
-
 /** What the marks of the panels mean. */
 function keyOf({ many, traced }) {
   const weight = `${SIGMAS}σ; weight as opacity`;
@@ -156,7 +132,5 @@ function keyOf({ many, traced }) {
     ["ellipse clutter", "true clutter, 95 %"],
     ["ellipse guess", "clutter assumed or learned"],
   ];
-  const rows = [["detection", "detections"], ["path truth", "true path"], ...(many ? several : one)];
-  const item = ([kind, text]) => make("li", {}, make("i", { class: `gmr-mark ${kind}` }), text);
-  return make("ul", { class: "gmr-key" }, ...rows.map(item));
+  return keyList([["detection", "detections"], ["path truth", "true path"], ...(many ? several : one)]);
 }

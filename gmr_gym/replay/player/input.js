@@ -49,8 +49,9 @@ function pinch(player, panel, [a, b], [c, d]) {
   player.zoom(gap(c, d) / Math.max(gap(a, b), 1), panel, X, Y);
 }
 
-/** Keys go to the player that has the focus, or to the first of the page where nothing has. */
-function listenToKeys(player) {
+/** Keys, each with what it does, go to the player that has the focus, or to the first of the page where nothing
+    has. */
+function listenToKeys(player, actionsOf) {
   const { root } = player;
   document.addEventListener("keydown", (event) => {
     const { target, key } = event;

@@ -1,68 +1,35 @@
 // The player: what is shown, and how it changes in time and by hand.
 
-const NARROW = 760; // px; the style sheet has it too
 const SLOW = 2; // scans a second up to which the reduction is animated
 
 /** One recording in one element. `show` is what the panels draw: scan t, the phase of its transition (1 after
     the reduction), the share of the way that the view has gone from the scan before, what is turned on, and
     what is selected. */
-class Player {
+class Player extends Frame {
   constructor(root, episode) {
-    Object.assign(this, { root, episode, playing: false, speed: episode.traced ? 0.5 : 5 });
+    super(root);
+    Object.assign(this, { episode, speed: episode.traced ? 0.5 : 5 });
     this.show = {
       t: 0, phase: 1, way: 1, chosen: null,
       truth: true, origin: false, lines: false, merges: episode.traced,
     };
-    this.calm = window.matchMedia("(prefers-reduced-motion: reduce)");
     this.camera = new Camera(episode);
     this.panels = episode.trackers.map((tracker, i) => new Panel(episode, tracker, i));
     this.strips = chartsOf(episode, (t) => this.go(t));
     this.pieces = build(this);
-    this.tick = this.tick.bind(this);
-    this.followTheme();
-    this.resize();
-    this.panels.forEach((panel) => listen(this, panel));
-    listenToKeys(this);
-    new ResizeObserver(() => this.resize()).observe(root);
+    this.open(actionsOf);
   }
 
   // ---- look of the page
 
   resize() {
-    const { bar, charts, time } = this.pieces, { plane } = this.panels[0];
-    this.narrow = this.root.clientWidth < NARROW;
-    // on a phone the slider stays in sight with the buttons; else it lies over the charts
-    const home = this.narrow ? bar : charts;
-    if (time.parentNode !== home) home.prepend(time);
-    for (const panel of this.panels) panel.plane.resize();
+    const { plane } = this.panels[0];
+    this.layOut();
     const side = Math.min(plane.width, plane.height), first = !this.camera.side;
     if (!side) return; // hidden
     this.camera.resize(side);
     if (first) this.look(this.episode.many ? "whole" : "both", true);
     this.dye();
-  }
-
-  /** Take the colours of the style sheet. */
-  dye() {
-    this.ink = inkOf(this.root);
-    this.strips.forEach((strip) => strip.paint(this.ink));
-    this.wake();
-  }
-
-  /** Light or dark as the reader's system is, also when that changes. */
-  followTheme() {
-    const system = window.matchMedia("(prefers-color-scheme: dark)");
-    system.addEventListener("change", () => this.shade(system.matches));
-    this.shade(system.matches);
-  }
-
-  shade(dark) {
-    this.root.dataset.theme = dark ? "dark" : "light";
-    this.dye();
-  }
-
-  toggleHelp() {
-    this.pieces.help.hidden = !this.pieces.help.hidden;
   }
 
   escape() {
@@ -135,11 +102,8 @@ class Player {
       this.go(t);
       this.choose(selection(chosen.panel, t, { kind: "kept", i }));
     };
-    const { aside, chosen: box } = this.pieces;
     this.show.chosen = chosen;
-    box.replaceChildren(...(chosen ? describe(this.episode, chosen, go) : []));
-    if (this.narrow && chosen) chosen.panel.node.append(box);
-    else aside.prepend(box);
+    this.tell(chosen ? describe(this.episode, chosen, go) : [], chosen && chosen.panel);
     this.wake();
   }
 
@@ -188,15 +152,6 @@ class Player {
     if (!this.animated()) this.show.way = 1;
   }
 
-  play(playing) {
-    const { play } = this.pieces, name = playing ? "Pause" : "Play";
-    this.playing = playing;
-    play.replaceChildren(icon(playing ? "pause" : "play"));
-    play.setAttribute("aria-label", name);
-    play.title = name;
-    this.wake();
-  }
-
   animated() {
     return this.show.merges && this.speed <= SLOW && !this.calm.matches;
   }
@@ -218,21 +173,9 @@ class Player {
 
   // ---- frames
 
-  /** Ask for one frame; a frame asks for the next only while something moves. */
-  wake() {
-    if (this.asked) return;
-    this.asked = true;
-    requestAnimationFrame(this.tick);
-  }
-
-  tick(now) {
-    const seconds = this.before ? Math.min(0.1, (now - this.before) / 1000) : 1 / 60;
-    this.asked = false;
+  move(seconds) {
     if (this.playing) this.advance(seconds * this.speed);
-    const moving = this.camera.settle(seconds) || this.playing;
-    this.before = moving ? now : 0;
-    this.draw();
-    if (moving) this.wake();
+    return this.camera.settle(seconds) || this.playing;
   }
 
   draw() {

@@ -135,7 +135,11 @@ class LineStrip extends Strip {
     if (value === 0 || Y < 6) return;
     ctx.fillStyle = this.ink.faint;
     ctx.textAlign = "right";
-    ctx.fillText(this.unit ? metres(value, value) : String(value), GUTTER - 6, Y);
+    ctx.fillText(this.label(value), GUTTER - 6, Y);
+  }
+
+  label(value) {
+    return this.unit ? metres(value, value) : String(value);
   }
 
   paintSeries(ctx, { values, before, colour, lost }, i) {
