@@ -3,6 +3,7 @@ completion wait for nothing."""
 
 import signal
 import sys
+import warnings
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
@@ -533,7 +534,9 @@ def main() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     spell_out(sys.stdout, sys.stderr)
     try:
-        app()
+        with warnings.catch_warnings():
+            warnings.showwarning = partial(_show_warning, warnings.showwarning)
+            app()
     except Exception as error:
         if not _of_the_user(error):
             raise
@@ -541,6 +544,14 @@ def main() -> None:
 
         Console(stderr=True, soft_wrap=True).print(f"error: {_line(error)}", style="red", markup=False)
         sys.exit(2)
+
+
+def _show_warning(usual: Any, message: Warning | str, category: type[Warning], *place: Any) -> None:
+    """A warning to who typed the command is one line without a place in the code; all others are as usual."""
+    if category is UserWarning:
+        print(f"warning: {message}", file=sys.stderr)
+    else:
+        usual(message, category, *place)
 
 
 def _of_the_user(error: Exception) -> bool:

@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+import warnings
 from importlib.metadata import entry_points, version
 from inspect import getdoc, signature
 from pathlib import Path
@@ -34,7 +35,7 @@ from gmr_gym.experiments.mixtures import crouse, read_mixture
 from gmr_gym.experiments.output import RUN_COLUMNS, write_runs
 from gmr_gym.filters.registry import GROUP, MULTI_TARGET_GROUP, make_tracker, trackers
 from gmr_gym.reduction.registry import REDUCERS, reducer
-from gmr_gym.replay import reduction_page
+from gmr_gym.replay import lineup, reduction_page
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
@@ -373,6 +374,29 @@ def test_watch_leaves_a_page_of_several_trackers_unless_it_is_told_otherwise(cal
     assert text == gmr_gym.show(TURNING, "pda", "nearest-neighbour", seed=3, scans=4).page
     assert call(*words, "--out", "again.html")[0] == 0
     assert Path("again.html").read_text(encoding="utf-8") == text
+
+
+class Nowhere:
+    """A tracker whose estimate is not finite."""
+
+    def __init__(self, model):
+        self.model, self.base = model, make_tracker("pda", model)
+
+    def init(self):
+        return self.base.init()
+
+    def step(self, belief, z):
+        belief, report = self.base.step(belief, z)
+        return belief, report._replace(x=np.nan * report.x)
+
+
+def test_a_warning_is_a_line_without_a_place_in_the_code(call, monkeypatch):
+    monkeypatch.setattr(lineup, "tracker_of", lambda name, scenario: Nowhere(scenario.model))
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        code, _, errors = call("watch", TURNING, "--tracker", "mine", "--scans", 2)
+    said = "warning: tracker 'mine' reported numbers that are not finite in 2 of 2 scans; they are not shown"
+    assert code == 0 and said in errors.splitlines() and ".py" not in errors
 
 
 def test_a_page_names_the_settings_of_its_environment(call):

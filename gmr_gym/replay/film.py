@@ -1,5 +1,6 @@
 """An episode as a film, or a scan of it as a picture: what the sensor saw, and what trackers made of it."""
 
+import errno
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
@@ -70,6 +71,8 @@ def film(
         another fps, and reports of wrong shapes.
     ImportError
         When a .mp4 needs the extra `video`.
+    OSError
+        Naming the file.
     """
     out = Path(out)
     check_film(out, frame, size, fps)
@@ -174,19 +177,24 @@ def _many(scenario: MultiTargetScenario, tracker: Any, episode: Any, name: str =
 
 
 def _mp4(out: Path, pictures: Iterable[np.ndarray], total: int, fps: float) -> None:
+    video = _video()
     stream: Any = None
     for picture in pictures:
         height, width = (side - side % 2 for side in picture.shape[:2])
         if stream is None:
-            stream = _video()(str(out), (width, height), fps=fps, macro_block_size=2)
+            stream = video.write_frames(str(out), (width, height), fps=fps, macro_block_size=2)
             stream.send(None)
         stream.send(np.ascontiguousarray(picture[:height, :width]))
     stream.close()
-
-
-def _video() -> Callable[..., Any]:
     try:
-        from imageio_ffmpeg import write_frames
+        video.count_frames_and_secs(str(out))
+    except RuntimeError:  # it does not say so itself
+        raise OSError(errno.EIO, "ffmpeg could not write the film to its end", str(out)) from None
+
+
+def _video() -> Any:
+    try:
+        import imageio_ffmpeg
     except ImportError:
         raise ImportError("a .mp4 needs the extra `video`: pip install imageio-ffmpeg") from None
-    return write_frames
+    return imageio_ffmpeg

@@ -1,5 +1,7 @@
 """Films by what the extra `video` installs, read back."""
 
+from pathlib import Path
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ import pytest
 import gmr_gym  # noqa: F401  registers the environments
 from baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.envs.render import Canvas
-from gmr_gym.replay.film import _single, film
+from gmr_gym.replay.film import _single, film, write
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.simulation.single_target import draw
 
@@ -36,6 +38,18 @@ def test_an_mp4_shows_what_was_drawn_scan_by_scan(tmp_path):
     for t, picture in enumerate(films):
         apart = [np.abs(picture - one).mean() for one in drawn]  # of 255; the coding loses some
         assert np.argmin(apart) == t and apart[t] < 3, apart
+
+
+def test_an_mp4_that_ffmpeg_leaves_unfinished_is_an_error_and_no_file(tmp_path, monkeypatch):
+    def cut_off(file, *options, **more):
+        Path(file).write_bytes(b"begun")
+        while (yield) is not None:
+            pass
+
+    monkeypatch.setattr(ffmpeg, "write_frames", cut_off)
+    with pytest.raises(OSError, match="ffmpeg could not write the film to its end"):
+        write(tmp_path / "f.mp4", [np.zeros((8, 8, 3), np.uint8)] * 2, 2)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_gymnasium_records_an_environment_to_an_mp4(tmp_path):
