@@ -1,9 +1,9 @@
 """Scenarios of many targets: truth, detections and clutter, all drawn before the first scan."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,6 +44,10 @@ class MultiTargetScenario:
     def parts(self) -> Parts:
         """The true clutter of all scans, as `scans_into` draws it."""
         return parts_of([self.clutter(t) for t in range(self.horizon)])
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Its fields alone: stored runs are found by them, whether or not an episode was drawn before."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
     def most(self) -> int:
