@@ -20,7 +20,7 @@ MEASURED = {
     "y": LENGTH,
     "z": LENGTH,
 }
-READING: dict[str, type] = {
+READING: dict[str, Any] = {
     "keep": list, "where": list, "delimiter": str, "decimal": str, "encoding": str, "header": bool,
     "day": date, "drop_repeats": bool, "order": str, "reference": dict, "azimuth_convention": str,
 }  # fmt: skip

@@ -128,6 +128,7 @@ def from_arrays(
         "coordinates": tuple("xyz"[: z.shape[1]]),
     } | fields
     for name in ("range_rate", "origin", "sensor", "scan", "identity", "truth", "row"):
+        given[name] = np.asarray(given[name])
         if len(given[name]) != n:
             raise ValueError(f"{name} must have {n} entries, one for each time, got {len(given[name])}")
     return Detections(time=time, z=z, sensors=specs, **given)

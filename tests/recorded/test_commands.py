@@ -1,0 +1,166 @@
+"""The commands that read files of detections."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from gmr_gym import cli
+
+
+@pytest.fixture
+def call(tmp_path, monkeypatch, capsys):
+    """Runs a command in an empty folder: exit code, output and errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        monkeypatch.setattr("sys.argv", ["gmr-gym", *map(str, words)])
+        code = 0
+        try:
+            cli.main()
+        except SystemExit as end:
+            code = end.code
+        return code, *capsys.readouterr()
+
+    return run
+
+
+def radar(scans=30):
+    """A file of a radar at sea: two ships that cross, and clutter."""
+    rng = np.random.default_rng(3)
+    lines = ["t_utc,rho_km,theta_deg,snr"]
+    for i in range(scans):
+        ships = [(-1500 + 15 * 2.5 * i, 900.0), (800.0, -900 + 12 * 2.5 * i)]
+        for x, y in [*ships, *rng.uniform(-3000, 3000, (2, 2))]:
+            x, y = rng.normal((x, y), 4)
+            azimuth = np.degrees(np.arctan2(x, y)) % 360
+            lines.append(f"2024-05-01T10:00:{2.5 * i:06.3f}Z,{np.hypot(x, y) / 1000:.6f},{azimuth:.5f},9")
+    return "\n".join(line for line in lines if ":60." not in line)
+
+
+READ = (
+    "z.csv",
+    "--time",
+    "t_utc",
+    "--range",
+    "rho_km",
+    "--azimuth",
+    "theta_deg",
+    "--sensor-position",
+    "58.1,8.3,20",
+)
+
+
+def test_inspect_says_what_was_understood_and_tracks_nothing(call):
+    Path("z.csv").write_text(radar(20))
+    code, printed, errors = call("inspect", *READ)
+    assert code == 0 and errors == "" and [*map(str, Path().iterdir())] == ["z.csv"]
+    lines = dict(line.split(": ", 1) for line in printed.splitlines())
+    assert lines["rows"] == "80 detections, 0 looks that detected nothing"
+    assert (
+        lines["columns"]
+        == "time from t_utc as ISO 8601; range from rho_km in km, azimuth from theta_deg in deg"
+    )
+    assert (
+        lines["times"].startswith("0 to 47.5 s, 0 s is 2024-05-01 10:00:00")
+        and "every 2.5 s" in lines["scans"]
+    )
+    assert "origin at (58.1, 8.3, 20.0)" in lines["extent"] and lines["sensors"] == "one (polar, 80 rows)"
+    assert lines["metadata"] == "snr" and "clockwise from north" in lines["remark"]
+
+
+def test_track_of_many_follows_the_ships_of_a_polar_file(call):
+    Path("z.csv").write_text(radar(20))
+    words = (
+        "--targets",
+        "many",
+        "--sensor-deviation",
+        "range=4,azimuth=0.15deg",
+        "--clutter-per-scan",
+        2,
+        "--max-speed",
+        30,
+    )
+    code, printed, errors = call("track", *READ, *words)
+    assert code == 0 and errors == "" and "written to tracks.csv" in printed
+    rows = [*csv.DictReader(line for line in Path("tracks.csv").read_text().splitlines() if line[0] != "#")]
+    last = [row for row in rows if float(row["time"]) == 47.5 and row["status"] == "confirmed"]
+    places = np.array([[float(row["x_m"]), float(row["y_m"])] for row in last])
+    for ship in ((-1500 + 15 * 47.5, 900), (800, -900 + 12 * 47.5)):
+        assert np.linalg.norm(places - ship, axis=1).min() < 25
+
+
+def test_settings_in_a_file_are_overridden_by_options(call):
+    Path("z.csv").write_text("time_s,a,b\n0,1,2\n1,2,3\n")
+    Path("s.toml").write_text('[input]\nx = "a:m"\ny = "b:m"\n')
+    assert "x from a in m, y from b in m" in call("inspect", "z.csv", "--config", "s.toml")[1]
+    assert "x from a in km, y from b in m" in call("inspect", "z.csv", "--config", "s.toml", "--x", "a:km")[1]
+
+
+ONE = "--sensor-deviation", "5", "--clutter-density", "1e-6"
+
+
+def test_one_target_is_tracked_in_a_file_of_any_units(call):
+    for name, header, scale in (("m.csv", "time_s,x_m,y_m", 1), ("ft.csv", "time_ms,x_ft,y_ft", 0.3048)):
+        rows = [
+            f"{i * (1000 if 'ms' in header else 1)},{10 * i / scale!r},{5 / scale!r}" for i in range(1, 6)
+        ]
+        Path(name).write_text(f"{header}\n" + "\n".join(rows))
+    code, _, _ = call("track", "m.csv", *ONE, "--out", "a.csv")
+    assert code == 0
+    columns = "--time", "time_ms", "--x", "x_ft", "--y", "y_ft"
+    assert call("track", "ft.csv", *columns, *ONE, "--out", "b.csv")[0] == 0
+    one, other = (np.loadtxt(name, delimiter=",", skiprows=1) for name in ("a.csv", "b.csv"))
+    np.testing.assert_allclose(one[:, 1:7], other[:, 1:7], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("time,lat,lon\n0,50,1\n1,50,1\n", "column lat: no position in metres by its name; say which are"),
+        ("time,range_m,azimuth\n0,50,1\n1,50,1\n", "column azimuth: no position in metres by its name"),
+        ("time,x,y,snr\n0,1,1,9\n1,1,1,9\n", "column snr: no position in metres by its name"),
+        ("time,x_km,y_km\n0,1,1\n1,1,1\n", "column x_km: in km, not in metres; say what the columns are"),
+        ("time,x,y\n1477010443000000,1,1\n1477010443100000,1,1\n", "1477010443100000 s is 4.68e+07 years"),
+    ],
+)
+def test_what_was_tracked_silently_wrong_is_refused(call, text, message):
+    Path("z.csv").write_text(text)
+    code, printed, errors = call("track", "z.csv", *ONE)
+    assert code == 2 and printed == "" and len(errors.splitlines()) == 1 and message in errors
+    assert not Path("track.csv").exists()
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        (("--targets", "two"), "unknown targets 'two'; choose one of one, many"),
+        (("--targets", "many"), "sensor '' has no deviation; give --sensor-deviation, such as 50 (m)"),
+        (("--targets", "many", *ONE, "--confirm", "3"), "--confirm must be M/N, such as 3/5, got '3'"),
+        (("--sensor-deviation", "5"), "missing option --clutter-density"),
+        (("--clutter-density", "5"), "missing option --sensor-deviation"),
+        (
+            (*ONE, "--acceleration-deviation", "1,2"),
+            "--acceleration-deviation of one target must be one number",
+        ),
+        (
+            ("--sensor-deviation", "5 sec"),
+            "--sensor-deviation: sec is a unit of time, but a length is needed",
+        ),
+        (("--day", "1/2/2024"), "--day must be YYYY-MM-DD, got '1/2/2024'"),
+        (("--rotation-period", "-1"), "--rotation-period must be positive, got -1"),
+        (("--sensor-position", "5"), "--sensor-position: must be LAT,LON or LAT,LON,ALT"),
+    ],
+)
+def test_an_option_that_is_wrong_is_named(call, words, message):
+    Path("z.csv").write_text("time_s,x_m,y_m\n0,1,1\n1,1,1\n")
+    code, printed, errors = call("track", "z.csv", *words)
+    assert code == 2 and printed == "" and len(errors.splitlines()) == 1 and message in errors
+
+
+def test_the_help_has_the_options_by_what_they_are_of():
+    printed = CliRunner().invoke(cli.app, ["track", "--help"], env={"COLUMNS": "200"}).output
+    panels = [printed.index(f" {name} ─") for name in ("input", "sensor", "target", "tracks")]
+    assert panels == sorted(panels) and panels[1] < printed.index("--north-offset") < panels[2]
