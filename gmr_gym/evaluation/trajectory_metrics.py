@@ -87,8 +87,9 @@ def trajectory_gospa(
 
     References
     ----------
-    García-Fernández, Rahmathullah and Svensson (2020), eq. 23, "A metric on the space of finite sets of
-    trajectories for evaluation of multi-target tracking algorithms".
+    García-Fernández, Rahmathullah and Svensson (2020), "A metric on the space of finite sets of trajectories
+    for evaluation of multi-target tracking algorithms", doi 10.1109/TSP.2020.3005309: the form of linear
+    programming.
 
     Examples
     --------

@@ -94,7 +94,7 @@ OUTPUT = {
     "report": Option(Path | None, "figures of their quality, .json or .md", None),
     "truth_file": Option(Path | None, "where targets were: such a file, or that of Autoferry", None),
     "cutoff": Option(float, "m from a target beyond which a track is not of it", 50.0),
-    "only": Option(str, "tracks that were confirmed, or all: confirmed|all", "confirmed"),
+    "only": Option(str, "confirmed: tracks from their confirmation on; or all", "confirmed"),
     "overwrite": Option(bool, "replace files of many targets' tracks", False, ("--overwrite",)),
     "dry_run": Option(bool, "say what would be tracked and written, and do neither", False, ("--dry-run",)),
 }  # fmt: skip

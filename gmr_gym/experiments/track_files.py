@@ -25,7 +25,7 @@ from gmr_gym.recorded.report import ENDINGS, in_lines, in_short, write_report
 from gmr_gym.recorded.scans import Scan, cut
 from gmr_gym.recorded.tracking import track
 from gmr_gym.recorded.tracks import Tracks
-from gmr_gym.recorded.truth import Truth, is_autoferry, read_autoferry_truth, truth_from
+from gmr_gym.recorded.truth import Truth, at_times, is_autoferry, read_autoferry_truth, truth_from
 from gmr_gym.replay.page import write_page
 from gmr_gym.replay.tracked import recording_of
 
@@ -96,10 +96,9 @@ def refuse_of_one(given: Mapping[str, Any]) -> None:
 
 def planned(run: Run, asked: Mapping[str, Any]) -> list[str]:
     """What would be done, in words."""
-    files = ", ".join(str(asked[name]) for name in KINDS if asked[name])
     return [
         f"{len(run.detections.time)} detections in {len(run.scans)} scans would be tracked",
-        f"would write {files}",
+        f"would write {_named(asked)}",
     ]
 
 
@@ -126,7 +125,7 @@ def write_all(tracks: Tracks, run: Run, asked: Mapping[str, Any], truth: Truth |
     if asked["geojson"]:
         write_geojson(asked["geojson"], kept, run.detections)
     if asked["html"]:
-        write_page(recording_of(kept, run.detections, run.scans, title=run.source.name), asked["html"])
+        _write_page(asked["html"], kept, run, truth)
     if asked["mot"]:
         write_mot(asked["mot"], kept, times)
     if asked["labelled"]:
@@ -139,8 +138,19 @@ def write_all(tracks: Tracks, run: Run, asked: Mapping[str, Any], truth: Truth |
     yield from in_short(first)
     for figures in others:
         yield from in_lines(figures)
-    number = len(np.unique(kept.track))
-    yield f"{len(run.scans)} scans, {number} tracks; written to {', '.join(str(asked[n]) for n in KINDS if asked[n])}"
+    yield f"{len(run.scans)} scans, {len(np.unique(kept.track))} tracks; written to {_named(asked)}"
+
+
+def _write_page(file: Path, tracks: Tracks, run: Run, truth: Truth | None) -> None:
+    true = None
+    if truth:
+        at = np.array([scan.time for scan in run.scans])
+        true, _ = at_times(truth.time, truth.target, truth.position[:, :2], at)
+    write_page(recording_of(tracks, run.detections, run.scans, title=run.source.name, truth=true), file)
+
+
+def _named(asked: Mapping[str, Any]) -> str:
+    return ", ".join(str(asked[name]) for name in KINDS if asked[name])
 
 
 def _figures(

@@ -88,8 +88,8 @@ def check_georeferenced(detections: Detections) -> tuple[float, float, float]:
     """
     if detections.reference is None:
         raise ValueError(
-            "GeoJSON has latitudes and longitudes, but nothing says where on Earth x and y are 0: give --lat and "
-            "--lon, --sensor-position or --reference"
+            "GeoJSON has latitudes and longitudes, but nothing says where on Earth x and y are 0: give --lat "
+            "and --lon, --sensor-position or --reference"
         )
     return detections.reference
 

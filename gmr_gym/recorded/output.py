@@ -90,14 +90,12 @@ def track_columns(tracks: Tracks, detections: Detections, modes: Sequence[str] =
 
 
 def confirmed_only(tracks: Tracks) -> Tracks:
-    """The rows of the tracks that were confirmed at some time, those before that too."""
-    ever = np.unique(tracks.track[tracks.status == CONFIRMED])
-    return kept(tracks, np.isin(tracks.track, ever))
-
-
-def kept(tracks: Tracks, rows: np.ndarray) -> Tracks:
-    """The rows of tracks that a mask (m,) or indices say."""
-    return Tracks(*(column[rows] for column in tracks))
+    """The rows of confirmed tracks, each from its first confirmation to its end."""
+    keep = np.zeros(len(tracks.time), bool)
+    for track in np.unique(tracks.track[tracks.status == CONFIRMED]):
+        rows = np.flatnonzero(tracks.track == track)
+        keep[rows[np.flatnonzero(tracks.status[rows] == CONFIRMED)[0] :]] = True
+    return Tracks(*(column[keep] for column in tracks))
 
 
 def write_mot(path: Path | str, tracks: Tracks, times: np.ndarray) -> None:

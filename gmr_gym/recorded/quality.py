@@ -16,7 +16,7 @@ from gmr_gym.recorded.tracks import COASTED, CONFIRMED, Tracks
 LIKELY = 0.5  # weight from which a track took a detection
 SHORT = 10  # detections below which a confirmed track is short
 SIGMAS = 3.0  # within which a displacement is none, and an end meets a start
-SLOW = 0.5  # m/s, of a track's displacement, below which it is static
+SLOW = 0.5  # m/s, at which what is static may seem to move
 LONGEST_GAP = 10  # median intervals between scans, between an end and a start that may be one target's
 FAST = 0.99  # quantile of speeds that is taken for the greatest
 
@@ -26,7 +26,7 @@ class Life(NamedTuple):
 
     rows: np.ndarray  # indices into `Tracks`
     hits: np.ndarray  # (k,) whether it took a detection
-    static: bool  # its displacement is none, or slow
+    static: bool  # it stays where it is, or is slow
 
 
 def quality(
@@ -42,7 +42,7 @@ def quality(
     scans : sequence of Scan
         In order of time.
     reports : bool
-        Whether scans are single reports of targets, of which none can be missed.
+        Whether scans are single reports of targets: none is missed, and none is clutter.
 
     Returns
     -------
@@ -60,10 +60,9 @@ def quality(
     moving = np.concatenate([np.empty(0, int), *(life.rows for life in lives if not life.static)])
     return [
         *consistency(tracks, detections, moving),
-        *([] if reports else _detection(tracks, detections, lives)),
+        *([] if reports else [*_detection(tracks, detections, lives), *_unused(tracks, detections, scans)]),
         *_numbers(tracks, lives),
         _fragmentation(tracks, lives),
-        *_unused(tracks, detections, scans),
         *_coasting(tracks),
     ]
 
@@ -80,17 +79,16 @@ def lives_of(tracks: Tracks) -> list[Life]:
         rows = np.flatnonzero(tracks.track == track)
         rows = rows[np.flatnonzero(tracks.status[rows] == CONFIRMED)[0] :]
         hits = (tracks.detection[rows] >= 0) & (tracks.weight[rows] >= LIKELY)
-        ends = rows[np.flatnonzero(hits)[[0, -1]]] if hits.any() else rows[[0, -1]]
-        lives.append(Life(rows, hits, _static(tracks, *ends)))
+        lives.append(Life(rows, hits, _static(tracks, rows[hits] if hits.any() else rows)))
     return lives
 
 
-def _static(tracks: Tracks, first: int, last: int) -> bool:
-    """Whether the displacement from row to row is within its own error, or slow."""
-    axes = tracks.x.shape[1] // 2
-    away = np.linalg.norm(tracks.x[last, :axes] - tracks.x[first, :axes])
-    error = np.sqrt(np.trace((tracks.P[first] + tracks.P[last])[:axes, :axes]))
-    return bool(away <= max(SIGMAS * error, SLOW * (tracks.time[last] - tracks.time[first])))
+def _static(tracks: Tracks, rows: np.ndarray) -> bool:
+    """Whether no row is farther from the first one than errors, or a slow target, may have brought it."""
+    axes, first = tracks.x.shape[1] // 2, rows[0]
+    away = np.linalg.norm(tracks.x[rows, :axes] - tracks.x[first, :axes], axis=1)
+    error = np.sqrt(np.trace((tracks.P[rows] + tracks.P[first])[:, :axes, :axes], axis1=1, axis2=2))
+    return bool((away <= np.maximum(SIGMAS * error, SLOW * (tracks.time[rows] - tracks.time[first]))).all())
 
 
 def _detection(tracks: Tracks, detections: Detections, lives: Sequence[Life]) -> Iterator[Figure]:

@@ -10,7 +10,6 @@ import numpy as np
 from gmr_gym.recorded.detections import Detections, objects
 from gmr_gym.recorded.positions import local_positions
 
-
 NAMES = "id", "target", "target_id", "track_id", "identity"  # of columns
 
 

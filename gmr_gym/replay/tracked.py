@@ -7,7 +7,7 @@ import numpy as np
 from gmr_gym.recorded.detections import POLAR, Detections
 from gmr_gym.recorded.positions import local_positions
 from gmr_gym.recorded.scans import Scan
-from gmr_gym.recorded.tracks import Tracks
+from gmr_gym.recorded.tracks import DELETED, Tracks
 from gmr_gym.replay.columns import upper
 from gmr_gym.replay.recording import Recording
 
@@ -47,11 +47,11 @@ def recording_of(
     -------
     Recording
         Of many targets; a frame has a `time`, s, and of each track the last row until then, from its first to
-        its last. A detection's `origin` is the track that takes it, less one, or -1.
+        that of its deletion. A detection's `origin` is the track that takes it, less one, or -1.
     """
     frames, of_scan, times = _frames(scans, most)
     of_row = of_scan[np.searchsorted([scan.time for scan in scans], tracks.time)]
-    frame_of, rows = _held(of_row, tracks.track)
+    frame_of, rows = _held(of_row, tracks, frames)
     points = [scan.rows for scan in scans]
     order = np.concatenate([*points, np.empty(0, int)]).astype(int)
     z_counts = np.bincount(of_scan, weights=[len(one) for one in points], minlength=frames).astype(int)
@@ -86,15 +86,16 @@ def _frames(scans: Sequence[Scan], most: int) -> tuple[int, np.ndarray, np.ndarr
     return len(ends), of_scan, np.array([scan.time for scan in scans])[ends]
 
 
-def _held(frame: np.ndarray, track: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frames, in order, and the last row of each track until then, from its first frame to its last."""
-    frames, rows = [np.empty(0, int)], [np.empty(0, int)]
-    for one in np.unique(track):
-        own = np.flatnonzero(track == one)
-        within = np.arange(frame[own[0]], frame[own[-1]] + 1)
-        frames.append(within)
+def _held(frame: np.ndarray, tracks: Tracks, frames: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frames, in order, and the last row of each track until then, from its first to that of its deletion."""
+    found, rows = [np.empty(0, int)], [np.empty(0, int)]
+    for track in np.unique(tracks.track):
+        own = np.flatnonzero(tracks.track == track)
+        end = frame[own[-1]] + 1 if tracks.status[own[-1]] == DELETED else frames
+        within = np.arange(frame[own[0]], end)
+        found.append(within)
         rows.append(own[np.searchsorted(frame[own], within, side="right") - 1])
-    at, row = np.concatenate(frames), np.concatenate(rows)
+    at, row = np.concatenate(found), np.concatenate(rows)
     order = np.argsort(at, kind="stable")
     return at[order], row[order]
 

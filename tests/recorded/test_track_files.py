@@ -142,12 +142,14 @@ def test_the_page_has_every_column_in_order(tmp_path):
     assert [i for i in place if i not in turns] == sorted(i for i in place if i not in turns)
 
 
-def test_confirmed_tracks_alone_keep_their_tentative_rows():
+def test_confirmed_tracks_alone_begin_with_their_confirmation():
     tracks = MADE.tracks
     never = tracks._replace(status=np.where(tracks.track == 2, 0, tracks.status).astype(np.int8))
     left = confirmed_only(never)
+    for track in 1, 3:
+        rows = tracks.track == track
+        assert left.time[left.track == track].tolist() == tracks.time[rows][2:].tolist()
     assert set(left.track) == {1, 3}
-    assert (left.status == 0).sum() == ((tracks.status == 0) & (tracks.track != 2)).sum() > 0
 
 
 def test_the_lines_of_the_motchallenge(tmp_path):

@@ -112,9 +112,18 @@ def test_the_probability_of_detection_is_counted_between_the_first_and_the_last_
     assert told["detection probability, lowest of its 95 % interval"].value < figure.value
 
 
-def test_reports_of_targets_themselves_have_no_probability_of_detection():
+def test_reports_of_targets_themselves_have_neither_misses_nor_clutter():
     figures = by_name(quality(MADE.tracks, MADE.detections, MADE.scans, reports=True))
-    assert not [name for name in figures if name.startswith("detection probability")]
+    assert not [name for name in figures if name.startswith(("detection probability", "unused"))]
+
+
+def test_who_comes_back_to_where_it_was_is_not_static():
+    tracks = MADE.tracks
+    rows = np.flatnonzero(tracks.track == 3)
+    x = tracks.x.copy()
+    angle = 2 * np.pi * np.arange(len(rows)) / (len(rows) - 3)  # from the first detection that counts
+    x[rows, :2] += 200 * np.column_stack([np.cos(angle), np.sin(angle)])
+    assert [life.static for life in lives_of(tracks._replace(x=x))] == [False] * 3
 
 
 def test_wilsons_interval_has_the_ends_at_which_the_score_test_is_at_its_limit():
