@@ -13,11 +13,10 @@ import typer
 
 from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described, reductions
 from gmr_gym.data.loader import flight_names
-from gmr_gym.envs.registry import ABOUT
+from gmr_gym.envs.registry import ABOUT, READY, TUNING
 from gmr_gym.experiments.detection_options import ALL_GROUPS, INPUT_GROUPS, takes
 from gmr_gym.experiments.options import (
     TARGETS,
-    TRACKED,
     Backend,
     EnvId,
     Environments,
@@ -216,7 +215,7 @@ def leaderboard(
     part = sweeps.shard_of(shard, out)
     specs.check_once("--env", environment)
     specs.check_once("--tracker", tracker)
-    chosen = environment or [*TRACKED]
+    chosen = environment or [*READY]
     work, unfit = leaderboard.entries(chosen, tracker)
     asked = records.question(environments=chosen, trackers=tracker, runs=runs, seed=seed)
     again = records.command("leaderboard", env=environment, tracker=tracker, runs=[runs], seed=[seed])
@@ -518,7 +517,7 @@ def warm(
     from gmr_gym.experiments.warming import warm
 
     with progress("compiled") as tell:
-        pairs = warm(environments or [*ABOUT], tracker, jobs, tell)
+        pairs = warm(environments or [*READY, TUNING], tracker, jobs, tell)
     _show([f"pairs of an environment and a tracker compiled: {pairs}"])
 
 

@@ -24,7 +24,7 @@ from gmr_gym.cli import PAPERS, main
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.episodic import settings
 from gmr_gym.envs.lookup import key_value, scenario_of, tracker_of
-from gmr_gym.envs.registry import ABOUT, ENVIRONMENTS, MULTI_TARGET, TRACKING
+from gmr_gym.envs.registry import ABOUT, ENVIRONMENTS, TRACKED
 from gmr_gym.evaluation import recordings as detections
 from gmr_gym.evaluation import workers
 from gmr_gym.evaluation.curves import CURVES
@@ -163,7 +163,7 @@ def test_the_names_that_are_listed_are_those_of_the_library():
 
 def test_help_shows_what_can_be_chosen(call):
     for words, names in (
-        (["evaluate", "--help"], [*BACKENDS, *TRACKING, *MULTI_TARGET]),
+        (["evaluate", "--help"], [*BACKENDS, *TRACKED]),
         (["reproduce", "--help"], PAPERS),
         (["track", "--help"], ["constant-velocity"]),
         (["--help"], ["--install-completion", "--show-completion", "--version"]),
@@ -703,7 +703,7 @@ OF_GYMNASIUM = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("env_id", [*TRACKING, *MULTI_TARGET])
+@pytest.mark.parametrize("env_id", TRACKED)
 def test_no_setting_of_an_environment_imports_what_it_names(trap, env_id):
     taken = settings(gym.spec(env_id).kwargs["scenario"])
     for name in (*taken, *OF_GYMNASIUM):

@@ -1,7 +1,11 @@
 """Every environment that is registered, alone and many at once, under hostile actions."""
 
+import atexit
 from collections.abc import Iterator
 from functools import cache, partial
+from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
 from typing import Any
 
 import gymnasium as gym
@@ -10,16 +14,17 @@ import numpy as np
 from fuzzing import checks
 from fuzzing.cases import Finding, Spoilt, Target
 from fuzzing.inputs import LAYOUTS, Rng, decades, in_layout, spoilt_array
-from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET
+from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, RECORDED
 
 STEPS = 6
 MANY = 3  # environments at once
+CROWDED = MULTI_TARGET | RECORDED
 
 
 def environment_targets() -> Iterator[Target]:
     """Every id, and its environment of many."""
     for name in ENVIRONMENTS:
-        for many in (0, MANY) if name not in MULTI_TARGET else (0,):
+        for many in (0, MANY) if name not in CROWDED else (0,):
             kind = "vector" if many else "environment"
             yield Target(
                 f"{kind}/{name.removeprefix('gmr_gym/')}",
@@ -36,7 +41,18 @@ def environment_targets() -> Iterator[Target]:
 def _made(name: str, many: int) -> Any:
     if many:
         return gym.make_vec(name, num_envs=many, vectorization_mode="vector_entry_point")
-    return gym.make(name, disable_env_checker=True).unwrapped
+    files = {"folder": _recording()} if name in RECORDED else {}
+    return gym.make(name, disable_env_checker=True, **files).unwrapped
+
+
+def _recording() -> str:
+    """A folder with a recording of ten scans of a target, some of which miss it."""
+    folder = Path(mkdtemp())
+    atexit.register(rmtree, folder, ignore_errors=True)
+    header, times = "time_s,x_m,y_m\n", range(10)
+    (folder / "plots.csv").write_text(header + "".join(f"{t},{9 * t},{t**3 % 7}\n" for t in times if t % 4))
+    (folder / "truth.csv").write_text(header + "".join(f"{t},{9 * t},0\n" for t in times))
+    return str(folder)
 
 
 def _draw(name: str, many: int, rng: Rng) -> tuple:
@@ -79,7 +95,7 @@ def _spoil(rng: Rng, arguments: tuple) -> Spoilt:
         bad, what = plain[-1][..., :-1], "too short"
     else:
         bad, what = spoilt_array(rng, plain[-1])
-        while np.ma.isMaskedArray(bad) and name in MULTI_TARGET:
+        while np.ma.isMaskedArray(bad) and name in CROWDED:
             bad, what = spoilt_array(rng, plain[-1])  # there a masked row is an absent estimate
     actions = [*plain[:-1], bad]
     return Spoilt(

@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium as gym
 
 from gmr_gym.envs.episodic import make_scenario
-from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
+from gmr_gym.envs.registry import ENVIRONMENTS, TRACKED
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
@@ -52,15 +52,14 @@ def scenario_of(env_id: str, settings: Mapping[str, Any]) -> Any:
         import_module(module)  # `gym.make` does so, and not `gym.spec`
     elif known_as not in gym.registry:
         raise ValueError(
-            f"unknown environment {env_id!r}; choose from {', '.join((*TRACKING, *MULTI_TARGET))}, or give "
+            f"unknown environment {env_id!r}; choose from {', '.join(TRACKED)}, or give "
             "one of your own as MODULE:ID"
         )
     kept = gym.spec(known_as).kwargs.get("scenario")
     scenario = make_scenario(kept, settings) if kept else None
     if not isinstance(scenario, Scenario | MultiTargetScenario):
         raise ValueError(
-            f"{env_id} is not a tracking environment: no tracker runs in it; choose from "
-            f"{', '.join((*TRACKING, *MULTI_TARGET))}"
+            f"{env_id} is not a tracking environment: no tracker runs in it; choose from {', '.join(TRACKED)}"
         )
     return scenario
 

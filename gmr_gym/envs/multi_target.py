@@ -10,7 +10,7 @@ from gmr_gym.envs.episodic import EXTENT, EpisodicEnv
 from gmr_gym.evaluation.set_distances import set_distances
 from gmr_gym.points import absent
 from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario, draw, scan
-from gmr_gym.simulation.single_target import Scan, capacity
+from gmr_gym.simulation.single_target import Scan
 
 EXISTENCE_THRESHOLD = 0.5  # existence from which a row counts as an estimate
 PARTS = "localisation", "missed", "false"  # of GOSPA, as in info
@@ -34,7 +34,7 @@ class MultiTargetEnv(EpisodicEnv):
     | `time` | (1,) | time of the scan, s; the first is one period after 0 |
 
     The capacity is the Poisson quantile of the clutter at 1 - 1e-12 in the scan that has most of it, plus one
-    for each target.
+    for each target; of recorded detections the number in the scan that has most.
 
     ## Action space
     `Box((targets, 1 + d), float64)`: a row for each estimate, its existence in [0, 1] and its state within
@@ -44,7 +44,7 @@ class MultiTargetEnv(EpisodicEnv):
 
     ## Reward
     Minus the GOSPA distance (or OSPA) of the estimated positions to the true ones, with the scenario's cutoff
-    and order (100 m and 2 for UnknownClutter).
+    and order (100 m and 2 for UnknownClutter, 50 m and 2 for RecordedRadar).
 
     ## Starting state
     There is no prior. Truth, detections and clutter come from separate streams of the seed, so that every
@@ -83,7 +83,7 @@ class MultiTargetEnv(EpisodicEnv):
         super().__init__(scenario, render_mode, arguments)
         self.metric = metric
         p, d = self.scenario.sensor.H.shape
-        self._capacity = capacity(self.scenario.busiest) - 1 + self.scenario.targets
+        self._capacity = self.scenario.most_in_scan
         self.shape = self._capacity, p
         end = (self.scenario.horizon + 1) * self.scenario.period
         self.observation_space = gym.spaces.Dict({

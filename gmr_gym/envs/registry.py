@@ -14,8 +14,14 @@ TRACKING = {
 MULTI_TARGET = {
     "gmr_gym/UnknownClutter-v0": "gmr_gym.scenarios.lv:unknown_clutter",
 }
+# likewise, of detections in files: nothing of them is shipped, and their `folder` has to be given
+RECORDED = {
+    "gmr_gym/RecordedRadar-v0": "gmr_gym.recorded.radar:recorded_radar",
+}
 TUNING = "gmr_gym/ReductionTuning-v0"  # thresholds of a tracker
-ENVIRONMENTS = (*TRACKING, *MULTI_TARGET, TUNING)
+READY = (*TRACKING, *MULTI_TARGET)  # in which trackers run without an argument
+TRACKED = (*READY, *RECORDED)
+ENVIRONMENTS = (*TRACKED, TUNING)
 # a sentence on each, as `gmr-gym list` shows it
 ABOUT = {
     "gmr_gym/TurningTarget-v0": "One target turns twice in heavy clutter (D'Ortenzio, section 4).",
@@ -24,6 +30,7 @@ ABOUT = {
     "gmr_gym/JumpMarkov-v0": "A target switches between accelerations in clutter (Zhang, section 6.1).",
     "gmr_gym/AirborneRadar-v0": "A target that turns hard, seen by an airborne radar (Li, section 4).",
     "gmr_gym/UnknownClutter-v0": "Three targets in clutter of unknown density (Lv, section 7.1).",
+    "gmr_gym/RecordedRadar-v0": "Real radar detections with known targets, from files of yours: folder=PATH.",
     TUNING: "A policy sets the thresholds of a tracker's mixture reduction, scan by scan.",
 }
 
@@ -32,7 +39,7 @@ def register_envs() -> None:
     """Register every id with Gymnasium. Calling it twice does no harm."""
     for scenarios, one, many in (
         (TRACKING, "tracking:TrackingEnv", "vector:TrackingVectorEnv"),
-        (MULTI_TARGET, "multi_target:MultiTargetEnv", "multi_target_vector:MultiTargetVectorEnv"),
+        (MULTI_TARGET | RECORDED, "multi_target:MultiTargetEnv", "multi_target_vector:MultiTargetVectorEnv"),
     ):
         for env_id, scenario in scenarios.items():
             if env_id not in gym.registry:

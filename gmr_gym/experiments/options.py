@@ -10,11 +10,10 @@ import typer
 from typer.core import TyperCommand
 
 from gmr_gym.catalogue import BACKENDS, GROUP, MULTI_TARGET_GROUP, described, reductions
-from gmr_gym.envs.registry import ABOUT, MULTI_TARGET, TUNING
+from gmr_gym.envs.registry import ABOUT, MULTI_TARGET, RECORDED, TRACKED
 from gmr_gym.experiments.figures import ALL_FIGURES
 from gmr_gym.experiments.papers.registry import PAPERS, paper_named
 
-TRACKED = {env_id: line for env_id, line in ABOUT.items() if env_id != TUNING}
 FORMATS = ("table", "markdown", "csv", "latex", "json")
 EXAMPLES = {
     "crouse": "ten components in one dimension, of Crouse et al. 2011",
@@ -60,7 +59,7 @@ def complete_tracker(ctx: typer.Context, incomplete: str) -> list[tuple[str, str
     before, parameter, _ = incomplete.rpartition("reduction=")
     if parameter:
         return [(f"{before}{parameter}{name}", "") for name in reductions()]
-    return [*described(MULTI_TARGET_GROUP if _typed(ctx, MULTI_TARGET) else GROUP).items()]
+    return [*described(MULTI_TARGET_GROUP if _typed(ctx, MULTI_TARGET | RECORDED) else GROUP).items()]
 
 
 def complete_table(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -92,12 +91,16 @@ EnvId = Annotated[
     str,
     typer.Argument(
         help=f"{', '.join(TRACKED)}; or MODULE:ID for one of your own, which imports MODULE",
-        autocompletion=completing(TRACKED),
+        autocompletion=completing({env_id: ABOUT[env_id] for env_id in TRACKED}),
     ),
 ]
 Environments = Annotated[
     list[str],
-    typer.Option("--env", help="environment; repeatable; all unless given", **choices("environment", ABOUT)),
+    typer.Option(
+        "--env",
+        help="environment; repeatable; all that need no files unless given",
+        **choices("environment", ABOUT),
+    ),
 ]
 PaperName = Annotated[str, typer.Argument(help=", ".join(PAPERS), **choice("paper", PAPERS))]
 Tables = Annotated[

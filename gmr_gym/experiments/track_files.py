@@ -20,12 +20,11 @@ from gmr_gym.recorded.geojson import check_georeferenced, write_geojson
 from gmr_gym.recorded.labels import write_labelled
 from gmr_gym.recorded.output import confirmed_only, write_mot, write_tracks
 from gmr_gym.recorded.quality import quality
-from gmr_gym.recorded.reading import read
 from gmr_gym.recorded.report import ENDINGS, in_lines, in_short, write_report
 from gmr_gym.recorded.scans import Scan, cut
 from gmr_gym.recorded.tracking import track
 from gmr_gym.recorded.tracks import Tracks
-from gmr_gym.recorded.truth import Truth, at_times, is_autoferry, read_autoferry_truth, truth_from
+from gmr_gym.recorded.truth import Truth, at_times, truth_of
 from gmr_gym.replay.page import write_page
 from gmr_gym.replay.tracked import recording_of
 
@@ -107,13 +106,6 @@ def check_run(run: Run, asked: Mapping[str, Any]) -> Truth | None:
     if asked["geojson"]:
         check_georeferenced(run.detections)
     return truth_of(asked["truth_file"], run.detections) if asked["truth_file"] else None
-
-
-def truth_of(file: Path, detections: Detections) -> Truth:
-    """The truth of a file, in the frame of the detections."""
-    if is_autoferry(file):
-        return read_autoferry_truth(file, detections)
-    return truth_from(read(file, reference=detections.reference), detections)
 
 
 def write_all(tracks: Tracks, run: Run, asked: Mapping[str, Any], truth: Truth | None) -> Iterator[str]:

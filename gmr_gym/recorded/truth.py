@@ -9,6 +9,7 @@ import numpy as np
 
 from gmr_gym.recorded.detections import Detections, objects
 from gmr_gym.recorded.positions import local_positions
+from gmr_gym.recorded.reading import read
 
 NAMES = "id", "target", "target_id", "track_id", "identity"  # of columns
 
@@ -19,6 +20,14 @@ class Truth(NamedTuple):
     time: np.ndarray  # (m,), s, as `Detections.time`
     target: np.ndarray  # (m,), object: its name
     position: np.ndarray  # (m, p), m, in local coordinates
+
+
+def truth_of(file: Path, detections: Detections) -> Truth:
+    """The truth of a file, in the frame of the detections: of the Autoferry form, or read as detections
+    are."""
+    if is_autoferry(file):
+        return read_autoferry_truth(file, detections)
+    return truth_from(read(file, reference=detections.reference), detections)
 
 
 def truth_from(found: Detections, detections: Detections) -> Truth:

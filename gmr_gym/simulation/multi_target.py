@@ -1,6 +1,6 @@
-"""Scenarios of many targets: truth, detections and clutter, all drawn before the first scan."""
+"""Scenarios of many targets: truth, detections and clutter, drawn or recorded before the first scan."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -50,6 +50,11 @@ class MultiTargetScenario:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
+    def most_in_scan(self) -> int:
+        """Detections that an array for one scan has room for, see `capacity`."""
+        return capacity(self.busiest) - 1 + self.targets
+
+    @property
     def most(self) -> int:
         """Detections that an array for a whole episode has room for, see `capacity`."""
         return capacity(float(self.parts.w.sum())) + self.horizon * self.targets
@@ -64,10 +69,45 @@ class MultiTargetEpisode(NamedTuple):
     first: np.ndarray  # (T + 1,), scan t has z[first[t] : first[t + 1]]
 
 
+@dataclass(frozen=True)
+class RecordedScenario(MultiTargetScenario):
+    """A scenario whose episodes are parts of recorded ones: as many scans running as the horizon has.
+
+    What is true is not known but for the targets' paths: `sensor` and `detection_probability` are those that
+    a tracker assumes, and the `clutter` expects nan false alarms, in the box that the sensor covers.
+    """
+
+    recordings: tuple[MultiTargetEpisode, ...]  # of `targets` targets each, and no fewer scans than `horizon`
+
+    @property
+    def most_in_scan(self) -> int:
+        """Detections in the scan that has most of them."""
+        return max(int(np.diff(each.first).max()) for each in self.recordings)
+
+    @property
+    def most(self) -> int:
+        """Detections in the episode that has most of them."""
+        T = self.horizon
+        return max(
+            int((each.first[T:] - each.first[: len(each.first) - T]).max()) for each in self.recordings
+        )
+
+
+def part_of(
+    recordings: Sequence[MultiTargetEpisode], horizon: int, rng: np.random.Generator
+) -> MultiTargetEpisode:
+    """So many scans of one of the recordings, from any scan on: which one and from where are drawn."""
+    x, z, origin, first = recordings[int(rng.integers(len(recordings)))]
+    start = int(rng.integers(len(x) - horizon + 1))
+    first = first[start : start + horizon + 1]
+    held = slice(first[0], first[-1])
+    return MultiTargetEpisode(x[start : start + horizon], z[held], origin[held], first - first[0])
+
+
 def draw(scenario: MultiTargetScenario, seed: int | np.random.SeedSequence) -> MultiTargetEpisode:
     """Draw one episode.
 
-    Truth, detections and clutter have a random stream each.
+    Truth, detections and clutter have a random stream each. Of a `RecordedScenario` a part is drawn.
 
     Parameters
     ----------
@@ -94,6 +134,8 @@ def draw(scenario: MultiTargetScenario, seed: int | np.random.SeedSequence) -> M
     2
     """
     for_truth, for_detection, for_clutter = (stream(seed, i) for i in range(3))
+    if isinstance(scenario, RecordedScenario):
+        return part_of(scenario.recordings, scenario.horizon, for_truth)
     x = scenario.truth(for_truth)
     shape = (scenario.horizon, scenario.targets)
     if x.shape[:2] != shape:

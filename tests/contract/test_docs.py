@@ -11,9 +11,10 @@ from pathlib import Path
 
 import gymnasium
 import pytest
+from radar_files import given
 
 from gmr_gym.cli import app
-from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
+from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, RECORDED, TRACKING
 from gmr_gym.filters.tracker import Report
 from gmr_gym.models.multi_target import MultiTargetModel
 
@@ -181,8 +182,8 @@ def page_of(env_id):
 
 @pytest.mark.parametrize("env_id", ENVIRONMENTS)
 def test_an_environment_has_a_page_with_its_arguments_and_its_observations(env_id):
-    page, env = page_of(env_id), gymnasium.make(env_id).unwrapped
-    scenario = (TRACKING | MULTI_TARGET).get(env_id)
+    page, env = page_of(env_id), gymnasium.make(env_id, **given(env_id)).unwrapped
+    scenario = (TRACKING | MULTI_TARGET | RECORDED).get(env_id)
     made_of = [type(env), *([pkgutil.resolve_name(scenario)] if scenario else [])]
     takes = [p for part in made_of for p in inspect.signature(part).parameters.values()]
     takes = {p.name for p in takes if p.kind != p.VAR_KEYWORD} - {"scenario"}

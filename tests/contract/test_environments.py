@@ -11,6 +11,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from radar_files import given
 
 import gmr_gym  # noqa: F401  registers the environments
 from baselines.learning_pmb import learning_pmb
@@ -18,7 +19,7 @@ from baselines.mht import runnalls
 from baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.envs.episodic import EXTENT
 from gmr_gym.envs.policy import MultiTargetPolicy, Policy
-from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, TRACKING
+from gmr_gym.envs.registry import ENVIRONMENTS, TRACKED, TRACKING
 from gmr_gym.envs.render import Canvas, Tracked
 from gmr_gym.envs.tracking import TrackingEnv
 from gmr_gym.evaluation.loop import play as play_scans
@@ -31,7 +32,7 @@ from gmr_gym.simulation.reward import SCANS_OFF
 from gmr_gym.simulation.single_target import Truth, draw
 
 EVERY = sorted(env_id for env_id in gym.registry if env_id.startswith("gmr_gym/"))
-IDS, SINGLE = sorted((*TRACKING, *MULTI_TARGET)), sorted(TRACKING)
+IDS, SINGLE = sorted(TRACKED), sorted(TRACKING)
 TURNING, FLIGHT, JUMP, RADAR = (
     f"gmr_gym/{name}-v0" for name in ("TurningTarget", "RecordedFlight", "JumpMarkov", "AirborneRadar")
 )
@@ -41,7 +42,7 @@ PASSING, STILL = [[20_000.0, 30.0 * t, 2_000.0] for t in range(8)], [[0.0, 0.0, 
 
 
 def make(env_id=TURNING, **world):
-    return gym.make(env_id, **world).unwrapped
+    return gym.make(env_id, **given(env_id), **world).unwrapped
 
 
 def plain(env, observation):
@@ -79,7 +80,7 @@ def test_every_id_passes_gymnasiums_check(env_id):
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*symmetric and normalized space")  # metres are meant
         warnings.filterwarnings("error", message=".*obs")
-        env = gym.make(env_id).unwrapped
+        env = gym.make(env_id, **given(env_id)).unwrapped
         env.action_space.seed(0)
         check_env(env)
 
@@ -87,14 +88,14 @@ def test_every_id_passes_gymnasiums_check(env_id):
 @pytest.mark.parametrize("env_id", EVERY)
 def test_every_id_passes_stable_baselines3s_check(env_id):
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
-    env = gym.make(env_id).unwrapped
+    env = gym.make(env_id, **given(env_id)).unwrapped
     env.action_space.seed(0)
     checker.check_env(env, warn=False)
 
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_every_id_replays_from_its_seed(env_id):
-    first, again = gym.make(env_id), gym.make(env_id)
+    first, again = gym.make(env_id, **given(env_id)), gym.make(env_id, **given(env_id))
     for one, two in ((first, again), (first, first)):  # a second copy, and the same one over again
         space = one.action_space
         space.seed(3)
@@ -119,7 +120,7 @@ def test_every_id_replays_from_its_seed(env_id):
 
 @pytest.mark.parametrize("env_id", EVERY)
 def test_every_id_has_a_spec_that_json_carries_over(env_id):
-    spec = gym.make(env_id).spec.to_json()
+    spec = gym.make(env_id, **given(env_id)).spec.to_json()
     assert json.loads(spec)["id"] == env_id
     gym.make(gym.envs.registration.EnvSpec.from_json(spec)).reset(seed=0)
 
@@ -578,7 +579,7 @@ def test_bad_argument_is_refused_by_name(env_id, world, error, message):
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_two_copies_in_a_vector_environment_are_two_single_ones(env_id):
-    vector = gym.make_vec(env_id, num_envs=2)
+    vector = gym.make_vec(env_id, num_envs=2, **given(env_id))
     assert not isinstance(vector, gym.vector.SyncVectorEnv)  # but one of its own
     observations, _ = vector.reset(seed=5)
     actions = observations.get("prior_mean")
@@ -586,7 +587,7 @@ def test_two_copies_in_a_vector_environment_are_two_single_ones(env_id):
         actions = vector.action_space.sample()
     observations, rewards, *_ = vector.step(actions)
     for i in range(2):
-        single = gym.make(env_id)
+        single = gym.make(env_id, **given(env_id))
         single.reset(seed=5 + i)
         observation, reward, *_ = single.step(actions[i])
         assert observation["mask"].any()

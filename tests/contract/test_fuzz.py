@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET
+from gmr_gym.envs.registry import ENVIRONMENTS, MULTI_TARGET, RECORDED
 from gmr_gym.evaluation import metrics
 from gmr_gym.filters.registry import MULTI_TARGET_GROUP, trackers
 from gmr_gym.models import radar
@@ -104,9 +104,8 @@ def test_every_door_there_is_has_a_target(targets):
         assert {f"tracker/{name}" for name in trackers(group)} <= set(targets)
     ids = {name.removeprefix("gmr_gym/") for name in ENVIRONMENTS}
     assert {f"environment/{name}" for name in ids} <= set(targets)
-    assert {f"vector/{name}" for name in ids - {n.removeprefix("gmr_gym/") for n in MULTI_TARGET}} <= set(
-        targets
-    )
+    of_many = {name.removeprefix("gmr_gym/") for name in MULTI_TARGET | RECORDED}
+    assert {f"vector/{name}" for name in ids - of_many} <= set(targets)
 
 
 @pytest.mark.parametrize(
