@@ -418,7 +418,7 @@ def test_watch_pictures_one_scan_by_several_trackers(call):
 def test_reduce_leaves_a_page_of_every_method_and_shows_what_each_costs(call):
     code, printed, errors = call("reduce", "--example", "crouse", "--method", "runnalls", "--method", "west")
     assert code == 0 and "written to reduction.html" in printed and "reducing: 18 of 18" in errors
-    assert "crouse: 10 components to 5" in printed
+    assert "crouse: 10 components to 5" in printed and "standard error" not in printed
     (row,) = [line.split("|")[1:] for line in printed.splitlines() if line.startswith("| runnalls")]
     assert [cell.strip() for cell in row[:3]] == ["runnalls", "5", "0.02663"]
     text = reduction_page(crouse(), ["runnalls", "west"], title="crouse")

@@ -16,7 +16,8 @@ from gmr_gym.replay.reduction import method_named, reduction_page
 
 PAGE = ".html"
 ENDINGS = (PAGE, *FORMATS)
-HEADINGS = ("", "components", "ISE", "NISE", "KL(f||g)", "standard error", "time, ms")
+HEADINGS = ("", "components", "ISE", "NISE", "KL(f||g)", "KL's standard error", "time, ms")
+STANDARD_ERROR = 5  # the column, of samples alone
 
 
 def mixture_asked(file: Path | None, example: str | None) -> tuple[str, Mixture]:
@@ -68,7 +69,10 @@ def reduction(
     else:
         write_mixture(out, *reduced(p, functions[methods[0]]))
     rows = [_row(method, cost(p, function)) for method, function in functions.items()]
-    yield Sheet(f"{name}: {n} components to {left}", HEADINGS, rows)
+    table = [HEADINGS, *rows]
+    if not any(row[STANDARD_ERROR] for row in rows):
+        table = [[*row[:STANDARD_ERROR], *row[STANDARD_ERROR + 1 :]] for row in table]
+    yield Sheet(f"{name}: {n} components to {left}", table[0], table[1:])
     yield f"written to {out}"
 
 
