@@ -116,8 +116,8 @@ def _local_covariances(found: Detections, points: np.ndarray, rows: np.ndarray) 
 def _innovations(
     time: np.ndarray, z: np.ndarray, R: np.ndarray, pairs: np.ndarray, worst: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Of each detection from the third on its NIS (c,) and the logarithms of the determinants of the innovation
-    covariances, for each pair of noise. One beyond the gate updates as if its noise put it at the edge."""
+    """Of each detection from the third on its NIS (c,) and the logarithms of the determinants of the
+    innovation covariances, for each pair of noise. One beyond the gate updates as if it were at the edge."""
     p, R = z.shape[1], pairs[:, 0, None, None, None] ** 2 * R
     q, eye = pairs[:, 1, None, None] ** 2, np.eye(p)
     dt = max(time[1] - time[0], 1e-3)
