@@ -172,11 +172,13 @@ def _blocks(
     """Numbers and cells of the lines that are neither blank nor comments."""
     line = 1
     while block := list(islice(file, BLOCK)):
-        held = [(i, s) for i, s in enumerate(block, line) if not s.isspace() and not s.startswith("#")]
+        lines = [*range(line, line + len(block))]
+        contents = [content for content in block if content[0] != "#" and not content.isspace()]
+        if len(contents) < len(block):
+            lines = [i for i, s in zip(lines, block, strict=True) if s[0] != "#" and not s.isspace()]
         line += len(block)
-        if not held:
+        if not contents:
             continue
-        lines, contents = map(list, zip(*held, strict=True))
         delimiter = delimiter or delimiter_of(contents[0])
         if delimiter == " ":
             contents = [content.strip() for content in contents]
@@ -191,9 +193,8 @@ def _cells(path: Path | str, lines: list[int], contents: list[str], delimiter: s
         rows = []
     if len(rows) == len(lines):
         return rows
-    for line, content in zip(
-        lines, contents, strict=True
-    ):  # a quote that is not closed takes in what follows
+    # a quote that is not closed takes in what follows
+    for line, content in zip(lines, contents, strict=True):
         try:
             next(csv.reader([content], **form))
         except csv.Error as error:
@@ -212,7 +213,7 @@ def _even(
 ) -> list[list[str]]:
     """Rows of as many cells as there are names."""
     n = len(names)
-    if all(len(row) == n for row in rows):
+    if set(map(len, rows)) <= {n}:
         return rows
     for line, cells in zip(lines, rows, strict=True):
         if len(cells) > n or (header and len(cells) < n):

@@ -135,7 +135,11 @@ def typed(given: Mapping[str, Any]) -> list[str]:
             if isinstance(value, bool):
                 words.append(yes if value else no)
             else:
-                words += [word for one in (value if isinstance(value, list) else [value]) for word in (yes, f"{one}")]
+                words += [
+                    word
+                    for one in (value if isinstance(value, list) else [value])
+                    for word in (yes, f"{one}")
+                ]
     return words
 
 

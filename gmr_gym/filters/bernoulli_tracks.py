@@ -1,4 +1,4 @@
-"""Labelled Bernoulli tracks with an IMM in each: one compiled call a scan, over plain arrays.
+"""Bernoulli tracks with labels and an IMM in each: one compiled call a scan, over plain arrays.
 
 The update of `pmb` (Williams 2015, TOMB/P), in which every pair of track and detection is judged at the
 detection's own time, a miss counts where the sensor has looked, and an identity restricts the association.

@@ -10,6 +10,8 @@ from gmr_gym.recorded.figures import Figure
 from gmr_gym.recorded.innovations import Innovations, innovations
 from gmr_gym.recorded.tracks import Tracks
 
+FOLLOWS = 1.5  # usual intervals of a sensor within which an innovation follows another
+
 
 def consistency(tracks: Tracks, detections: Detections, rows: np.ndarray) -> Iterator[Figure]:
     """The figures of innovations, by sensor.
@@ -38,7 +40,7 @@ def consistency(tracks: Tracks, detections: Detections, rows: np.ndarray) -> Ite
             share = (found.v**2 / found.S.diagonal(axis1=1, axis2=2)).mean(axis=0)
             for name, value in zip(names, share.tolist(), strict=False):
                 yield Figure(f"NIS in {name}{of}", value, "", n, 1 - half, 1 + half)
-            yield _correlation(tracks, found, of)
+            yield from _correlation(tracks, found, of)
             yield from _means(tracks, found, names if spec.kind == POLAR else (), of)
 
 
@@ -54,17 +56,18 @@ def _nis(tracks: Tracks, detections: Detections, rows: np.ndarray, p: int, of: s
         yield Figure(f"NIS beyond 95 %{of}", float(beyond), "", n, max(0.05 - half, 0.0), 0.05 + half)
 
 
-def _correlation(tracks: Tracks, found: Innovations, of: str) -> Figure:
-    """Correlation of the normalised innovations with those of the scan before."""
+def _correlation(tracks: Tracks, found: Innovations, of: str) -> Iterator[Figure]:
+    """Correlation of the normalised innovations with those that the sensor gave before."""
     white = np.linalg.solve(np.linalg.cholesky(found.S), found.v[..., None])[..., 0]
     order = np.lexsort((found.row, tracks.track[found.row]))
     row, white = found.row[order], white[order]
-    follows = (np.diff(tracks.track[row]) == 0) & (np.diff(tracks.age[row]) == 1)
+    same, gap = np.diff(tracks.track[row]) == 0, np.diff(tracks.time[row])
+    follows = same & (gap <= FOLLOWS * np.median(gap[same])) if same.any() else same
     before, after = white[:-1][follows], white[1:][follows]
-    scale = np.sqrt((before**2).sum() * (after**2).sum())
-    bound = 2 / np.sqrt(max(before.size, 1))
-    value = float((before * after).sum() / scale) if scale else np.nan
-    return Figure(f"correlation of successive innovations{of}", value, "", before.size, -bound, bound)
+    if scale := np.sqrt((before**2).sum() * (after**2).sum()):
+        bound = 2 / np.sqrt(before.size)
+        value = float((before * after).sum() / scale)
+        yield Figure(f"correlation of successive innovations{of}", value, "", before.size, -bound, bound)
 
 
 def _means(tracks: Tracks, found: Innovations, names: Sequence[str], of: str) -> Iterator[Figure]:

@@ -142,6 +142,11 @@ def chosen(found: Detections, rows: np.ndarray) -> Detections:
     return found._replace(**{name: getattr(found, name)[rows] for name in each}, metadata=kept)
 
 
+def named(values: np.ndarray) -> np.ndarray:
+    """Mask (n,) of the identities that are there."""
+    return np.fromiter((value is not None for value in values.tolist()), bool, len(values))
+
+
 def objects(values: Sequence) -> np.ndarray:
     """A one-dimensional array of objects."""
     array = np.empty(len(values), object)

@@ -3,16 +3,16 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmr_gym.recorded.detections import CARTESIAN, Detections
+from gmr_gym.recorded.detections import CARTESIAN, Detections, named
 
 FASTEST = 12_000.0  # m/s: nothing that stays with the Earth is faster
 NEAR = 1000.0  # m; steps below it may be noise over next to no time
-LOOKED_AT = 400  # steps from scan to scan, where there are no identities
+LOOKED_AT, AHEAD = 400, 200  # rows, and rows after each, that are looked at where there are no identities
 
 
 def check_speeds(source: str, found: Detections) -> str | None:
-    """Refuse detections of which most move at a speed that no target has, from one row of an identity to the
-    next, or without identities from a scan to the nearest detection of the next.
+    """Refuse detections of which most move at a speed that no target has: from a row of an identity to its
+    next one, or without identities to any of the rows that follow.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def _steps(found: Detections) -> tuple[np.ndarray, np.ndarray]:
     """Indices of rows, and of those after them that may be of the same target."""
     if len(found.time) < 2:
         return np.empty(0, int), np.empty(0, int)
-    known = np.array([value is not None for value in found.identity])
+    known = named(found.identity)
     if known.any():
         rows = np.flatnonzero(known)
         _, code = np.unique(found.identity[rows].astype(str), return_inverse=True)
@@ -57,15 +57,16 @@ def _steps(found: Detections) -> tuple[np.ndarray, np.ndarray]:
         code = np.sort(code)
         same = code[1:] == code[:-1]
         return order[:-1][same], order[1:][same]
-    starts = np.append(np.flatnonzero(np.diff(found.time, prepend=-np.inf) > 0), len(found.time))
-    scans = np.unique(np.linspace(0, max(len(starts) - 3, 0), LOOKED_AT).astype(int))
-    pairs = []
-    for k in scans[: len(starts) - 2].tolist():
-        row, following = starts[k], np.arange(starts[k + 1], starts[k + 2])
-        away = np.linalg.norm(_places(found, following) - _places(found, row), axis=1)
-        pairs.append((row, following[np.argmin(away)]))
-    first, second = np.array(pairs, int).reshape(-1, 2).T
-    return first, second
+    n = len(found.time)
+    first, second = [], []
+    for row in np.unique(np.linspace(0, n - 2, LOOKED_AT).astype(int)).tolist():
+        following = np.arange(row + 1, min(row + 1 + AHEAD, n))
+        gap = found.time[following] - found.time[row]
+        if gap[-1] > 0:
+            away = np.linalg.norm(_places(found, following) - _places(found, row), axis=1)
+            first.append(row)
+            second.append(following[np.argmin(away / np.maximum(gap, 1e-9))])
+    return np.array(first, int), np.array(second, int)
 
 
 def _places(found: Detections, rows: ArrayLike) -> np.ndarray:

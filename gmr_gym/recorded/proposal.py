@@ -113,11 +113,11 @@ def propose(found: Detections, scans: Sequence[Scan], *, reports: bool = False) 
     first = max(rough, key=lambda one: sum(map(len, one.hits)))
     check_enough(first, points)
     target["max_speed"] = usual_speed(first)
-    wide = [
-        spec._replace(deviation=tuple(AGAIN * d for d in spec.deviation))
+    guesses = [
+        spec._replace(deviation=tuple(AGAIN * one for one in spec.deviation))
         for spec in _sensors(first, points)[0]
     ]
-    second = run_with(found._replace(sensors=tuple(wide)), scans, target, still, reports)
+    second = run_with(found._replace(sensors=tuple(guesses)), scans, target, still, reports)
     check_enough(second, points)
     sensors, lines = _sensors(second, points)
     third = run_with(found._replace(sensors=sensors), scans, target, still, reports)

@@ -18,6 +18,7 @@ SHORT = 10  # detections below which a confirmed track is short
 SIGMAS = 3.0  # within which a displacement is none, and an end meets a start
 SLOW = 0.5  # m/s, at which what is static may seem to move
 LONGEST_GAP = 10  # median intervals between scans, between an end and a start that may be one target's
+FEWEST = 10  # unused detections from which their scatter is told
 FAST = 0.99  # quantile of speeds that is taken for the greatest
 
 
@@ -169,7 +170,7 @@ def _unused(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> It
         yield Figure(f"unused detections a scan{of}", mean, "", len(counts), low, high)
         if len(np.unique(points, axis=0)) > 2 and (area := _area(points)):
             yield Figure(f"unused detections a scan and km2{of}", mean / area * 1e6, "1/km2", len(counts))
-        if mean and len(counts) > 1:
+        if counts.sum() >= FEWEST and len(counts) > 1:
             half = 2 * np.sqrt(2 / (len(counts) - 1))
             value = float(counts.var(ddof=1) / mean)
             yield Figure(

@@ -11,7 +11,7 @@ from gmr_gym.checks import check_choice
 from gmr_gym.evaluation.csv_columns import Columns
 from gmr_gym.recorded.columns import ROLES, Layout, condition, kept_rows, layouts, option, unit_of
 from gmr_gym.recorded.configuration import SensorSettings
-from gmr_gym.recorded.detections import CARTESIAN, POLAR, Detections, SensorSpec, chosen, objects
+from gmr_gym.recorded.detections import CARTESIAN, POLAR, Detections, SensorSpec, chosen, named, objects
 from gmr_gym.recorded.formats import TextForm, columns_of
 from gmr_gym.recorded.geodesy import to_local
 from gmr_gym.recorded.measured import COMPASS, Positions, azimuths, read_positions, to_axes
@@ -161,8 +161,11 @@ def _by_sensor(
     own = [name for name in found if name is not None]
     if column is None and own:
         raise ValueError(f"{table.where}: {own[0]}=COLUMN is of one sensor; give --sensor COLUMN as well")
-    of_row = np.array(table.values[column] if column else [""] * len(table.line), str)
-    there, first, code = np.unique(of_row, return_index=True, return_inverse=True)
+    n = len(table.line)
+    there, first, code = np.array([""]), np.zeros(1, int), np.zeros(n, int)
+    if column:
+        of_row = np.array(table.values[column], str)
+        there, first, code = np.unique(of_row, return_index=True, return_inverse=True)
     for name in [*own, *(s.name for s in settings if s.name is not None and column)]:
         if name not in there:
             hint = did_you_mean(name, there.tolist())
@@ -175,7 +178,8 @@ def _by_sensor(
     for i in np.argsort(first).tolist():
         name, indices = str(there[i]), np.flatnonzero(code == i)
         layout = found.get(name, found[None])
-        values = {c.name: _taken(table.values[c.name], indices) for c in layout.values()}
+        cells = {each.name: table.values[each.name] for each in layout.values()}
+        values = cells if len(indices) == n else {name: _taken(some, indices) for name, some in cells.items()}
         lines = table.line[indices]
 
         def at(cell: str, k: int, lines: np.ndarray = lines) -> str:
@@ -228,10 +232,10 @@ def _assembled(
         table.line, metadata, np.empty(0), np.empty(0, int), tuple(specs), _coordinates(rows), start,
         reference, ns.min() / 1e9,
     )  # fmt: skip
-    seen = chosen(seen, order)
+    seen = chosen(seen, order) if remarks else seen
     blank = np.isnan(seen.z[:, 0])
     looks = seen.time[blank], seen.sensor[blank]
-    seen = chosen(seen, ~blank)
+    seen = chosen(seen, ~blank) if blank.any() else seen
     if drop_repeats and (repeated := _repeats(seen)).any():
         seen = chosen(seen, ~repeated)
         remarks.append(f"{repeated.sum()} repeats of other rows dropped")
@@ -327,6 +331,8 @@ def _repeats(seen: Detections) -> np.ndarray:
 def _with_empty(seen: Detections, times: np.ndarray, sensors: np.ndarray) -> tuple[Detections, int]:
     """Rows without a position as looks that detected nothing; where others of their time and sensor have one,
     or rows are single reports with identities, they are only counted."""
+    if not len(times):
+        return seen, 0
     reports = any(value is not None for value in seen.identity[:1])
     there = set() if reports else set(zip(seen.time.tolist(), seen.sensor.tolist(), strict=True))
     looks = {key: None for key in zip(times.tolist(), sensors.tolist(), strict=True) if key not in there}
@@ -340,8 +346,10 @@ def _with_empty(seen: Detections, times: np.ndarray, sensors: np.ndarray) -> tup
 def _text(table: Columns, found: Layouts, role: str) -> np.ndarray:
     """Texts of a role, None where a cell is blank or no column has the role."""
     name = next((layout[role].name for layout in found.values() if role in layout), None)
-    cells = [""] * len(table.line) if name is None else list(map(str, table.values[name]))
-    if name is not None and not any(cells):
+    if name is None:
+        return np.full(len(table.line), None)
+    cells = list(map(str, table.values[name]))
+    if not any(cells):
         raise ValueError(
             f"{table.where}, column {name}: empty in all {len(cells)} rows; leave {option(role)} out"
         )
@@ -350,6 +358,8 @@ def _text(table: Columns, found: Layouts, role: str) -> np.ndarray:
 
 def _scans(cells: np.ndarray) -> np.ndarray:
     """Scans (n,), numbered in order of their first row; -1 where there are none."""
+    if not named(cells).any():
+        return np.full(len(cells), -1)
     numbers = {None: -1}
     return np.array([numbers.setdefault(cell, len(numbers) - 1) for cell in cells.tolist()], int)
 

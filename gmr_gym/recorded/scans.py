@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.checks import _check_positive, check_choice
-from gmr_gym.recorded.detections import POLAR, Detections, SensorSpec
+from gmr_gym.recorded.detections import POLAR, Detections, SensorSpec, named
 
 TIMES, COLUMN, TURNS, REPORTS, WINDOW = WAYS = ("times", "column", "turns", "reports", "window")
 TURN = 2 * np.pi
@@ -86,7 +86,7 @@ def _usual(found: Detections, rows: np.ndarray, spec: SensorSpec, window: float 
     if spec.rotation_period > 0:
         return TURNS
     single = len(rows) < SINGLE * len(np.unique(found.time[rows]))
-    return REPORTS if single and any(value is not None for value in found.identity[rows].tolist()) else TIMES
+    return REPORTS if single and named(found.identity[rows]).any() else TIMES
 
 
 def _scans(

@@ -1,4 +1,4 @@
-"""Labelled tracks of many targets, scan by scan: live, or over a whole file with the same numbers."""
+"""Tracks of many targets, with labels, scan by scan: live, or over a whole file with the same numbers."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path

@@ -165,16 +165,14 @@ def test_the_lines_of_the_motchallenge(tmp_path):
         write_mot(file, tracks, np.arange(0.0, 21.0, 2.0))
 
 
-@pytest.mark.skipif(
-    find_spec("stonesoup") is None, reason="stonesoup is not installed; the extra peers has it"
-)
 def test_stone_soup_reads_the_tracks(written):
-    from stonesoup.reader.generic import CSVTrackReader
-
+    generic = pytest.importorskip("stonesoup.reader.generic", reason="needs stonesoup, of the extra peers")
+    if not hasattr(generic, "CSVTrackReader"):
+        pytest.skip("this version of stonesoup reads no tracks")
     plain = written.with_name("plain.csv")
     lines = written.read_text(encoding="utf-8").splitlines(keepends=True)
     plain.write_text("".join(line for line in lines if not line.startswith("#")), encoding="utf-8")
-    reader = CSVTrackReader(
+    reader = generic.CSVTrackReader(
         plain,
         state_vector_fields=["x_m", "vx_mps", "y_m", "vy_mps"],
         time_field="time_utc",

@@ -198,6 +198,15 @@ def test_figures_with_a_truth():
     assert over_time["gospa"][0] == pytest.approx(np.sqrt(3 * 40.0**2 / 2))
 
 
+def test_a_track_beyond_the_cutoff_is_of_no_target():
+    x = MADE.tracks.x.copy()
+    x[MADE.tracks.track == 3, 0] += 120.0  # of a target that stands apart
+    named = by_name(accuracy(MADE.tracks._replace(x=x), truth_of(), TIMES, cutoff=50.0)[0])
+    assert named["coverage of target ship 2"].value == named["labels of target ship 2"].value == 0
+    assert "median error of target ship 2" not in named
+    assert named["false tracks a scan"].value == pytest.approx(298 / 300)
+
+
 def test_a_broken_track_has_two_labels_and_a_switch():
     named = by_name(accuracy(cut_at(MADE.tracks, 1, 100, 0), truth_of(), TIMES)[0])
     assert named["labels of target ship 0"].value == 2

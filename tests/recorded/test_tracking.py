@@ -1,4 +1,4 @@
-"""Labelled tracks from recorded scans: the loop, the rules, labels, times, identities."""
+"""Tracks with labels from recorded scans: the loop, the rules, labels, times, identities."""
 
 import numpy as np
 import pytest
