@@ -91,7 +91,13 @@ def many_targets_model(found: Detections, settings: Configuration, given: Mappin
     low, high = box_of(found)
     volume = float(np.prod(high - low))
     specs = []
-    for spec in found.sensors:
+    for i, spec in enumerate(found.sensors):
+        rates = found.range_rate[found.sensor == i]
+        if np.isfinite(rates).any() and not spec.range_rate_deviation > 0:
+            raise ValueError(
+                f"sensor {spec.name!r} measures range rates; give their deviation too, such as "
+                "--sensor-deviation range=50,azimuth=0.1deg,range_rate=1"
+            )
         if not all(deviation > 0 for deviation in spec.deviation):
             way = "50 (m)" if spec.kind == CARTESIAN else "range=50,azimuth=0.1deg"
             raise ValueError(f"sensor {spec.name!r} has no deviation; give --sensor-deviation, such as {way}")

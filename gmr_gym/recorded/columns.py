@@ -1,14 +1,11 @@
 """What the columns of a file are: time, position, sensor, identity. A column without a role is metadata."""
 
-import operator
-import re
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from gmr_gym.recorded.times import LATEST as AFTER
-from gmr_gym.recorded.times import is_number
 from gmr_gym.recorded.units import ANGLE, LENGTH, SPEED, TIME, UNITS, base_of, did_you_mean, unit_in_name
 
 # quantity of each role; None: text
@@ -33,10 +30,6 @@ NAMED = {
 PLAIN = {
     "x", "y", "z", "east", "north", "up", "easting", "northing", "e", "n", "u", "px", "py", "pz",
     "pos_x", "pos_y", "pos_z",
-}  # fmt: skip
-COMPARED = {
-    ">=": operator.ge, "<=": operator.le, "!=": operator.ne, "==": operator.eq, "=": operator.eq,
-    ">": operator.gt, "<": operator.lt,
 }  # fmt: skip
 
 
@@ -178,35 +171,6 @@ def check_plain(where: str, coordinates: Sequence[str], times: np.ndarray) -> No
             f"{where}: {np.abs(times).max():.16g} s is {np.abs(times).max() / 31_557_600:.3g} years; say "
             "what times are, such as --time COLUMN:us, and --x COLUMN:m --y COLUMN:m"
         )
-
-
-def kept_rows(
-    conditions: Sequence[str], names: Sequence[str], cells: Mapping[str, Sequence], n: int
-) -> np.ndarray:
-    """Mask (n,) of the rows that fulfil all conditions, such as `snr>10` or `type=plot`."""
-    mask = np.ones(n, bool)
-    for text in conditions:
-        name, compare, value = condition(text, names)
-        column = list(map(str, cells[name]))
-        if is_number(value):
-            held = [float(cell) if is_number(cell) else np.nan for cell in column]
-            mask &= np.array([compare(cell, float(value)) for cell in held], bool)
-        else:
-            mask &= np.array([compare(cell, value) for cell in column], bool)
-    return mask
-
-
-def condition(text: str, names: Sequence[str]) -> tuple[str, Callable[[Any, Any], bool], str]:
-    """Column, comparison and value of a condition."""
-    found = re.fullmatch(r"\s*(.+?)\s*(>=|<=|!=|==|=|>|<)\s*(.*?)\s*", text)
-    if not found:
-        raise ValueError(f"--where must be COLUMN, a comparison and a value, such as 'snr>10', got {text!r}")
-    if found[1] not in names:
-        raise ValueError(
-            f"--where {text!r}: no column {found[1]!r}{did_you_mean(found[1], names)}; "
-            f"there are {', '.join(names)}"
-        )
-    return found[1], COMPARED[found[2]], found[3]
 
 
 def _typed(where: str, names: Sequence[str], role: str, text: str) -> tuple[str | None, Column]:

@@ -99,6 +99,14 @@ def test_settings_in_a_file_are_overridden_by_options(call):
     assert "x from a in km, y from b in m" in call("inspect", "z.csv", "--config", "s.toml", "--x", "a:km")[1]
 
 
+def test_range_rates_need_their_deviation(call):
+    Path("z.csv").write_text("time_s,range_m,azimuth_deg,range_rate_kn\n0,100,1,3\n1,100,1,3\n")
+    code, _, errors = call(
+        "track", "z.csv", "--targets", "many", "--sensor-deviation", "range=5,azimuth=1deg"
+    )
+    assert code == 2 and "sensor '' measures range rates; give their deviation too, such as" in errors
+
+
 ONE = "--sensor-deviation", "5", "--clutter-density", "1e-6"
 
 

@@ -149,6 +149,12 @@ def test_json_with_lists_of_detections_and_a_moving_sensor(tmp_path):
     assert found.z.tolist() == [[22, 11], [24, 13], [26, 15]] and found.time.tolist() == [0, 0, 2]
     assert found.origin[:, :2].tolist() == [[20, 10]] * 3 and found.row.tolist() == [2, 2, 4]
     assert found.empty_time.tolist() == [1] and found.start == datetime.fromtimestamp(1.62e9 + 1, UTC)
+    refused(
+        "z.json, record 2: time runs back by 1 s",
+        written(tmp_path, json.dumps(records()[:0:-1]), "z.json"),
+        columns,
+        order="strict",
+    )
     for text, message in (('[{"a": 1]', "not JSON"), ("[1, 2]", "must be a list of records in braces")):
         refused(message, written(tmp_path, text, "bad.json"))
 
@@ -196,6 +202,7 @@ def test_conditions_and_kept_columns(tmp_path):
     assert read(file, where=["snr>10"]).row.tolist() == [3, 4]
     found = read(file, where=["snr >= 15", "type!=track"], keep=["snr"])
     assert found.row.tolist() == [3] and found.metadata["snr"] == ["15"]
+    assert read(file, where=["x_m<2.5", "time_s>0"]).z.tolist() == [[2, 2]]
     refused("none of 3 rows fulfils --where snr>99", file, where=["snr>99"])
     refused("no column 'snt', did you mean 'snr'?", file, where=["snt>1"])
     refused("must be COLUMN, a comparison and a value", file, where=["snr"])

@@ -1,0 +1,225 @@
+"""Rows of all sensors of a file put together: in local coordinates, in order of time, without repeats."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gmr_gym.evaluation.csv_columns import Columns
+from gmr_gym.recorded.columns import Layout, option, unit_of
+from gmr_gym.recorded.configuration import SensorSettings
+from gmr_gym.recorded.detections import CARTESIAN, POLAR, Detections, SensorSpec, chosen, named, objects
+from gmr_gym.recorded.geodesy import to_local
+from gmr_gym.recorded.measured import COMPASS, Positions, azimuths, to_axes
+from gmr_gym.recorded.plausibility import check_speeds
+from gmr_gym.recorded.times import Times
+
+Layouts = Mapping[str | None, Layout]
+Reference = Any  # latitude deg, longitude deg, altitude m; None for none
+TEXTS = ("scan", "sensor", "id", "truth")
+
+
+class SensorRows(NamedTuple):
+    """Rows of a table that are of one sensor."""
+
+    name: str
+    at: np.ndarray  # (k,) indices
+    layout: Layout
+    times: Times
+    positions: Positions
+    settings: SensorSettings
+
+
+def assembled(
+    table: Columns,
+    rows: list[SensorRows],
+    found: Layouts,
+    reference: Reference,
+    convention: str,
+    strict: bool,
+    drop_repeats: bool,
+) -> Detections:
+    """Rows of all sensors in order of time, without those that repeat others or have no position."""
+    n, p = len(table.line), max(each.positions.z.shape[1] for each in rows)
+    reference = reference or _reference(rows)
+    ns, sensor, origin = np.zeros(n, np.int64), np.zeros(n, int), np.zeros((n, 3))
+    z, rate = np.full((n, p), np.nan), np.full(n, np.nan)
+    specs = []
+    for i, each in enumerate(rows):
+        place = _place(each, reference)
+        own = np.where(np.isnan(each.positions.own), place, each.positions.own)
+        measured = _measured(each, own, reference, convention)
+        ns[each.at], sensor[each.at], origin[each.at] = each.times.ns, i, own
+        z[each.at, : measured.shape[1]], rate[each.at] = measured, each.positions.range_rate
+        specs.append(_spec(each, place))
+    order, remarks = _order(table, ns, strict)
+    text = {role: _text(table, found, role) for role in TEXTS}
+    taken = {column.name for layout in found.values() for column in layout.values()}
+    metadata = {name: list(values) for name, values in table.values.items() if name not in taken}
+    start = rows[0].times._replace(ns=ns).start
+    seen = Detections(
+        (ns - ns.min()) / 1e9, z, rate, origin, sensor, _scans(text["scan"]), text["id"], text["truth"],
+        table.line, metadata, np.empty(0), np.empty(0, int), tuple(specs), _coordinates(rows), start,
+        reference, ns.min() / 1e9,
+    )  # fmt: skip
+    seen = chosen(seen, order) if remarks else seen
+    blank = np.isnan(seen.z[:, 0])
+    looks = seen.time[blank], seen.sensor[blank]
+    seen = chosen(seen, ~blank) if blank.any() else seen
+    if drop_repeats and (repeated := _repeats(seen)).any():
+        seen = chosen(seen, ~repeated)
+        remarks.append(f"{repeated.sum()} repeats of other rows dropped")
+    seen, unplaced = _with_empty(seen, *looks)
+    remarks += [f"{unplaced} rows without a position dropped"] if unplaced else []
+    fast = check_speeds(source_of(table), seen)
+    return seen._replace(remarks=(*_as_read(rows, convention), *remarks, *([fast] if fast else [])))
+
+
+def row_name(table: Columns) -> str:
+    """What a row of the input is called: JSON and arrays have no lines."""
+    return "line" if ", line " in table.where else "record"
+
+
+def source_of(table: Columns) -> str:
+    return table.where.rpartition(", line ")[0] or table.where
+
+
+def _reference(rows: list[SensorRows]) -> Reference:
+    """Where the first sensor is, or else latitude and longitude of the first row, at height 0."""
+    for each in rows:
+        if each.settings.geodetic is not None:
+            return each.settings.geodetic
+    for each in rows:
+        there = each.positions.z[~np.isnan(each.positions.z[:, 0])]
+        if each.positions.family[0] == "lat" and len(there):
+            return float(there[0, 0]), float(there[0, 1]), 0.0
+    return None
+
+
+def _place(each: SensorRows, reference: Reference) -> np.ndarray:
+    """Where the sensor is (3,), m."""
+    if each.settings.geodetic is not None:
+        return to_local(each.settings.geodetic, reference)
+    return np.array(each.settings.position or (0.0, 0.0, 0.0))
+
+
+def _measured(each: SensorRows, own: np.ndarray, reference: Reference, convention: str) -> np.ndarray:
+    """Measurements (k, p) in local coordinates or polar ones, from what the file has."""
+    z, p = each.positions.z, each.positions.z.shape[1]
+    if each.positions.family[0] == "lat":
+        heights = z[:, 2] if p > 2 else np.zeros(len(z))
+        return to_local(np.column_stack([z[:, :2], heights]), reference)[:, :p]
+    if each.positions.family[0] == "range":
+        z = z.copy()
+        z[:, 1] = azimuths(z[:, 1], convention, each.settings.north_offset)
+        there = each.settings.geodetic
+        return z if there is None or there == reference else to_axes(z, there, reference)
+    moving = "own_x" in each.layout  # what it measures is relative to itself
+    return z + own[:, :p] if moving else z
+
+
+def _spec(each: SensorRows, place: np.ndarray) -> SensorSpec:
+    said, family = each.settings, each.positions.family
+    polar = family[0] == "range"
+    if polar and said.deviation.get("", 0.0) > 0:
+        raise ValueError(
+            "the deviation of a sensor in range and azimuth has two units; give --sensor-deviation "
+            f"range={said.deviation['']:g},azimuth=0.1deg"
+        )
+    names = ("x", "y", "z") if family[0] == "lat" else family
+    deviation = tuple(
+        said.deviation.get(role, said.deviation.get("", np.nan)) for role in names[: len(family)]
+    )
+    return SensorSpec(
+        each.name, POLAR if polar else CARTESIAN, tuple(place.tolist()), deviation,
+        said.deviation.get("range_rate", np.nan), said.detection_probability, said.clutter_per_scan,
+        said.rotation_period, said.clutter_density,
+    )  # fmt: skip
+
+
+def _order(table: Columns, ns: np.ndarray, strict: bool) -> tuple[np.ndarray, list[str]]:
+    """Order of time, rows of one time in that of the file."""
+    late = ns < np.maximum.accumulate(ns)
+    if strict and late.any():
+        i = int(np.argmax(late))
+        back = (ns[i - 1] - ns[i]) / 1e9
+        raise ValueError(
+            f"{source_of(table)}, {row_name(table)} {table.line[i]}: time runs back by {back:g} s; "
+            "sort the rows, or leave --order strict out"
+        )
+    return np.argsort(ns, kind="stable"), [f"{late.sum()} rows sorted by time"] if late.any() else []
+
+
+def _repeats(seen: Detections) -> np.ndarray:
+    """Mask (n,) of the rows that repeat an earlier one."""
+    repeated = np.zeros(len(seen.time), bool)
+    same = np.diff(seen.time) == 0
+    rows = np.flatnonzero(np.append(same, False) | np.append(False, same))
+    known: set = set()
+    each = (seen.time, seen.sensor, seen.identity, seen.truth, seen.range_rate.astype(str))
+    for i, *key in zip(rows.tolist(), *(column[rows].tolist() for column in each), strict=True):
+        entry = (*key, seen.z[i].tobytes())
+        repeated[i] = entry in known
+        known.add(entry)
+    return repeated
+
+
+def _with_empty(seen: Detections, times: np.ndarray, sensors: np.ndarray) -> tuple[Detections, int]:
+    """Rows without a position as looks that detected nothing; where others of their time and sensor have one,
+    or rows are single reports with identities, they are only counted."""
+    if not len(times):
+        return seen, 0
+    reports = any(value is not None for value in seen.identity[:1])
+    there = set() if reports else set(zip(seen.time.tolist(), seen.sensor.tolist(), strict=True))
+    looks = {key: None for key in zip(times.tolist(), sensors.tolist(), strict=True) if key not in there}
+    held = [] if reports else list(looks)
+    empty_time, empty_sensor = (
+        np.array([look[i] for look in held], kind) for i, kind in ((0, float), (1, int))
+    )
+    return seen._replace(empty_time=empty_time, empty_sensor=empty_sensor), len(times) - len(held)
+
+
+def _text(table: Columns, found: Layouts, role: str) -> np.ndarray:
+    """Texts of a role, None where a cell is blank or no column has the role."""
+    name = next((layout[role].name for layout in found.values() if role in layout), None)
+    if name is None:
+        return np.full(len(table.line), None)
+    cells = list(map(str, table.values[name]))
+    if not any(cells):
+        raise ValueError(
+            f"{table.where}, column {name}: empty in all {len(cells)} rows; leave {option(role)} out"
+        )
+    return objects([cell or None for cell in cells])
+
+
+def _scans(cells: np.ndarray) -> np.ndarray:
+    """Scans (n,), numbered in order of their first row; -1 where there are none."""
+    if not named(cells).any():
+        return np.full(len(cells), -1)
+    numbers = {None: -1}
+    return np.array([numbers.setdefault(cell, len(numbers) - 1) for cell in cells.tolist()], int)
+
+
+def _coordinates(rows: list[SensorRows]) -> tuple[str, ...]:
+    """Names of the columns of the first layout with the most coordinates."""
+    widest = max(rows, key=lambda each: len(each.positions.family))
+    return tuple(widest.layout[role].name for role in widest.positions.family)
+
+
+def _as_read(rows: list[SensorRows], convention: str) -> list[str]:
+    """How units, times and azimuths were taken."""
+    remarks = []
+    for each in rows:
+        of = f" of sensor {each.name}" if len(rows) > 1 else ""
+        units = [
+            f"{role} from {column.name} in {unit_of('', role, column)}"
+            for role, column in each.layout.items()
+            if role not in ("time", *TEXTS)
+        ]
+        remarks.append(
+            f"time{of} from {each.layout['time'].name} as {each.times.read_as}; {', '.join(units)}"
+        )
+    if any(each.positions.family[0] == "range" for each in rows):
+        way = "clockwise from north" if convention == COMPASS else "counter-clockwise from the x axis"
+        remarks.append(f"azimuths taken {way}; --azimuth-convention changes it")
+    return remarks
