@@ -38,6 +38,8 @@ def run_with(
     reports: bool,
     **more: Any,
 ) -> Evidence:
+    """The tracks with these sensors, and arguments of `tracking_model`; `still` (n,) marks detections at spots
+    that are hit all the time."""
     low, high = box_of(found)
     model = tracking_model(found.sensors, low.tolist(), high.tolist(), **target, **more)
     found = found._replace(sensors=model.sensors)
@@ -66,6 +68,7 @@ def wide(found: Detections, points: np.ndarray, part: float) -> Detections:
 
 
 def first_speed(points: np.ndarray, scans: Sequence[Scan]) -> float:
+    """Largest speed of which nothing is known but the place and the period of its scans, m/s."""
     times = np.unique([scan.time for scan in scans])
     period = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
     extent = float(np.nanmax(np.ptp(points[:, :2], axis=0), initial=0.0))
