@@ -494,15 +494,30 @@ def track_(
 @command()
 @takes(*INPUT_GROUPS)
 def inspect(
-    file: Annotated[Path, typer.Argument(help="CSV, text or JSON, also compressed with gzip")], **given: Any
+    file: Annotated[Path, typer.Argument(help="CSV, text or JSON, also compressed with gzip")],
+    *,
+    write: Annotated[
+        Path | None,
+        typer.Option("--write", help="TOML for track --config: also propose deviations, clutter and motion"),
+    ] = None,
+    **given: Any,
 ) -> None:
-    """What is understood of a file of detections: columns, units, times, scans, sensors. Tracks nothing."""
-    from gmr_gym.experiments import reading
+    """What is understood of a file of detections: columns, units, times, scans, sensors; and with --write
+    what tracking may assume of them, told from the file itself."""
+    from gmr_gym.experiments import reading, specs
     from gmr_gym.recorded import cut
     from gmr_gym.recorded.description import described
 
-    found = reading.detections_of(file, reading.configuration_of(given))
-    _show(described(found, cut(found, window=given["scan_window"])))
+    specs.check_ending("--write", write, ".toml")
+    specs.check_writable(write, beside=file)
+    settings = reading.configuration_of(given)
+    found = reading.detections_of(file, settings)
+    scans = cut(found, window=given["scan_window"])
+    _show(described(found, scans))
+    if write:
+        from gmr_gym.experiments.proposing import write_proposal
+
+        _show(write_proposal(write, file, found, scans, settings))
 
 
 @command()

@@ -57,7 +57,7 @@ SENSOR = {
         str, "compass: clockwise from north; math: counter-clockwise from x", "compass"
     ),
     "rotation_period": Option(str, "s, of an antenna: a turn is a scan"),
-    "sensor_deviation": Option(str, "standard deviation, m, or range=50,azimuth=0.1deg,range_rate=1"),
+    "sensor_deviation": Option(str, "deviation, m, or range=50,azimuth=0.1deg,range_rate=1, or auto"),
     "detection_probability": Option(float | None, "of a target, per scan; 0.9 unless given", None),
     "clutter_density": Option(float | None, "false alarms per scan and m^2 (m^3 in space)", None),
     "clutter_per_scan": Option(float | None, "false alarms per scan", None),

@@ -10,6 +10,7 @@ import numpy as np
 from gmr_gym.checks import _check_positive, check_choice
 from gmr_gym.experiments import specs
 from gmr_gym.experiments.detection_options import OUTPUT, typed
+from gmr_gym.experiments.proposing import asks, proposed
 from gmr_gym.experiments.reading import configuration_of, detections_of
 from gmr_gym.experiments.tracks import are_reports, many_targets_model
 from gmr_gym.recorded.accuracy import accuracy, label_accuracy
@@ -41,6 +42,10 @@ def track_many(file: Path, out: Path | None, given: Mapping[str, Any]) -> Iterat
     asked = outputs(out, file, settings, given)
     found = detections_of(file, settings)
     scans = cut(found, window=given["scan_window"])
+    if asks(settings):
+        settings, proposal = proposed(found, scans, settings)
+        yield from (f"proposed: {line}" for line in proposal.lines)
+        found = detections_of(file, settings)
     model = many_targets_model(found, settings, given)
     found = found._replace(sensors=model.sensors)  # with what is assumed where nothing is known
     modes = [f"{mode.motion}_{mode.deviation:g}" for mode in model.modes]

@@ -21,11 +21,9 @@ from gmr_gym.recorded.columns import check_plain
 from gmr_gym.recorded.configuration import Configuration
 from gmr_gym.recorded.detections import CARTESIAN, Detections
 from gmr_gym.recorded.model import TrackingModel, tracking_model
-from gmr_gym.recorded.positions import local_positions
+from gmr_gym.recorded.positions import box_of
 from gmr_gym.recorded.scans import Scan, cut, equal_times
 from gmr_gym.simulation.single_target import Scenario, draw
-
-MARGIN, LEAST_MARGIN = 0.1, 100.0  # of the extent of the detections, and m, in which targets may be beside it
 
 
 def record_episode(scenario: Scenario, tracker: str, seed: int, out: Path, truth: Path | None) -> None:
@@ -90,12 +88,7 @@ def scans_of_positions(found: Detections, window: float | None) -> recordings.Sc
 
 def many_targets_model(found: Detections, settings: Configuration, given: Mapping[str, Any]) -> TrackingModel:
     """What is assumed of the targets and the sensors of detections."""
-    if not len(found.time):
-        raise ValueError("there are no detections to track")
-    points = local_positions(found)
-    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-    margin = np.maximum(MARGIN * (high - low), LEAST_MARGIN)
-    low, high = low - margin, high + margin
+    low, high = box_of(found)
     volume = float(np.prod(high - low))
     specs = []
     for i, spec in enumerate(found.sensors):

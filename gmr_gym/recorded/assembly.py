@@ -121,7 +121,7 @@ def _measured(each: SensorRows, own: np.ndarray, reference: Reference, conventio
 def _spec(each: SensorRows, place: np.ndarray) -> SensorSpec:
     said, family = each.settings, each.positions.family
     polar = family[0] == "range"
-    if polar and "" in said.deviation:
+    if polar and said.deviation.get("", 0.0) > 0:
         raise ValueError(
             "the deviation of a sensor in range and azimuth has two units; give --sensor-deviation "
             f"range={said.deviation['']:g},azimuth=0.1deg"

@@ -51,7 +51,7 @@ class SensorSettings(NamedTuple):
     position: tuple[float, ...] | None = None  # m, in local coordinates, where it is not geodetic
     north_offset: float = 0.0  # rad, from true north to its own, clockwise
     rotation_period: float = math.nan  # s
-    deviation: Mapping[str, float] = MappingProxyType({})  # by role; of "" in every length
+    deviation: Mapping[str, float] = MappingProxyType({})  # by role; of "" in every length; NaN: proposed
     detection_probability: float = math.nan
     clutter_per_scan: float = math.nan
     clutter_density: float = math.nan
@@ -131,7 +131,7 @@ def sensor(where: str, table: Mapping[str, Any]) -> SensorSettings:
 
 
 def deviations(where: str, typed: str | float | Mapping[str, Any]) -> dict[str, float]:
-    """Standard deviations by role, from a number, m, or `range=50,azimuth=0.1deg`, or a table."""
+    """Deviations by role, from a number, m, or `range=50,azimuth=0.1deg`, or a table; NaN for `auto`."""
     if isinstance(typed, str) and "=" in typed:
         pairs = [part.partition("=") for part in typed.split(",")]
         typed = {role.strip(): value for role, _, value in pairs}
@@ -144,7 +144,9 @@ def deviations(where: str, typed: str | float | Mapping[str, Any]) -> dict[str, 
                 f"{where}: {role!r} is not measured{did_you_mean(role, MEASURED)}; "
                 f"choose from {', '.join(MEASURED)}"
             )
-        if value != AUTO:
+        if value == AUTO:
+            found[role] = math.nan
+        else:
             found[role] = quantity_typed(value, MEASURED.get(role, LENGTH), f"{where} {role}".strip())
             if not found[role] > 0:
                 raise ValueError(f"{where} {role}: must be positive, got {value}".replace(" :", ":"))

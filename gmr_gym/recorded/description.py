@@ -7,9 +7,8 @@ import numpy as np
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.positions import local_positions
 from gmr_gym.recorded.scans import Scan
+from gmr_gym.recorded.static_cells import CELL, STATIC, static_rows
 
-CELL = 10.0  # m, side of the cells in which returns at one spot are counted
-STATIC = 0.3  # share of the scans from which on a cell holds something that does not move
 GAP = 2.5  # usual intervals; longer ones are gaps
 SHOWN = 6  # names in a line
 
@@ -41,7 +40,7 @@ def described(found: Detections, scans: list[Scan]) -> list[str]:
         f"extent: {extent} m" + (f"; origin at {found.reference}" if found.reference else ""),
         f"sensors: {_sensors(found)}",
         f"identities: {_counted(found.identity, 'rows')}; truth: {_counted(found.truth, 'rows')}",
-        f"static: {_static(found, points, scans)}",
+        f"static: {_static(points, scans)}",
         f"metadata: {', '.join(found.metadata) or 'none'}",
     ]
     return [*lines, *(f"remark: {note}" for note in notes)]
@@ -91,13 +90,7 @@ def _counted(names: np.ndarray, what: str) -> str:
     return f"{len(counts)}, most {most} with {count} {what}"
 
 
-def _static(found: Detections, points: np.ndarray, scans: list[Scan]) -> str:
+def _static(points: np.ndarray, scans: list[Scan]) -> str:
     """Rows at spots that are detected in many scans: piers, masts, what is moored."""
-    number = np.zeros(len(points), int)
-    for i, scan in enumerate(scans):
-        number[scan.rows] = i
-    cells, cell = np.unique(np.floor(points[:, :2] / CELL), axis=0, return_inverse=True)
-    seen = np.unique(np.column_stack([cell.ravel(), number]), axis=0)[:, 0]
-    often = np.bincount(seen, minlength=len(cells)) > STATIC * max(len(scans), 1)
-    rows = int(often[cell.ravel()].sum())
-    return f"{rows} rows in {often.sum()} cells of {CELL:g} m that are hit in over {STATIC:.0%} of the scans"
+    rows, cells = static_rows(points, scans)
+    return f"{rows.sum()} rows in {cells} cells of {CELL:g} m that are hit in over {STATIC:.0%} of the scans"

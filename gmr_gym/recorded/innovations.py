@@ -48,7 +48,7 @@ def innovations(tracks: Tracks, detections: Detections, sensor: int) -> Innovati
     rows = rows[detections.sensor[tracks.detection[rows]] == sensor]
     at = tracks.detection[rows]
     x, P = _at_time(tracks.x[rows], tracks.P[rows], detections.time[at] - tracks.time[rows])
-    h, H = _measured(x, detections.origin[at], spec)
+    h, H = measured_of(x, detections.origin[at], spec)
     e = detections.z[at, : spec.p] - h
     if spec.kind == POLAR:
         e[:, 1] = (e[:, 1] + np.pi) % (2 * np.pi) - np.pi
@@ -77,7 +77,7 @@ def _at_time(x: np.ndarray, P: np.ndarray, after: np.ndarray) -> tuple[np.ndarra
     return (F @ x[..., None])[..., 0], F @ P @ F.swapaxes(1, 2)
 
 
-def _measured(x: np.ndarray, origin: np.ndarray, spec: SensorSpec) -> tuple[np.ndarray, np.ndarray]:
+def measured_of(x: np.ndarray, origin: np.ndarray, spec: SensorSpec) -> tuple[np.ndarray, np.ndarray]:
     """What the sensor measures of the states, (k, p), and its derivatives (k, p, d)."""
     k, d = x.shape
     p, axes = spec.p, d // 2

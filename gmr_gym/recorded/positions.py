@@ -5,6 +5,8 @@ import numpy as np
 from gmr_gym.recorded.detections import POLAR, Detections
 from gmr_gym.recorded.geodesy import from_local
 
+MARGIN, LEAST_MARGIN = 0.1, 100.0  # of the extent of the detections, and m, in which targets may be beside it
+
 
 def local_positions(detections: Detections) -> np.ndarray:
     """Positions (n, p) in local coordinates, m, NaN in those that a sensor does not measure.
@@ -25,6 +27,26 @@ def local_positions(detections: Detections) -> np.ndarray:
             away = [across * np.cos(azimuth), across * np.sin(azimuth), z[:, 0] * np.sin(elevation)]
             found[rows, : spec.p] = (detections.origin[rows] + np.stack(away, axis=1))[:, : spec.p]
     return found
+
+
+def box_of(detections: Detections) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (p,) of the box in which targets may be, m: all detections, and some room beside them.
+
+    Parameters
+    ----------
+    detections : Detections
+
+    Raises
+    ------
+    ValueError
+        If there are none.
+    """
+    if not len(detections.time):
+        raise ValueError("there are no detections to track")
+    points = local_positions(detections)
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    margin = np.maximum(MARGIN * (high - low), LEAST_MARGIN)
+    return low - margin, high + margin
 
 
 def geodetic(points: np.ndarray, reference: tuple[float, float, float]) -> np.ndarray:

@@ -156,10 +156,7 @@ def _reaches(tracks: Tracks, end: int, start: int, far: float) -> bool:
 
 def _unused(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> Iterator[Figure]:
     """Detections of no confirmed track: a scan, an area, and how they scatter from scan to scan."""
-    ever = np.isin(tracks.track, tracks.track[tracks.status == CONFIRMED]) & (tracks.detection >= 0)
-    left = np.ones(len(detections.time))
-    np.subtract.at(left, tracks.detection[ever], tracks.weight[ever])
-    left = np.maximum(left, 0.0)
+    left = unused(tracks, len(detections.time))
     points = local_positions(detections)[:, :2]
     points = points[np.isfinite(points).all(axis=1)]
     for i, spec in enumerate(detections.sensors):
@@ -184,6 +181,14 @@ def _unused(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> It
                 max(1 - half, 0.0),
                 1 + half,
             )
+
+
+def unused(tracks: Tracks, n: int) -> np.ndarray:
+    """Probability that each of n detections is of no track that ever was confirmed, (n,)."""
+    ever = np.isin(tracks.track, tracks.track[tracks.status == CONFIRMED]) & (tracks.detection >= 0)
+    left = np.ones(n)
+    np.subtract.at(left, tracks.detection[ever], tracks.weight[ever])
+    return np.maximum(left, 0.0)
 
 
 def _area(points: np.ndarray) -> float:

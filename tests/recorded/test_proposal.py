@@ -1,0 +1,128 @@
+"""What a file says of its sensors and targets, beside what it was made of."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from gmr_gym import cli
+from gmr_gym.recorded import SensorSpec, cut, from_arrays, read_configuration
+from gmr_gym.recorded.noise import deviation_of, differences
+from gmr_gym.recorded.proposal import propose
+
+PROBABILITY, CLUTTER, NOISE = 0.9, 3.0, 0.3
+
+
+def simulated(seed, *, scans=50, targets=5, deviation=(5.0, 5.0), polar=False, speed=10.0, half=1500.0):
+    """Detections every 2 s of targets at nearly constant velocity and of clutter."""
+    rng, dt = np.random.default_rng(seed), 2.0
+    place = rng.uniform(-0.6 * half, 0.6 * half, (targets, 2))
+    velocity = speed * rng.normal(size=(targets, 2))
+    times, z = [], []
+    for k in range(scans):
+        w = rng.normal(size=(2, targets, 2)) if speed else np.zeros((2, targets, 2))
+        place = place + dt * velocity + NOISE * dt**1.5 * (w[0] / 2 + w[1] / np.sqrt(12))
+        velocity = velocity + NOISE * np.sqrt(dt) * w[0]
+        seen = place[rng.random(targets) < PROBABILITY]
+        clutter = rng.uniform(-half, half, (rng.poisson(CLUTTER), 2))
+        if polar:
+            seen, clutter = (
+                np.stack([np.hypot(*p.T), np.arctan2(p[:, 1], p[:, 0])], 1) for p in (seen, clutter)
+            )
+        z.append(np.vstack([seen + rng.normal(0, deviation, seen.shape), clutter]))
+        times += [dt * k] * len(z[-1])
+    return from_arrays(times, np.vstack(z), sensors=[SensorSpec("", "polar" if polar else "cartesian")])
+
+
+def interval(lines, name):
+    line = next(line for line in lines if line.startswith(name))
+    return [float(end) for end in re.search(r"\(([\d.e-]+) to ([\d.e-]+)", line).groups()]
+
+
+@pytest.mark.parametrize(
+    "polar, deviation", [(False, (5.0, 5.0)), (False, (1.0, 2.0)), (True, (5.0, np.radians(0.3)))]
+)
+def test_what_the_file_was_made_of_lies_in_the_intervals(polar, deviation):
+    found = simulated(1, polar=polar, deviation=deviation)
+    proposal = propose(found, cut(found))
+    first, second = ("range", "azimuth") if polar else ("x", "y")
+    true = {
+        f"deviation in {first}": deviation[0],
+        f"deviation in {second}": np.degrees(deviation[1]) if polar else deviation[1],
+        "detection probability": PROBABILITY,
+        "clutter a scan": CLUTTER,
+        "acceleration deviation": NOISE,
+    }
+    for name, value in true.items():
+        low, high = interval(proposal.lines, name)
+        assert low <= value <= high, name
+        assert high < 2 * low or name == "clutter a scan"
+    assert proposal.target["motion"] == "constant-velocity" and not proposal.learn_clutter
+    (spec,) = proposal.sensors
+    np.testing.assert_allclose(spec.deviation, deviation, rtol=0.3)
+    assert proposal.lines[-1].startswith("rests on 5 tracks that move")
+    nis = next(one for one in proposal.after if one.name == "NIS / degrees of freedom")
+    assert 0.7 < nis.value < 1.3  # with rough numbers it is far below
+
+
+def test_two_long_tracks_are_enough_and_their_number_is_said():
+    found = simulated(0, targets=2, scans=60)
+    lines = propose(found, cut(found)).lines
+    assert lines[-1].startswith("rests on 2 tracks that move") and "fewer than 5" in lines[-1]
+
+
+@pytest.mark.parametrize(
+    "kind, message",
+    [
+        ({"scans": 12, "targets": 1}, r"to propose from: .*needed are 100 measured coordinates"),
+        ({"speed": 0.0}, r"nothing to propose from: of \d+ confirmed tracks none moves"),
+    ],
+)
+def test_too_little_and_what_stands_still_are_refused(kind, message):
+    found = simulated(3, **kind)
+    with pytest.raises(ValueError, match=message):
+        propose(found, cut(found))
+
+
+def test_range_rates_need_their_deviation():
+    found = simulated(3, polar=True, deviation=(5.0, 0.005))
+    found = found._replace(range_rate=np.ones(len(found.time)))
+    with pytest.raises(ValueError, match="give --sensor-deviation range_rate=1"):
+        propose(found, cut(found))
+
+
+def test_differences_have_the_deviation_of_a_detection_whatever_the_intervals():
+    rng = np.random.default_rng(5)
+    time = np.cumsum(rng.uniform(1, 2, 3000))
+    z = np.stack([3 * time, -2 * time], 1) + rng.normal(0, (4.0, 0.5), (3000, 2))
+    z[::50] += 300.0  # of others
+    found = from_arrays(time, z)
+    away = differences([np.arange(3000)], found, z, 0)
+    deviation, factor = deviation_of(away)
+    assert len(away) == 2998
+    np.testing.assert_allclose(deviation, (4.0, 0.5), rtol=0.12)
+    assert 1.0 < factor < 1.1
+
+
+def test_settings_are_written_as_track_reads_them_and_what_is_given_is_kept(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = simulated(1)
+    rows = [f"{t},{x},{y}" for t, (x, y) in zip(found.time, found.z, strict=True)]
+    Path("z.csv").write_text("\n".join(["t_s,east_m,north_m", *rows]))
+    columns = ["--time", "t_s", "--x", "east_m", "--y", "north_m", "--detection-probability", "0.8"]
+    done = CliRunner().invoke(cli.app, ["inspect", "z.csv", *columns, "--write", "radar.toml"])
+    assert done.exit_code == 0 and "proposed: rests on 5 tracks" in done.output
+    settings = read_configuration("radar.toml")
+    (sensor,) = settings.sensors
+    assert settings.columns == {"time": ["t_s"], "x": ["east_m"], "y": ["north_m"]}
+    assert sensor.detection_probability == 0.8 and 3.5 < sensor.deviation["x"] < 6.5
+    assert settings.target["acceleration_deviation"] == [NOISE]
+    done = CliRunner().invoke(cli.app, ["track", "z.csv", "--targets", "many", "--config", "radar.toml"])
+    assert done.exit_code == 0 and Path("tracks.csv").is_file()
+    few = "\n".join(Path("z.csv").read_text().splitlines()[:60])
+    Path("few.csv").write_text(few)
+    words = ["track", "few.csv", "--targets", "many", *columns, "--sensor-deviation", "auto"]
+    with pytest.raises(ValueError, match="to propose from"):
+        CliRunner().invoke(cli.app, [*words, "--overwrite"], catch_exceptions=False)
