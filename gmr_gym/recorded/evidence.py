@@ -38,7 +38,7 @@ def run_with(
     reports: bool,
     **more: Any,
 ) -> Evidence:
-    """The tracks with these sensors, and arguments of `tracking_model`; `still` (n,) marks detections at spots
+    """Tracks with these sensors and arguments of `tracking_model`; `still` (n,) marks detections at spots
     that are hit all the time."""
     low, high = box_of(found)
     model = tracking_model(found.sensors, low.tolist(), high.tolist(), **target, **more)
