@@ -38,13 +38,8 @@ def run_with(
     reports: bool,
     **more: Any,
 ) -> Evidence:
-<<<<<<< HEAD
-    """The tracks with these sensors, and arguments of `tracking_model`; `still` (n,) marks detections at
-    spots that are hit all the time."""
-=======
     """Tracks with these sensors and arguments of `tracking_model`; `still` (n,) marks detections at spots
     that are hit all the time."""
->>>>>>> f21b9c707f0650c03295cf2d5ddf20cc08f3094b
     low, high = box_of(found)
     model = tracking_model(found.sensors, low.tolist(), high.tolist(), **target, **more)
     found = found._replace(sensors=model.sensors)
