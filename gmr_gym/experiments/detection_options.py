@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Mapping
+from functools import update_wrapper
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -116,9 +117,15 @@ def takes(*groups: tuple[str, Mapping[str, Option]]) -> Callable[[Callable], Cal
                 for name, option in options.items()
             ),
         ]
-        command.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-        command.__annotations__ = {p.name: p.annotation for p in parameters}
-        return command
+
+        def taking(*args: Any, **keywords: Any) -> Any:
+            return command(*args, **keywords)
+
+        update_wrapper(taking, command)
+        del taking.__wrapped__  # the source has fewer defaults than the signature, and readers compare them
+        taking.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+        taking.__annotations__ = {p.name: p.annotation for p in parameters}
+        return taking
 
     return decorated
 
