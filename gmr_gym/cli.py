@@ -503,7 +503,7 @@ def inspect(
     **given: Any,
 ) -> None:
     """What is understood of a file of detections: columns, units, times, scans, sensors; and with --write
-    what tracking may assume of them, told from the file itself."""
+    what tracking may assume of them, as the file itself shows."""
     from gmr_gym.experiments import reading, specs
     from gmr_gym.recorded import cut
     from gmr_gym.recorded.description import described

@@ -122,7 +122,8 @@ def takes(*groups: tuple[str, Mapping[str, Option]]) -> Callable[[Callable], Cal
             return command(*args, **keywords)
 
         update_wrapper(taking, command)
-        del taking.__wrapped__  # the source has fewer defaults than the signature, and readers compare them
+        # its source has fewer defaults than the signature, and what documents it compares the two
+        del taking.__wrapped__  # type: ignore[attr-defined]
         taking.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
         taking.__annotations__ = {p.name: p.annotation for p in parameters}
         return taking
