@@ -14,6 +14,7 @@ from gmr_gym import cli
 def call(tmp_path, monkeypatch, capsys):
     """Runs a command in an empty folder: exit code, output and errors."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("COLUMNS", raising=False)
 
     def run(*words):
         monkeypatch.setattr("sys.argv", ["gmr-gym", *map(str, words)])
