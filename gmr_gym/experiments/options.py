@@ -18,6 +18,7 @@ FORMATS = ("table", "markdown", "csv", "latex", "json")
 EXAMPLES = {
     "crouse": "ten components in one dimension, of Crouse et al. 2011",
     "posterior": "hypotheses of a turning target before their reduction",
+    "random": "ten components drawn at random in four dimensions, as in the table of Crouse et al. 2011",
 }
 TARGETS = ("one", "many")
 MODELS = {"constant-velocity": "a target whose velocity changes by a random acceleration"}
