@@ -1,0 +1,142 @@
+"""Reductions compared: what they lose of mixtures and in tracking, against the time they take."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gmr_gym.evaluation.fronts import front
+from gmr_gym.experiments.figures import heading
+from gmr_gym.experiments.drawings import save
+from gmr_gym.experiments.formats import piped
+from gmr_gym.experiments.output import write_csv, write_json, write_text
+from gmr_gym.experiments.records import answered
+from gmr_gym.experiments.reduction_drawings import against_time
+from gmr_gym.experiments.reduction_quality import (
+    EVERY,
+    RANDOM,
+    Rows,
+    costs_shown,
+    left_out,
+    of_environment,
+    pooled,
+    problems,
+    quality_rows,
+)
+from gmr_gym.experiments.reduction_tracking import fit, tables, tracked
+from gmr_gym.experiments.sheets import Sheet, figures_table, notes
+from gmr_gym.experiments.sweeps import Sweep, say_what_is_left
+from gmr_gym.experiments.tables import table_record
+from gmr_gym.simulation.single_target import Scenario
+
+# figures of fronts and drawings: of random mixtures, of posteriors, and of tracking
+MEANS = ("nise", "divergence", "reverse_divergence")
+MEDIANS = ("nise_median", "divergence_median", "reverse_divergence_median")
+TRACKING = ("track_loss", "error_capped")
+
+
+class Found(NamedTuple):
+    """What is measured: figures of mixtures by problem, of tracking by environment and number of components,
+    and why reductions are left out where."""
+
+    quality: dict[str, Rows]
+    tracking: dict[tuple[str, int], Rows]
+    left_out: dict[str, dict[str, str]]
+
+    def by_environment(self) -> dict[str, Rows]:
+        """The figures of tracking with all numbers of components together, rows NAME, NUMBER."""
+        found: dict[str, Rows] = {}
+        for (env_id, n), rows in self.tracking.items():
+            found.setdefault(env_id, {}).update({f"{name}, {n}": row for name, row in rows.items()})
+        return found
+
+    def tables(self) -> dict[str, Rows]:
+        """All figures by table."""
+        return self.quality | {f"{env_id}, {n} components": rows for (env_id, n), rows in self.tracking.items()}
+
+    def fronts(self) -> dict[str, dict[str, list[str]]]:
+        """By problem or environment and figure, the rows on the front, the quickest first."""
+        time_of = dict.fromkeys(self.quality, "time_per_call")
+        of = {name: MEANS if name == RANDOM else MEDIANS for name in self.quality}
+        return {
+            name: {
+                figure: named_front(rows, time_of.get(name, "time_per_scan"), figure)
+                for figure in of.get(name, TRACKING)
+            }
+            for name, rows in (self.quality | self.by_environment()).items()
+        }
+
+
+def compared(
+    asked: dict[str, Any],
+    names: Sequence[str],
+    scenarios: Mapping[str, Scenario],
+    sweep: Sweep,
+    out: Path,
+    copy: Path | None,
+) -> Iterator[Any]:
+    """Reduces mixtures and tracks, leaves record, fronts and drawings in `out`, and gives what a screen
+    shows; of a shard only what is left to others."""
+    costs = costs_shown(names, problems(asked["mixtures"], asked["seed"]), sweep)
+    fitting = {env_id: fit(costs[of_environment(env_id)], asked["slowest"]) for env_id in scenarios}
+    outcomes = tracked(scenarios, {env_id: kept for env_id, (kept, _) in fitting.items()}, asked["components"], sweep)
+    if sweep.shard:
+        say_what_is_left(sweep.blocks, *map(sum, zip(*(left for _, left in outcomes), strict=True)))
+        return
+    quality = {EVERY: quality_rows(pooled(costs))}
+    quality = {problem: quality_rows(found) for problem, found in costs.items()} | quality
+    unfit = {problem: left_out(found) for problem, found in costs.items()}
+    unfit |= {env_id: reasons for env_id, (_, reasons) in fitting.items()}
+    found = Found(quality, dict(tables(outcomes)), {where: why for where, why in unfit.items() if why})
+    _leave(asked, found, sweep, out, copy)
+    yield from shown(found, sweep)
+    yield f"these, the posteriors of each environment, and drawings are in {out}"
+
+
+def _leave(asked: dict[str, Any], found: Found, sweep: Sweep, out: Path, copy: Path | None) -> None:
+    """Writes record, figures, fronts and drawings."""
+    tables = [table_record(name, {}, rows) for name, rows in found.tables().items()]
+    further = {"command": sweep.command, "fronts": found.fronts(), "left_out": found.left_out}
+    record = answered(asked, tables, notes=notes({}, sweep.runs), **further)
+    for file in filter(None, (out / "compare-reductions.json", copy)):
+        write_json(file, record)
+    write_csv(out / "compare-reductions.csv", record)
+    write_text(out / "fronts.md", piped(*fronts_sheet(found)[1:]))
+    for ending in ("png", "svg"):
+        drawn = {name: (found.quality[name], figures) for name, figures in ((RANDOM, MEANS), (EVERY, MEDIANS))}
+        save(against_time(drawn, "time_per_call"), out / f"mixtures.{ending}")
+        drawn = {env_id: (rows, TRACKING) for env_id, rows in found.by_environment().items()}
+        save(against_time(drawn, "time_per_scan"), out / f"tracking.{ending}")
+
+
+def shown(found: Found, sweep: Sweep) -> Iterator[Any]:
+    """Tables and remarks for a screen."""
+    for name, figures in ((RANDOM, ("ise", *MEANS)), (EVERY, MEDIANS)):
+        columns = (*figures, "time_per_call")
+        rows = {key: {column: row[column] for column in columns} for key, row in found.quality[name].items()}
+        yield figures_table(name, rows)
+    for (env_id, n), rows in found.tracking.items():
+        yield figures_table(f"{env_id}, {n} components: {sweep.runs} runs, seed {sweep.seed}", rows)
+    yield fronts_sheet(found)
+    for where, reasons in found.left_out.items():
+        yield f"left out of {where}: {'; '.join(f'{name}, {why}' for name, why in reasons.items())}"
+    yield from notes({}, sweep.runs)
+
+
+def named_front(rows: Rows, time: str, figure: str) -> list[str]:
+    """The rows that no other one betters in the figure at no more time, the quickest first."""
+    seconds = np.array([row[time].value for row in rows.values()])
+    on = front(seconds, [row[figure].value for row in rows.values()])
+    names = [*rows]
+    return [names[i] for i in np.argsort(seconds, kind="stable") if on[i]]
+
+
+def fronts_sheet(found: Found) -> Sheet:
+    """Who is on which front."""
+    rows = [
+        [where, heading(figure), "; ".join(names)]
+        for where, by_figure in found.fronts().items()
+        for figure, names in by_figure.items()
+    ]
+    return Sheet("on the front against time, the quickest first", ["of", "by", "on the front"], rows)
