@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described, reductions
+from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described, described_reductions
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.registry import ABOUT, READY, TRACKING, TUNING
 from gmr_gym.experiments.detection_options import ALL_GROUPS, INPUT_GROUPS, takes
@@ -78,7 +78,7 @@ def list_() -> None:
         ("segments of gmr_gym/RecordedFlight-v0", dict.fromkeys(flight_names(), "")),
         ("trackers", described(GROUP)),
         ("trackers of many targets", described(MULTI_TARGET_GROUP)),
-        ("reductions, as in mmg-15:reduction=runnalls", dict.fromkeys(reductions(), "")),
+        ("reductions, as in mmg-15:reduction=runnalls", described_reductions()),
         ("papers", PAPERS),
     ):
         screen.print(f"[bold]{title}[/bold]")
@@ -111,9 +111,10 @@ def evaluate(
     """Trackers on the same episodes of an environment, with intervals and paired differences."""
     from gmr_gym.envs import lookup
     from gmr_gym.experiments import evaluating, figures, formats, records, specs, sweeps
+    from gmr_gym.literals import key_values
 
     part = sweeps.shard_of(shard, out)
-    world = lookup.key_values(settings)
+    world = key_values(settings)
     specs.check_once("--tracker", tracker)
     specs.check_once("--metric", metric)
     scenario = lookup.scenario_of(env_id, world)
@@ -394,8 +395,9 @@ def watch(
     ] = Path("episode.html"),
 ) -> None:
     """One episode as a page, film or picture: detections, gates, hypotheses and their merging, estimates."""
-    from gmr_gym.envs.lookup import key_values, scenario_of
+    from gmr_gym.envs.lookup import scenario_of
     from gmr_gym.experiments import specs
+    from gmr_gym.literals import key_values
     from gmr_gym.replay import record, write_page
     from gmr_gym.replay.film import FILMS, FPS, PICTURES, film
     from gmr_gym.replay.lineup import trackers_of
@@ -448,7 +450,7 @@ def reduce(
         typer.Option(
             "--method",
             help="NAME or NAME:key=value,key=value of a reduction; repeatable, to 4; runnalls unless given",
-            autocompletion=completing(dict.fromkeys(reductions(), "")),
+            autocompletion=completing(described_reductions()),
         ),
     ] = [],  # noqa: B006
     example: Example = None,
@@ -490,14 +492,14 @@ def record(
 ) -> None:
     """One episode's detections in a file, as `track` reads them; of a radar in range and angles, which it
     does not."""
-    from gmr_gym.envs import lookup
     from gmr_gym.experiments import specs
     from gmr_gym.experiments.tracks import record_episode
+    from gmr_gym.literals import key_values
 
     specs.check_writable(out, truth)
     specs.check_ending("--out", out, ".csv")
     specs.check_ending("--truth", truth, ".csv")
-    scenario = specs.single_target(env_id, lookup.key_values(settings))
+    scenario = specs.single_target(env_id, key_values(settings))
     record_episode(
         scenario, tracker or ("imm-pda" if len(scenario.model.motions) > 1 else "pda"), seed, out, truth
     )

@@ -23,7 +23,7 @@ from gmr_gym.catalogue import BACKENDS, REDUCTIONS
 from gmr_gym.cli import PAPERS, main
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.episodic import settings
-from gmr_gym.envs.lookup import key_value, scenario_of, tracker_of
+from gmr_gym.envs.lookup import scenario_of, tracker_of
 from gmr_gym.envs.registry import ABOUT, ENVIRONMENTS, TRACKED
 from gmr_gym.evaluation import recordings as detections
 from gmr_gym.evaluation import workers
@@ -34,6 +34,7 @@ from gmr_gym.evaluation.summary import FEWEST, summary
 from gmr_gym.experiments.mixtures import crouse, read_mixture
 from gmr_gym.experiments.output import RUN_COLUMNS, write_runs
 from gmr_gym.filters.registry import GROUP, MULTI_TARGET_GROUP, make_tracker, trackers
+from gmr_gym.literals import key_value
 from gmr_gym.reduction.registry import REDUCERS, reducer
 from gmr_gym.replay import lineup, reduction_page
 from gmr_gym.scenarios.dortenzio import turning_target
@@ -75,8 +76,8 @@ def test_list_shows_every_environment_segment_tracker_reduction_and_paper(call):
         else:
             title = line
             shown[title] = {}
-    segments, reductions = (dict.fromkeys(names, "") for names in (flight_names(), REDUCERS))
-    wanted = [ABOUT, segments, trackers(), trackers(MULTI_TARGET_GROUP), reductions, PAPERS]
+    segments = dict.fromkeys(flight_names(), "")
+    wanted = [ABOUT, segments, trackers(), trackers(MULTI_TARGET_GROUP), REDUCTIONS, PAPERS]
     assert code == 0 and list(shown.values()) == wanted
     assert {"environments", "trackers", "papers"} <= set(shown)
     assert tuple(ABOUT) == ENVIRONMENTS
@@ -158,7 +159,8 @@ def test_a_shell_completes_a_papers_tables():
 
 
 def test_the_names_that_are_listed_are_those_of_the_library():
-    assert REDUCTIONS == tuple(REDUCERS) and tuple(workers.BACKENDS) == BACKENDS
+    assert [*REDUCTIONS] == [*REDUCERS] and all(REDUCTIONS.values())
+    assert tuple(workers.BACKENDS) == BACKENDS
 
 
 def test_help_shows_what_can_be_chosen(call):
