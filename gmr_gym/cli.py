@@ -238,7 +238,7 @@ def compare_reductions(
         typer.Option(
             "--reduction",
             help="NAME, beside runnalls; repeatable; all unless given",
-            autocompletion=completing(dict.fromkeys(reductions(), "")),
+            autocompletion=completing(described_reductions()),
         ),
     ] = [],  # noqa: B006
     *,
@@ -268,7 +268,9 @@ def compare_reductions(
     backend: Backend = "loky",
     scheduler: Scheduler = None,
     shard: Shard = None,
-    out: Annotated[Path, typer.Option("--out", help="folder of results")] = Path("results/compare-reductions"),
+    out: Annotated[Path, typer.Option("--out", help="folder of results")] = Path(
+        "results/compare-reductions"
+    ),
     json_file: Json = None,
     form: Format = "table",
 ) -> None:
@@ -281,7 +283,7 @@ def compare_reductions(
     specs.check_once("--reduction", reduction)
     specs.check_once("--env", env_ids)
     specs.check_once("--components", [*map(str, components)])
-    names = [*dict.fromkeys(("runnalls", *(reduction or reductions())))]
+    names = [*dict.fromkeys(("runnalls", *(reduction or described_reductions())))]
     for name in names:
         reducer(name, 1)
     asked = records.question(

@@ -65,7 +65,9 @@ def tables(outcomes: Iterable[tuple[Cell, Outcome]]) -> Iterator[tuple[tuple[str
     for key, group in groupby(outcomes, key=lambda item: item[0][:2]):
         found = {name: one for (*_, name), one in group}
         rows = {name: row(one, found[REFERENCE]) for name, one in found.items()}
-        order = sorted(rows, key=lambda name: (rows[name]["track_loss"].value, rows[name]["error_capped"].value))
+        order = sorted(
+            rows, key=lambda name: (rows[name]["track_loss"].value, rows[name]["error_capped"].value)
+        )
         yield key, {name: rows[name] for name in order}
 
 

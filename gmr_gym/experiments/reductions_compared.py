@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmr_gym.evaluation.fronts import front
-from gmr_gym.experiments.figures import heading
 from gmr_gym.experiments.drawings import save
+from gmr_gym.experiments.figures import heading
 from gmr_gym.experiments.formats import piped
 from gmr_gym.experiments.output import write_csv, write_json, write_text
 from gmr_gym.experiments.records import answered
@@ -53,7 +53,9 @@ class Found(NamedTuple):
 
     def tables(self) -> dict[str, Rows]:
         """All figures by table."""
-        return self.quality | {f"{env_id}, {n} components": rows for (env_id, n), rows in self.tracking.items()}
+        return self.quality | {
+            f"{env_id}, {n} components": rows for (env_id, n), rows in self.tracking.items()
+        }
 
     def fronts(self) -> dict[str, dict[str, list[str]]]:
         """By problem or environment and figure, the rows on the front, the quickest first."""
@@ -80,7 +82,9 @@ def compared(
     shows; of a shard only what is left to others."""
     costs = costs_shown(names, problems(asked["mixtures"], asked["seed"]), sweep)
     fitting = {env_id: fit(costs[of_environment(env_id)], asked["slowest"]) for env_id in scenarios}
-    outcomes = tracked(scenarios, {env_id: kept for env_id, (kept, _) in fitting.items()}, asked["components"], sweep)
+    outcomes = tracked(
+        scenarios, {env_id: kept for env_id, (kept, _) in fitting.items()}, asked["components"], sweep
+    )
     if sweep.shard:
         say_what_is_left(sweep.blocks, *map(sum, zip(*(left for _, left in outcomes), strict=True)))
         return
@@ -104,7 +108,9 @@ def _leave(asked: dict[str, Any], found: Found, sweep: Sweep, out: Path, copy: P
     write_csv(out / "compare-reductions.csv", record)
     write_text(out / "fronts.md", piped(*fronts_sheet(found)[1:]))
     for ending in ("png", "svg"):
-        drawn = {name: (found.quality[name], figures) for name, figures in ((RANDOM, MEANS), (EVERY, MEDIANS))}
+        drawn = {
+            name: (found.quality[name], figures) for name, figures in ((RANDOM, MEANS), (EVERY, MEDIANS))
+        }
         save(against_time(drawn, "time_per_call"), out / f"mixtures.{ending}")
         drawn = {env_id: (rows, TRACKING) for env_id, rows in found.by_environment().items()}
         save(against_time(drawn, "time_per_scan"), out / f"tracking.{ending}")

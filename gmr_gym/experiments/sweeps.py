@@ -60,7 +60,9 @@ def merge_results(folders: Sequence[Path], into: Path) -> None:
     for folder in folders:
         if not (folder / BLOCKS).is_dir():
             raise ValueError(f"{folder} is no folder of results: it has no {BLOCKS}")
-    merged = blocks.merge([folder / BLOCKS for folder in folders], into / BLOCKS, Runs, MultiTargetRuns, Costs)
+    merged = blocks.merge(
+        [folder / BLOCKS for folder in folders], into / BLOCKS, Runs, MultiTargetRuns, Costs
+    )
     screen = console()
     screen.print(f"{len(merged.copied)} blocks of runs copied to {into / BLOCKS}", highlight=False)
     for what, files in (
