@@ -20,30 +20,32 @@ from warnings import warn
 import numpy as np
 
 from gmr_gym.checks import check_choice, check_count, check_not_negative, sound
-from gmr_gym.kernels import kernel
-from gmr_gym.linalg import cholesky_into
-from gmr_gym.mixture import Mixture, mean_and_covariance
-from gmr_gym.reduction.protocol import TOO_FAR, Reduced, at_unit, through
+from gmr_gym.mixture import Mixture, mean_and_covariance, take
+from gmr_gym.reduction.protocol import TOO_FAR, Reduced, at_unit, grouped, through
 from gmr_gym.reduction.pruning import weighing
 from gmr_gym.reduction.runnalls import runnalls
+from gmr_gym.reduction.transport_sweeps import SWEEPS, cost_table, sweeps
 
 COSTS = ("kl",)
-SWEEPS = 1000  # at most; the hard form converges within some ten
-CONVERGED = 1e-10  # relative fall of the objective in a sweep
+ALIKE = 1e-8  # divergence below which two Gaussians of a soft form have become one
 
 
 class Descent(NamedTuple):
     """Where the sweeps have ended."""
 
-    share: np.ndarray  # (L, n) weight of each component given to each Gaussian
-    v: np.ndarray  # (L,) weights of the Gaussians, 0 where all components have left one
-    m: np.ndarray  # (L, d)
-    P: np.ndarray  # (L, d, d)
-    objective: np.ndarray  # (sweeps,)
+    reduced: Mixture  # of L Gaussians, of weight 0 where all components have left one
+    share: np.ndarray  # (L, n) parts of the weights of the components, of any unit
+    objective: np.ndarray  # (sweeps,) after every sweep
 
 
-def transportation(p: Mixture, components: int, cost: str = "kl", entropy: float = 0.0, starts: int = 1):
-    """Least composite transportation divergence, by sweeps from the groups of `runnalls`.
+def transportation(
+    p: Mixture, components: int, cost: str = "kl", entropy: float = 0.0, starts: int = 1
+) -> Reduced:
+    """Least composite transportation divergence, descended from the groups of `runnalls`.
+
+    Without entropy every component goes whole to the Gaussian of least cost, which is k-means by that cost.
+    With entropy it is shared among all. Gaussians that all components have left are dropped; those that
+    have become alike, all of them at a large entropy, are merged.
 
     Parameters
     ----------
@@ -52,184 +54,190 @@ def transportation(p: Mixture, components: int, cost: str = "kl", entropy: float
         Upper limit of the number of components that remain.
     cost : {"kl"}
         Cost of two Gaussians.
+    entropy : float
+        Weight lambda of the entropy, as a multiple of the median cost of the components that do not start
+        alone in their groups.
+    starts : int
+        Groups to start from, of whose ends the best is taken: those of `runnalls`, then random ones, always
+        the same.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,): the Gaussian with the largest part of each component.
+
+    Raises
+    ------
+    ValueError
+        For an unknown cost, a negative or infinite entropy, `starts` or `components` below 1, components too
+        far apart to be merged, or a mixture that fails `checked`.
+
+    Warns
+    -----
+    UserWarning
+        Where 1000 sweeps do not converge.
+
+    References
+    ----------
+    Zhang, Zhang and Chen 2024.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> p = mixture([0.25, 0.25, 0.5], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3)
+    >>> q, origin = transportation(p, 2)
+    >>> q.m.tolist(), origin.tolist()
+    ([[1.0], [9.0]], [0, 0, 1])
     """
-    check_choice("cost", cost, COSTS)
-    entropy, starts = check_not_negative("entropy", entropy), check_count(starts, "starts")
+    q, place, best = _best(p, components, cost, entropy, starts)
+    return (q, place) if best is None else _reduced(best, place)
+
+
+def transportation_objective(
+    p: Mixture, components: int, cost: str = "kl", entropy: float = 0.0, starts: int = 1
+) -> np.ndarray:
+    """What `transportation` lowers, after each of its sweeps.
+
+    Returns
+    -------
+    ndarray (sweeps,)
+        Of the best start, in the unit of the cost times that of the weights; never rises. A mixture that
+        needs no reduction has a single 0.
+
+    Raises
+    ------
+    ValueError
+        As `transportation`.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> p = mixture([0.25, 0.25, 0.5], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3)
+    >>> transportation_objective(p, 2).round(4).tolist()
+    [0.1733, 0.1733]
+    """
+    _, _, best = _best(p, components, cost, entropy, starts)
+    return np.zeros(1) if best is None else best.objective
+
+
+def dphem(p: Mixture, components: int, samples: float | None = None) -> Reduced:
+    r"""Density-preserving hierarchical expectation maximisation, from the groups of `runnalls`.
+
+    Expectation maximisation on as many virtual samples of every component. The fewer they are, the more
+    components are shared among Gaussians.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+    samples : float, optional
+        Virtual samples I of a component; by default as many as there are components. With infinitely many
+        it is `transportation`.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,): the Gaussian with the largest part of each component.
+
+    Raises
+    ------
+    ValueError
+        For `samples` that are not positive, `components` below 1, components too far apart to be merged, or
+        a mixture that fails `checked`.
+
+    Warns
+    -----
+    UserWarning
+        Where 1000 sweeps do not converge.
+
+    Notes
+    -----
+    With v_j the share of the whole weight that Gaussian j has, the part of component i that it is given is
+
+    .. math::
+
+        z_{ij} \propto v_j \exp(-I \, \mathrm{KL}(f_i \,\|\, g_j))
+
+    References
+    ----------
+    Yu, Yang and Chan 2018.
+    """
+    components = check_count(components)
     q, place = weighing(p)
-    if len(q.w) <= check_count(components):
+    samples = len(q.w) if samples is None else samples
+    if not samples > 0:
+        raise ValueError(f"samples must be positive, got {samples}")
+    if len(q.w) <= components:
         return q, place
-    return _reduced(q, place, _descended(q, int(components), cost, entropy, starts), entropy > 0)
+    _, group = runnalls(q, components)
+    return _reduced(descent(q, group, "kl", 1.0 / samples, weighted=True), place)
 
 
-def _descended(p, components, cost, entropy, starts) -> Descent:
-    _, group = runnalls(p, components)
-    return _descent(p, group, components, 0.0, False)
+def descent(p: Mixture, group: np.ndarray, cost: str, temperature: float, weighted: bool = False) -> Descent:
+    """Sweeps from groups of the components until the objective falls no further.
 
-
-def _descent(p: Mixture, group: np.ndarray, components: int, temperature: float, weighted: bool) -> Descent:
-    """Sweeps from groups (n,) of the components, of any weights."""
-    w = at_unit(p.w)
-    share = np.where(group == np.arange(components)[:, None], w, 0.0)
-    mean = mean_and_covariance(p)[0]
-    good, v, m, P, objective = _sweeps(w, p.m - mean, p.P, share, temperature, weighted)
-    if not good:
+    Parameters
+    ----------
+    p : Mixture
+        Checked, without components of weight zero.
+    group : ndarray (n,)
+        Group of each component, from 0.
+    cost : str
+    temperature : float
+        The lambda of the objective, in the unit of the cost.
+    weighted : bool
+        Whether parts are proportional to the weights of the Gaussians, too, as in `dphem`.
+    """
+    unit, mean = np.ldexp(1.0, int(np.frexp(p.w.max())[1])), mean_and_covariance(p)[0]
+    share = _shares(p, group)
+    good, v, m, P, objective = sweeps(at_unit(p.w), p.m - mean, p.P, share, temperature, weighted)
+    reduced = Mixture(unit * v, m + mean, P)
+    if not good or not sound(*take(reduced, v > 0)):
         raise ValueError(TOO_FAR)
     if len(objective) == SWEEPS:
-        warn(f"transportation has not converged within {SWEEPS} sweeps", UserWarning, 4)
-    unit = np.ldexp(1.0, int(np.frexp(p.w.max())[1]))
-    return Descent(share, unit * v, m + mean, P, unit * objective)
+        warn(f"transportation has not converged within {SWEEPS} sweeps", UserWarning, stacklevel=2)
+    return Descent(reduced, share, unit * objective)
 
 
-def _reduced(p: Mixture, place: np.ndarray, descent: Descent, soft: bool) -> Reduced:
-    left = descent.v > 0
-    q = Mixture(descent.v[left], descent.m[left], descent.P[left])
-    if not sound(*q):
-        raise ValueError(TOO_FAR)
-    origin = descent.share[left].argmax(axis=0)
-    return q, through(place, origin)
+def _best(p, components, cost, entropy, starts) -> tuple[Mixture, np.ndarray, Descent | None]:
+    """The mixture without components of weight zero, its origin, and the best descent if it needs one."""
+    check_choice("cost", cost, COSTS)
+    if not check_not_negative("entropy", entropy) < np.inf:
+        raise ValueError(f"entropy must be finite, got {entropy}")
+    components, starts = check_count(components), check_count(starts, "starts")
+    q, place = weighing(p)
+    if len(q.w) <= components:
+        return q, place, None
+    _, group = runnalls(q, components)
+    temperature = entropy * _scale(q, group) if entropy > 0 else 0.0
+    groups = [group, *_random_groups(len(group), components, starts - 1)]
+    return q, place, min((descent(q, g, cost, temperature) for g in groups), key=lambda d: d.objective[-1])
 
 
-@kernel
-def _sweeps(w, m, P, share, temperature, weighted):
-    """Whether every covariance stayed definite, the weights, means and covariances of the Gaussians, and the
-    objective by sweep; share (L, n) is overwritten."""
-    count, (n, d) = len(share), m.shape
-    v, c, S = np.empty(count), np.empty((count, d)), np.empty((count, d, d))
-    columns, log_det = _columns(m, P)
-    table, objective, total = np.empty((count, n)), np.empty(SWEEPS), w.sum()
-    before, sweep = np.inf, 0
-    while sweep < SWEEPS:
-        _moment_matches(share, m, P, v, c, S)
-        if not _divergences(columns, log_det, v, c, S, table):
-            return False, v, c, S, objective[:sweep]
-        after = _share_out(table, w, v, temperature, weighted, share)
-        objective[sweep] = after
-        sweep += 1
-        if not before - after > CONVERGED * (abs(after) + temperature * total):
-            break
-        before = after
-    _moment_matches(share, m, P, v, c, S)
-    return True, v, c, S, objective[:sweep]
+def _shares(p: Mixture, group: np.ndarray) -> np.ndarray:
+    return np.where(group == np.arange(group.max() + 1)[:, None], at_unit(p.w), 0.0)
 
 
-@kernel
-def _columns(m, P):
-    """Lower triangles of the covariances, row by row, then means, in columns (T, n); and log determinants
-    (n,)."""
-    n, d = m.shape
-    columns, log_det, L = np.empty((d * (d + 3) // 2, n)), np.zeros(n), np.zeros((d, d))
-    for i in range(n):
-        cholesky_into(L, P[i])
-        q = 0
-        for r in range(d):
-            log_det[i] += 2.0 * np.log(L[r, r])
-            columns[len(columns) - d + r, i] = m[i, r]
-            for s in range(r + 1):
-                columns[q, i] = P[i, r, s]
-                q += 1
-    return columns, log_det
+def _random_groups(n: int, components: int, count: int) -> list[np.ndarray]:
+    """Random groups (n,), none of them empty."""
+    rng = np.random.default_rng(0)
+    return [rng.permutation(np.append(np.arange(components), rng.integers(components, size=n - components)))
+            for _ in range(count)]  # fmt: skip
 
 
-@kernel
-def _moment_matches(share, m, P, v, c, S):
-    """Writes the weight, mean and covariance of every row of shares."""
-    n, d = m.shape
-    v[:], c[:], S[:] = 0.0, 0.0, 0.0
-    for j in range(len(share)):
-        for i in range(n):
-            v[j] += share[j, i]
-        for i in range(n):
-            if share[j, i] > 0.0:
-                a = share[j, i] / v[j]
-                for r in range(d):
-                    c[j, r] += a * m[i, r]
-        for i in range(n):
-            if share[j, i] > 0.0:
-                a = share[j, i] / v[j]
-                for r in range(d):
-                    for s in range(r + 1):
-                        S[j, r, s] += a * (P[i, r, s] + (m[i, r] - c[j, r]) * (m[i, s] - c[j, s]))
-        for r in range(d):
-            for s in range(r):
-                S[j, s, r] = S[j, r, s]
+def _scale(p: Mixture, group: np.ndarray) -> float:
+    """Median cost of the components that are not alone in their groups."""
+    table = cost_table(p.m, p.P, *grouped(p, group, group.max() + 1))
+    shared = np.bincount(group)[group] > 1
+    return float(np.median(table[group, np.arange(len(group))][shared]))
 
 
-@kernel
-def _divergences(columns, log_det, v, c, S, table):
-    """Writes KL(i || j) to the table (L, n), infinite where Gaussian j has no weight; False where a
-    covariance is not positive definite."""
-    count, d = c.shape
-    n = len(log_det)
-    L, G, apart = np.zeros((d, d)), np.zeros((d, d)), np.empty((d, n))
-    for j in range(count):
-        row = table[j]
-        if not v[j] > 0.0:
-            row[:] = np.inf
-            continue
-        if not cholesky_into(L, S[j]):
-            return False
-        _inverse(L, G)
-        constant = -float(d)
-        for r in range(d):
-            constant += 2.0 * np.log(L[r, r])
-            mean, deviation = columns[len(columns) - d + r], apart[r]
-            for i in range(n):
-                deviation[i] = mean[i] - c[j, r]
-        for i in range(n):
-            row[i] = constant - log_det[i]
-        q = 0
-        for r in range(d):
-            for s in range(r + 1):
-                entry, x, y = columns[q], apart[r], apart[s]
-                g = G[r, s] if r == s else 2.0 * G[r, s]
-                for i in range(n):
-                    row[i] += g * (entry[i] + x[i] * y[i])
-                q += 1
-        for i in range(n):
-            row[i] = max(0.5 * row[i], 0.0)  # for two equals rounding may give -1e-16
-    return True
-
-
-@kernel
-def _inverse(L, G):
-    """Writes the inverse of L L' to G, both (d, d)."""
-    d = len(L)
-    for column in range(d):
-        for r in range(d):
-            total = 1.0 if r == column else 0.0
-            for k in range(r):
-                total -= L[r, k] * G[k, column]
-            G[r, column] = total / L[r, r]
-        for r in range(d - 1, -1, -1):
-            total = G[r, column]
-            for k in range(r + 1, d):
-                total -= L[k, r] * G[k, column]
-            G[r, column] = total / L[r, r]
-
-
-@kernel
-def _share_out(table, w, v, temperature, weighted, share):
-    """Writes the shares of least objective, given the costs (L, n), and returns the objective."""
-    count, n = table.shape
-    total, objective = w.sum(), 0.0
-    for i in range(n):
-        nearest = 0
-        for j in range(count):
-            if table[j, i] < table[nearest, i]:
-                nearest = j
-        least = table[nearest, i]
-        if temperature == 0.0:
-            for j in range(count):
-                share[j, i] = 0.0
-            share[nearest, i] = w[i]
-        else:
-            parts = 0.0
-            for j in range(count):
-                part = np.exp((least - table[j, i]) / temperature)
-                share[j, i] = part * v[j] / total if weighted else part
-                parts += share[j, i]
-            for j in range(count):
-                share[j, i] *= w[i] / parts
-            least -= temperature * np.log(parts)
-        objective += w[i] * least
-    return objective
+def _reduced(best: Descent, place: np.ndarray) -> Reduced:
+    """The Gaussians of a descent that have weight, those merged that have become alike."""
+    left = best.reduced.w > 0
+    q, share = take(best.reduced, left), best.share[left]
+    same = cost_table(q.m, q.P, *q) < ALIKE
+    _, group = np.unique(same.argmax(axis=0), return_inverse=True)
+    share = np.array([share[group == g].sum(axis=0) for g in range(group.max() + 1)])
+    return grouped(q, group, len(share)), through(place, share.argmax(axis=0))
