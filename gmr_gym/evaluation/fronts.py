@@ -1,9 +1,10 @@
 """Which of several ways are on the front: what none of the others betters at no more cost."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
-def front(cost, figure) -> np.ndarray:
+def front(cost: ArrayLike, figure: ArrayLike) -> np.ndarray:
     """Points that no other one betters in cost or figure without being worse in the other.
 
     Parameters

@@ -21,7 +21,8 @@ class Keeping:
     """A reduction that keeps what it is given."""
 
     def __init__(self, reduce: Callable[..., Reduced]):
-        self.reduce, self.entered = reduce, []
+        self.reduce = reduce
+        self.entered: list[Mixture] = []
 
     def __call__(self, p: Mixture, *modes: np.ndarray) -> Reduced:
         self.entered.append(p)
@@ -57,13 +58,12 @@ def posteriors(
     """
     if "reduce" not in getattr(tracker, "__dataclass_fields__", ()):
         raise ValueError(f"{type(tracker).__name__} has no reduction in a field `reduce`")
-    once = run_multi_target_once if isinstance(scenario, MultiTargetScenario) else run_once
     found: list[Mixture] = []
     for i in range(EPISODES):
         if len(found) >= count:
             return found[:count]
         keeping = Keeping(tracker.reduce)
-        once(scenario, replace(tracker, reduce=keeping), np.random.SeedSequence(seed, spawn_key=(i,)))
+        _play(scenario, replace(tracker, reduce=keeping), np.random.SeedSequence(seed, spawn_key=(i,)))
         there = [p for p in keeping.entered if more_than < len(p.w) <= most]
         chosen = np.random.default_rng([seed, i]).permutation(len(there))[:A_EPISODE]
         found += [normalised(there[scan]) for scan in np.sort(chosen)]
@@ -71,3 +71,10 @@ def posteriors(
         f"{EPISODES} episodes have {len(found)} of {count} mixtures of more than {more_than} components and "
         f"at most {most}"
     )
+
+
+def _play(scenario: Scenario | MultiTargetScenario, tracker: Any, seed: np.random.SeedSequence) -> None:
+    if isinstance(scenario, MultiTargetScenario):
+        run_multi_target_once(scenario, tracker, seed)
+    else:
+        run_once(scenario, tracker, seed)

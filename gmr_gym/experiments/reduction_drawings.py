@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure as Drawing
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from gmr_gym.evaluation.fronts import front
 from gmr_gym.evaluation.summary import Estimate
@@ -26,7 +27,7 @@ def against_time(panels: Mapping[str, tuple[Rows, Sequence[str]]], time: str) ->
     for axes, (title, (rows, figures)) in zip(every, panels.items(), strict=True):
         for axis, figure in zip(axes, figures, strict=True):
             _panel(axis, rows, time, figure, marks)
-            axis.set(xlabel=heading(time), ylabel=heading(figure), xscale="log")
+            axis.set(xlabel=heading(time), ylabel=heading(figure))
             axis.set_title(title, fontsize=8)
     handles: dict[str, Any] = {}
     for axis in drawing.axes:
@@ -44,7 +45,8 @@ def _panel(axis: Any, rows: Rows, time: str, figure: str, marks: Mapping[str, st
         mine = np.flatnonzero(keys == name)
         mine = mine[np.argsort(at[mine])]
         axis.errorbar(at[mine], value[mine], bars[:, mine], fmt=f"{marks[name]}-", ms=4, lw=0.7, label=name)
-    _scale(axis, value)
+    _logarithmic(axis, "x", at)
+    _logarithmic(axis, "y", value)
     on = np.flatnonzero(front(at, value))
     on = on[np.argsort(at[on])]
     axis.plot(at[on], value[on], "k--", lw=1, drawstyle="steps-post", zorder=0)
@@ -52,12 +54,17 @@ def _panel(axis: Any, rows: Rows, time: str, figure: str, marks: Mapping[str, st
         axis.annotate([*rows][i], (at[i], value[i]), xytext=(3, 3), textcoords="offset points", fontsize=6)
 
 
-def _scale(axis: Any, value: np.ndarray) -> None:
-    """Logarithmic; from 0 to 1 linear where a value is not positive."""
-    if (value > 0).all():
-        axis.set_yscale("log")
-    else:
-        axis.set_yscale("symlog", linthresh=min(1.0, max(abs(value[value != 0]).min(initial=1.0), 1e-6)))
+def _logarithmic(axis: Any, which: str, values: np.ndarray) -> None:
+    """A logarithmic scale, below the least positive value linear where there is one that is not positive."""
+    told: dict[str, Any] = {"value": "log"}
+    if not (values > 0).all():
+        told = {"value": "symlog", "linthresh": values[values > 0].min(initial=1.0)}
+    getattr(axis, f"set_{which}scale")(**told)
+    if which == "x" or values.max() < 1000 * values.min():
+        side = getattr(axis, f"{which}axis")
+        side.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        side.set_major_formatter("{x:g}")
+        side.set_minor_formatter(NullFormatter())
 
 
 def _reduction(key: str) -> str:

@@ -26,6 +26,7 @@ from gmr_gym.experiments.reduction_quality import (
 )
 from gmr_gym.experiments.reduction_tracking import fit, tables, tracked
 from gmr_gym.experiments.sheets import Sheet, figures_table, notes
+from gmr_gym.experiments.sheets import shown as shown_figure
 from gmr_gym.experiments.sweeps import Sweep, say_what_is_left
 from gmr_gym.experiments.tables import table_record
 from gmr_gym.simulation.single_target import Scenario
@@ -53,9 +54,11 @@ class Found(NamedTuple):
 
     def tables(self) -> dict[str, Rows]:
         """All figures by table."""
-        return self.quality | {
-            f"{env_id}, {n} components": rows for (env_id, n), rows in self.tracking.items()
+        equal = {f"{env_id}, {n} components": rows for (env_id, n), rows in self.tracking.items()}
+        timed = {
+            f"{env_id}, equal time": at_equal_time(rows) for env_id, rows in self.by_environment().items()
         }
+        return self.quality | equal | timed
 
     def fronts(self) -> dict[str, dict[str, list[str]]]:
         """By problem or environment and figure, the rows on the front, the quickest first."""
@@ -106,14 +109,13 @@ def _leave(asked: dict[str, Any], found: Found, sweep: Sweep, out: Path, copy: P
     for file in filter(None, (out / "compare-reductions.json", copy)):
         write_json(file, record)
     write_csv(out / "compare-reductions.csv", record)
-    write_text(out / "fronts.md", piped(*fronts_sheet(found)[1:]))
+    for name, sheet in (("fronts", fronts_sheet(found)), ("posteriors", posteriors_sheet(found.quality))):
+        write_text(out / f"{name}.md", piped(sheet.headings, sheet.rows))
+    mixtures = {name: (found.quality[name], of) for name, of in ((RANDOM, MEANS), (EVERY, MEDIANS))}
+    tracking = {env_id: (rows, TRACKING) for env_id, rows in found.by_environment().items()}
     for ending in ("png", "svg"):
-        drawn = {
-            name: (found.quality[name], figures) for name, figures in ((RANDOM, MEANS), (EVERY, MEDIANS))
-        }
-        save(against_time(drawn, "time_per_call"), out / f"mixtures.{ending}")
-        drawn = {env_id: (rows, TRACKING) for env_id, rows in found.by_environment().items()}
-        save(against_time(drawn, "time_per_scan"), out / f"tracking.{ending}")
+        save(against_time(mixtures, "time_per_call"), out / f"mixtures.{ending}")
+        save(against_time(tracking, "time_per_scan"), out / f"tracking.{ending}")
 
 
 def shown(found: Found, sweep: Sweep) -> Iterator[Any]:
@@ -122,8 +124,10 @@ def shown(found: Found, sweep: Sweep) -> Iterator[Any]:
         columns = (*figures, "time_per_call")
         rows = {key: {column: row[column] for column in columns} for key, row in found.quality[name].items()}
         yield figures_table(name, rows)
-    for (env_id, n), rows in found.tracking.items():
-        yield figures_table(f"{env_id}, {n} components: {sweep.runs} runs, seed {sweep.seed}", rows)
+    yield posteriors_sheet(found.quality)
+    for name, rows in found.tables().items():
+        if name not in found.quality:
+            yield figures_table(f"{name}: {sweep.runs} runs, seed {sweep.seed}", rows)
     yield fronts_sheet(found)
     for where, reasons in found.left_out.items():
         yield f"left out of {where}: {'; '.join(f'{name}, {why}' for name, why in reasons.items())}"
@@ -138,8 +142,37 @@ def named_front(rows: Rows, time: str, figure: str) -> list[str]:
     return [names[i] for i in np.argsort(seconds, kind="stable") if on[i]]
 
 
+def at_equal_time(rows: Rows) -> Rows:
+    """Of rows NAME, NUMBER, for each name the one with the most components that takes no more time than the
+    median of all rows; the best first. A name without such a row is not there."""
+    limit = np.median([row["time_per_scan"].value for row in rows.values()])
+    most: dict[str, str] = {}
+    for key in sorted(rows, key=lambda key: int(key.rpartition(", ")[2])):
+        if rows[key]["time_per_scan"].value <= limit:
+            most[key.rpartition(", ")[0]] = key
+    order = sorted(most.values(), key=lambda key: [rows[key][figure].value for figure in TRACKING])
+    return {key: {figure: rows[key][figure] for figure in (*TRACKING, "time_per_scan")} for key in order}
+
+
+def posteriors_sheet(quality: Mapping[str, Rows]) -> Sheet:
+    """What of the mass of the posteriors of each environment is forgotten: median KL(f||g)."""
+    figure, where = "divergence_median", [name for name in quality if name not in (RANDOM, EVERY)]
+    rows = [
+        [
+            name,
+            *(
+                shown_figure(figure, quality[at][name][figure]) if name in quality[at] else "-"
+                for at in where
+            ),
+        ]
+        for name in quality[EVERY]
+    ]
+    titles = [name.removeprefix("posteriors of ").partition("-v")[0] for name in where]
+    return Sheet(f"{heading(figure)} of posteriors, by environment", ["", *titles], rows)
+
+
 def fronts_sheet(found: Found) -> Sheet:
-    """Who is on which front."""
+    """What is on which front."""
     rows = [
         [where, heading(figure), "; ".join(names)]
         for where, by_figure in found.fronts().items()
