@@ -1,15 +1,14 @@
 """Which of several ways are on the front: what none of the others betters at no more cost."""
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 
-def front(cost: ArrayLike, figure: ArrayLike) -> np.ndarray:
+def front(cost: np.ndarray, figure: np.ndarray) -> np.ndarray:
     """Points that no other one betters in cost or figure without being worse in the other.
 
     Parameters
     ----------
-    cost, figure : array_like (n,)
+    cost, figure : ndarray (n,)
         The smaller the better; points with a nan, or an infinite figure, are on no front.
 
     Returns
@@ -18,10 +17,11 @@ def front(cost: ArrayLike, figure: ArrayLike) -> np.ndarray:
 
     Examples
     --------
-    >>> front([1.0, 2.0, 3.0], [0.5, 0.7, 0.1]).tolist()
+    >>> import numpy as np
+    >>> from gmr_gym.evaluation.fronts import front
+    >>> front(np.array([1.0, 2.0, 3.0]), np.array([0.5, 0.7, 0.1])).tolist()
     [True, False, True]
     """
-    cost, figure = np.asarray(cost, float), np.asarray(figure, float)
     found = np.zeros(len(cost), bool)
     last = np.nan, np.inf
     for i in np.lexsort((figure, cost)):

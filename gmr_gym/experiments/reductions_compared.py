@@ -113,9 +113,12 @@ def _leave(asked: dict[str, Any], found: Found, sweep: Sweep, out: Path, copy: P
         write_text(out / f"{name}.md", piped(sheet.headings, sheet.rows))
     mixtures = {name: (found.quality[name], of) for name, of in ((RANDOM, MEANS), (EVERY, MEDIANS))}
     tracking = {env_id: (rows, TRACKING) for env_id, rows in found.by_environment().items()}
-    for ending in ("png", "svg"):
-        save(against_time(mixtures, "time_per_call"), out / f"mixtures.{ending}")
-        save(against_time(tracking, "time_per_scan"), out / f"tracking.{ending}")
+    for name, panels, time in (
+        ("mixtures", mixtures, "time_per_call"), ("tracking", tracking, "time_per_scan")
+    ):  # fmt: skip
+        drawing = against_time(panels, time)
+        for ending in ("png", "svg"):
+            save(drawing, out / f"{name}.{ending}")
 
 
 def shown(found: Found, sweep: Sweep) -> Iterator[Any]:
@@ -137,7 +140,7 @@ def shown(found: Found, sweep: Sweep) -> Iterator[Any]:
 def named_front(rows: Rows, time: str, figure: str) -> list[str]:
     """The rows that no other one betters in the figure at no more time, the quickest first."""
     seconds = np.array([row[time].value for row in rows.values()])
-    on = front(seconds, [row[figure].value for row in rows.values()])
+    on = front(seconds, np.array([row[figure].value for row in rows.values()]))
     names = [*rows]
     return [names[i] for i in np.argsort(seconds, kind="stable") if on[i]]
 
