@@ -242,6 +242,14 @@ def compare_reductions(
         ),
     ] = [],  # noqa: B006
     *,
+    tracking: Annotated[
+        list[str],
+        typer.Option(
+            "--track",
+            help="of these only NAME tracks, beside runnalls; repeatable; all unless given",
+            autocompletion=completing(described_reductions()),
+        ),
+    ] = [],  # noqa: B006
     env_ids: Annotated[
         list[str],
         typer.Option(
@@ -291,7 +299,7 @@ def compare_reductions(
         slowest=slowest, runs=runs, seed=seed,
     )  # fmt: skip
     again = records.command(
-        "compare-reductions", reduction=reduction, env=env_ids, components=components, mixtures=[mixtures],
+        "compare-reductions", reduction=reduction, track=tracking, env=env_ids, components=components, mixtures=[mixtures],
         slowest=[slowest], runs=[runs], seed=[seed],
     )  # fmt: skip
     specs.check_writable(out / "compare-reductions.json", json_file)

@@ -40,9 +40,7 @@ def problems(count: int, seed: int) -> dict[str, Problem]:
         scenario = scenario_of(env_id, {})
         # components that it keeps; of many targets as many as by default
         tracker = tracker_with(scenario, **({} if _many(scenario) else {"components": 20}))
-        found[of_environment(env_id)] = Problem(
-            posteriors(scenario, tracker, count, seed, 10, 150), 10, 10_000
-        )
+        found[of_environment(env_id)] = Problem(posteriors(scenario, tracker, count, seed, 10, 150), 10, 5000)
     return found
 
 

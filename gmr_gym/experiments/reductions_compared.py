@@ -24,7 +24,7 @@ from gmr_gym.experiments.reduction_quality import (
     problems,
     quality_rows,
 )
-from gmr_gym.experiments.reduction_tracking import fit, tables, tracked
+from gmr_gym.experiments.reduction_tracking import REFERENCE, fit, tables, tracked
 from gmr_gym.experiments.sheets import Sheet, figures_table, notes
 from gmr_gym.experiments.sheets import shown as shown_figure
 from gmr_gym.experiments.sweeps import Sweep, say_what_is_left
@@ -84,7 +84,14 @@ def compared(
     """Reduces mixtures and tracks, leaves record, fronts and drawings in `out`, and gives what a screen
     shows; of a shard only what is left to others."""
     costs = costs_shown(names, problems(asked["mixtures"], asked["seed"]), sweep)
-    fitting = {env_id: fit(costs[of_environment(env_id)], asked["slowest"]) for env_id in scenarios}
+    tracking = {REFERENCE, *asked["tracking"]}
+    fitting = {
+        env_id: fit(
+            {name: costs[of_environment(env_id)][name] for name in names if name in tracking},
+            asked["slowest"],
+        )
+        for env_id in scenarios
+    }
     outcomes = tracked(
         scenarios, {env_id: kept for env_id, (kept, _) in fitting.items()}, asked["components"], sweep
     )
