@@ -18,6 +18,7 @@ from gmr_gym.experiments.detection_options import ALL_GROUPS, INPUT_GROUPS, take
 from gmr_gym.experiments.options import (
     TARGETS,
     Backend,
+    Compared,
     EnvId,
     Environments,
     Example,
@@ -383,24 +384,33 @@ def reduce(
         ),
     ] = [],  # noqa: B006
     example: Example = None,
+    compare: Compared = None,
     components: Annotated[
         int | None,
         typer.Option("--components", help="how many remain; half of them unless given, and 1 on a page"),
     ] = None,
     axes: Annotated[
-        str, typer.Option("--axes", help="two coordinates that a page draws; 1,2 unless given")
+        str, typer.Option("--axes", help="two coordinates that are drawn; 1,2 unless given")
     ] = "",
     out: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             "--out",
-            help="a page, .html, of every step; or the mixture reduced by one method, .json, .npz or .csv",
+            help="a page, .html, of every step, reduction.html unless given; a picture, .png or .svg; or the "
+            "mixture reduced by one method, .json, .npz or .csv",
         ),
-    ] = Path("reduction.html"),
+    ] = None,
 ) -> None:
     """A mixture reduced by several methods: what each loses and takes, and every merge to watch."""
     from gmr_gym.experiments import reducing, specs
 
+    if compare:
+        for option, given in (("--method", method), ("--axes", axes), ("--out", out)):
+            if given:
+                raise ValueError(f"{option} is not for --compare, which takes all and writes nothing")
+        _show(reducing.comparison(*reducing.mixture_asked(file, example), components))
+        return
+    out = out or Path("reduction.html")
     specs.check_ending("--out", out, *reducing.ENDINGS)
     specs.check_writable(out, beside=file)
     specs.check_once("--method", method)
