@@ -263,7 +263,7 @@ def reproduce(
     table = [name for name in known if name in table]  # in whatever order they were typed
     part, usual = sweeps.shard_of(shard, out), asked_for.tables[0].runs
     runs, names = runs or usual, table or list(known)
-    entries = [running.with_trackers(known[name], tracker) for name in names]
+    entries = [known[name].with_rows(tracker) for name in names]
     trackers = {entry.name: entry.trackers for entry in entries}
     asked = records.question(paper=paper, asked=names, trackers=trackers, runs=runs, seed=seed)
     root = out or Path("results") / paper
