@@ -1,5 +1,7 @@
 """The return value of a reduction."""
 
+import warnings
+
 import numpy as np
 
 from gmr_gym.checks import sound
@@ -40,6 +42,14 @@ def grouped(p: Mixture, group: np.ndarray, count: int) -> Mixture:
 def through(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Origin (n,) of two reductions, one after the other."""
     return np.append(second, -1)[first]
+
+
+def warn_unfinished(what: str, limit: int) -> None:
+    """Warns, in one line, that an iteration has stopped at its limit."""
+    # without a file: its source would be printed as a second line
+    warnings.warn_explicit(
+        f"{what} has stopped at its limit of {limit} iterations", UserWarning, "gmr_gym", 1
+    )
 
 
 def _definite(q: Mixture) -> Mixture:

@@ -1,0 +1,243 @@
+r"""Reduction by the composite transportation divergence, descended by majorisation and minimisation.
+
+Notes
+-----
+The components f_i of a mixture, of weights w_i, are shared out among the Gaussians g_j of the reduced one so
+that with a cost c of two Gaussians
+
+.. math::
+
+    \sum_{ij} \pi_{ij} \, c(f_i, g_j) + \lambda \sum_{ij} \pi_{ij} \log \frac{\pi_{ij}}{w_i},
+    \qquad \pi_{ij} \ge 0, \quad \sum_j \pi_{ij} = w_i
+
+is least. A sweep makes every g_j the barycentre of what it has been given, of that weight, and then shares
+the components out anew. Neither step raises the sum.
+"""
+
+from typing import NamedTuple
+from warnings import warn
+
+import numpy as np
+
+from gmr_gym.checks import check_choice, check_count, check_not_negative, sound
+from gmr_gym.mixture import Mixture, mean_and_covariance, take
+from gmr_gym.reduction.protocol import TOO_FAR, Reduced, at_unit, grouped, through
+from gmr_gym.reduction.pruning import weighing
+from gmr_gym.reduction.runnalls import runnalls
+from gmr_gym.reduction.transport_sweeps import SWEEPS, cost_table, sweeps
+
+COSTS = ("kl",)
+ALIKE = 1e-8  # divergence below which two Gaussians of a soft form have become one
+
+
+class Descent(NamedTuple):
+    """Where the sweeps have ended."""
+
+    reduced: Mixture  # of L Gaussians, of weight 0 where all components have left one
+    share: np.ndarray  # (L, n) parts of the weights of the components, of any unit
+    objective: np.ndarray  # (sweeps,) after every sweep
+
+
+def transportation(
+    p: Mixture, components: int, cost: str = "kl", entropy: float = 0.0, starts: int = 1
+) -> Reduced:
+    """Least composite transportation divergence, descended from the groups of `runnalls`.
+
+    Without entropy every component goes whole to the Gaussian of least cost, which is k-means by that cost.
+    With entropy it is shared among all. Gaussians that all components have left are dropped; those that
+    have become alike, all of them at a large entropy, are merged.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+    cost : {"kl"}
+        Cost of two Gaussians.
+    entropy : float
+        Weight lambda of the entropy, as a multiple of the median cost of the components that do not start
+        alone in their groups.
+    starts : int
+        Groups to start from, of whose ends the best is taken: those of `runnalls`, then random ones, always
+        the same.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,): the Gaussian with the largest part of each component.
+
+    Raises
+    ------
+    ValueError
+        For an unknown cost, a negative or infinite entropy, `starts` or `components` below 1, components too
+        far apart to be merged, or a mixture that fails `checked`.
+
+    Warns
+    -----
+    UserWarning
+        Where 1000 sweeps do not converge.
+
+    References
+    ----------
+    Zhang, Zhang and Chen 2024.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> p = mixture([0.25, 0.25, 0.5], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3)
+    >>> q, origin = transportation(p, 2)
+    >>> q.m.tolist(), origin.tolist()
+    ([[1.0], [9.0]], [0, 0, 1])
+    """
+    q, place, best = _best(p, components, cost, entropy, starts)
+    return (q, place) if best is None else _reduced(best, place)
+
+
+def transportation_objective(
+    p: Mixture, components: int, cost: str = "kl", entropy: float = 0.0, starts: int = 1
+) -> np.ndarray:
+    """What `transportation` lowers, after each of its sweeps.
+
+    Returns
+    -------
+    ndarray (sweeps,)
+        Of the best start, in the unit of the cost times that of the weights; never rises. A mixture that
+        needs no reduction has a single 0.
+
+    Raises
+    ------
+    ValueError
+        As `transportation`.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> p = mixture([0.25, 0.25, 0.5], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3)
+    >>> transportation_objective(p, 2).round(4).tolist()
+    [0.1733, 0.1733]
+    """
+    _, _, best = _best(p, components, cost, entropy, starts)
+    return np.zeros(1) if best is None else best.objective
+
+
+def dphem(p: Mixture, components: int, samples: float | None = None) -> Reduced:
+    r"""Density-preserving hierarchical expectation maximisation, from the groups of `runnalls`.
+
+    Expectation maximisation on as many virtual samples of every component. The fewer they are, the more
+    components are shared among Gaussians.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+    samples : float, optional
+        Virtual samples I of a component; by default as many as there are components. With infinitely many
+        it is `transportation`.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,): the Gaussian with the largest part of each component.
+
+    Raises
+    ------
+    ValueError
+        For `samples` that are not positive, `components` below 1, components too far apart to be merged, or
+        a mixture that fails `checked`.
+
+    Warns
+    -----
+    UserWarning
+        Where 1000 sweeps do not converge.
+
+    Notes
+    -----
+    With v_j the share of the whole weight that Gaussian j has, the part of component i that it is given is
+
+    .. math::
+
+        z_{ij} \propto v_j \exp(-I \, \mathrm{KL}(f_i \,\|\, g_j))
+
+    References
+    ----------
+    Yu, Yang and Chan 2018.
+    """
+    components = check_count(components)
+    q, place = weighing(p)
+    samples = len(q.w) if samples is None else samples
+    if not samples > 0:
+        raise ValueError(f"samples must be positive, got {samples}")
+    if len(q.w) <= components:
+        return q, place
+    _, group = runnalls(q, components)
+    return _reduced(descent(q, group, "kl", 1.0 / samples, weighted=True), place)
+
+
+def descent(p: Mixture, group: np.ndarray, cost: str, temperature: float, weighted: bool = False) -> Descent:
+    """Sweeps from groups of the components until the objective falls no further.
+
+    Parameters
+    ----------
+    p : Mixture
+        Checked, without components of weight zero.
+    group : ndarray (n,)
+        Group of each component, from 0.
+    cost : str
+    temperature : float
+        The lambda of the objective, in the unit of the cost.
+    weighted : bool
+        Whether parts are proportional to the weights of the Gaussians, too, as in `dphem`.
+    """
+    unit, mean = np.ldexp(1.0, int(np.frexp(p.w.max())[1])), mean_and_covariance(p)[0]
+    share = _shares(p, group)
+    good, v, m, P, objective = sweeps(at_unit(p.w), p.m - mean, p.P, share, temperature, weighted)
+    reduced = Mixture(unit * v, m + mean, P)
+    if not good or not sound(*take(reduced, v > 0)):
+        raise ValueError(TOO_FAR)
+    if len(objective) == SWEEPS:
+        warn(f"transportation has not converged within {SWEEPS} sweeps", UserWarning, stacklevel=2)
+    return Descent(reduced, share, unit * objective)
+
+
+def _best(p, components, cost, entropy, starts) -> tuple[Mixture, np.ndarray, Descent | None]:
+    """The mixture without components of weight zero, its origin, and the best descent if it needs one."""
+    check_choice("cost", cost, COSTS)
+    if not check_not_negative("entropy", entropy) < np.inf:
+        raise ValueError(f"entropy must be finite, got {entropy}")
+    components, starts = check_count(components), check_count(starts, "starts")
+    q, place = weighing(p)
+    if len(q.w) <= components:
+        return q, place, None
+    _, group = runnalls(q, components)
+    temperature = entropy * _scale(q, group) if entropy > 0 else 0.0
+    groups = [group, *_random_groups(len(group), components, starts - 1)]
+    return q, place, min((descent(q, g, cost, temperature) for g in groups), key=lambda d: d.objective[-1])
+
+
+def _shares(p: Mixture, group: np.ndarray) -> np.ndarray:
+    return np.where(group == np.arange(group.max() + 1)[:, None], at_unit(p.w), 0.0)
+
+
+def _random_groups(n: int, components: int, count: int) -> list[np.ndarray]:
+    """Random groups (n,), none of them empty."""
+    rng = np.random.default_rng(0)
+    return [rng.permutation(np.append(np.arange(components), rng.integers(components, size=n - components)))
+            for _ in range(count)]  # fmt: skip
+
+
+def _scale(p: Mixture, group: np.ndarray) -> float:
+    """Median cost of the components that are not alone in their groups."""
+    table = cost_table(p.m, p.P, *grouped(p, group, group.max() + 1))
+    shared = np.bincount(group)[group] > 1
+    return float(np.median(table[group, np.arange(len(group))][shared]))
+
+
+def _reduced(best: Descent, place: np.ndarray) -> Reduced:
+    """The Gaussians of a descent that have weight, those merged that have become alike."""
+    left = best.reduced.w > 0
+    q, share = take(best.reduced, left), best.share[left]
+    same = cost_table(q.m, q.P, *q) < ALIKE
+    _, group = np.unique(same.argmax(axis=0), return_inverse=True)
+    share = np.array([share[group == g].sum(axis=0) for g in range(group.max() + 1)])
+    return grouped(q, group, len(share)), through(place, share.argmax(axis=0))
