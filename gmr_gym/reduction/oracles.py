@@ -153,7 +153,11 @@ def _pair_products(weight, subsets, own, size, place, largest):
     returns the integrals of products of disjoint subsets s and t of at most `largest` components together, at
     place[s] + 2 place[t]. The first component of s comes before that of t."""
     count = len(weight)
-    pairs, room, partner = np.zeros(2 * place[count - 1] + 1), np.empty(subsets.shape), np.zeros(count, np.int64)
+    pairs, room, partner = (
+        np.zeros(2 * place[count - 1] + 1),
+        np.empty(subsets.shape),
+        np.zeros(count, np.int64),
+    )
     for s in range(1, count):
         if size[s] > largest - 1:
             continue
