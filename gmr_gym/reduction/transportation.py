@@ -201,7 +201,9 @@ def descent(p: Mixture, group: np.ndarray, cost: str, temperature: float, weight
     return Descent(reduced, share, unit * objective)
 
 
-def _best(p, components, cost, entropy, starts) -> tuple[Mixture, np.ndarray, Descent | None]:
+def _best(
+    p: Mixture, components: int, cost: str, entropy: float, starts: int
+) -> tuple[Mixture, np.ndarray, Descent | None]:
     """The mixture without components of weight zero, its origin, and the best descent if it needs one."""
     check_choice("cost", cost, COSTS)
     if not check_not_negative("entropy", entropy) < np.inf:
