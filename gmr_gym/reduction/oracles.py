@@ -8,7 +8,7 @@ from gmr_gym.linalg import cholesky_into
 from gmr_gym.mixture import Mixture, mean_and_covariance
 from gmr_gym.reduction.agglomeration import merged_by
 from gmr_gym.reduction.distances import dimension, pack, products_with
-from gmr_gym.reduction.protocol import TOO_FAR, Reduced
+from gmr_gym.reduction.protocol import Reduced
 
 PARTITIONED = 12  # components of which every partition is tried
 PROGRAMMED = 14  # components whose subsets the dynamic programme goes through
