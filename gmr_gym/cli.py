@@ -18,6 +18,7 @@ from gmr_gym.experiments.detection_options import ALL_GROUPS, INPUT_GROUPS, take
 from gmr_gym.experiments.options import (
     TARGETS,
     Backend,
+    Compared,
     EnvId,
     Environments,
     Example,
@@ -299,8 +300,8 @@ def compare_reductions(
         slowest=slowest, runs=runs, seed=seed,
     )  # fmt: skip
     again = records.command(
-        "compare-reductions", reduction=reduction, track=tracking, env=env_ids, components=components, mixtures=[mixtures],
-        slowest=[slowest], runs=[runs], seed=[seed],
+        "compare-reductions", reduction=reduction, track=tracking, env=env_ids, components=components,
+        mixtures=[mixtures], slowest=[slowest], runs=[runs], seed=[seed],
     )  # fmt: skip
     specs.check_writable(out / "compare-reductions.json", json_file)
     sweep = sweeps.Sweep(runs, seed, jobs, backend, scheduler, part, out / sweeps.BLOCKS, again)
@@ -343,7 +344,7 @@ def reproduce(
     table = [name for name in known if name in table]  # in whatever order they were typed
     part, usual = sweeps.shard_of(shard, out), asked_for.tables[0].runs
     runs, names = runs or usual, table or list(known)
-    entries = [running.with_trackers(known[name], tracker) for name in names]
+    entries = [known[name].with_rows(tracker) for name in names]
     trackers = {entry.name: entry.trackers for entry in entries}
     asked = records.question(paper=paper, asked=names, trackers=trackers, runs=runs, seed=seed)
     root = out or Path("results") / paper
@@ -464,24 +465,33 @@ def reduce(
         ),
     ] = [],  # noqa: B006
     example: Example = None,
+    compare: Compared = None,
     components: Annotated[
         int | None,
         typer.Option("--components", help="how many remain; half of them unless given, and 1 on a page"),
     ] = None,
     axes: Annotated[
-        str, typer.Option("--axes", help="two coordinates that a page draws; 1,2 unless given")
+        str, typer.Option("--axes", help="two coordinates that are drawn; 1,2 unless given")
     ] = "",
     out: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             "--out",
-            help="a page, .html, of every step; or the mixture reduced by one method, .json, .npz or .csv",
+            help="a page, .html, of every step, reduction.html unless given; a picture, .png or .svg; or the "
+            "mixture reduced by one method, .json, .npz or .csv",
         ),
-    ] = Path("reduction.html"),
+    ] = None,
 ) -> None:
     """A mixture reduced by several methods: what each loses and takes, and every merge to watch."""
     from gmr_gym.experiments import reducing, specs
 
+    if compare:
+        for option, given in (("--method", method), ("--axes", axes), ("--out", out)):
+            if given:
+                raise ValueError(f"{option} is not for --compare, which takes all and writes nothing")
+        _show(reducing.comparison(*reducing.mixture_asked(file, example), components))
+        return
+    out = out or Path("reduction.html")
     specs.check_ending("--out", out, *reducing.ENDINGS)
     specs.check_writable(out, beside=file)
     specs.check_once("--method", method)

@@ -436,6 +436,30 @@ def test_reduce_writes_the_mixture_that_one_method_leaves(call):
     np.testing.assert_array_equal(read_mixture(Path("q.json")).m, reducer("runnalls", 3)(q)[0].m)
 
 
+def test_reduce_draws_what_methods_leave(call):
+    for example, out in (("crouse", "p.png"), ("random", "p.svg")):
+        words = "reduce", "--example", example, "--method", "runnalls", "--method", "salmond:distance=0.1"
+        code, printed, _ = call(*words, "--out", out)
+        assert code == 0 and f"written to {out}" in printed and "salmond:distance=0.1" in printed
+    with Image.open("p.png") as picture:
+        assert picture.width > 1000
+    drawn = Path("p.svg").read_text(encoding="utf-8")
+    assert drawn.count("<use ") > 2 * (10 + 5)  # a mark at every mean
+
+
+def test_reduce_compares_every_reduction_and_says_which_cannot(call, monkeypatch):
+    def never(p, components):
+        raise ValueError("not this one")
+
+    monkeypatch.setattr("gmr_gym.experiments.reducing.reductions", lambda: ("west", "never", "ise"))
+    monkeypatch.setitem(REDUCERS, "never", never)
+    code, printed, errors = call(*CROUSE, "--compare", "all", "--components", 4)
+    _, *rows = (line.split("|")[1:3] for line in printed.splitlines() if line.startswith("|"))
+    assert code == 0 and [[cell.strip() for cell in row] for row in rows] == [["ise", "4"], ["west", "4"]]
+    assert "never cannot: not this one" in printed and "reducing: 3 of 3" in errors
+    assert not Path("reduction.html").exists()
+
+
 def test_record_writes_the_detections_and_the_truth_of_the_episode(call):
     code, _, _ = call(
         "record", TURNING, "--set", "horizon=6", "--seed", 5, "--out", "z.csv", "--truth", "x.csv"
@@ -638,11 +662,21 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         (("reduce", "p.txt"), "MIXTURE must end in .json or .npz or .csv, got 'p.txt'"),
         (("reduce", "missing.csv"), "error: missing.csv: no such file or directory"),
         (("reduce", "z.csv"), "z.csv: expected the header w,m1,P11, got 'time,x,y'"),
-        ((*CROUSE, "--out", "p.txt"), "--out must end in .html or .json or .npz or .csv, got 'p.txt'"),
+        (
+            (*CROUSE, "--out", "p.txt"),
+            "--out must end in .html or .png or .svg or .json or .npz or .csv, got 'p.txt'",
+        ),
+        ((*CROUSE, "--compare", "some"), "unknown reductions to compare 'some'; choose all"),
+        ((*CROUSE, "--compare", "all", "--out", "p.csv"), "--out is not for --compare, which takes all"),
+        ((*CROUSE, "--compare", "all", "--method", "west"), "--method is not for --compare, which takes"),
+        (
+            (*CROUSE, *(word for i in range(5) for word in ("--method", f"salmond:distance={i}"))),
+            "--method is given 5 times, and reduction.html takes 4",
+        ),
         ((*CROUSE, "--components", 11), "--components must be from 1 to the 10 of crouse, got 11"),
         ((*CROUSE, "--method", "wst"), "unknown reduction 'wst'; did you mean 'west'?"),
         ((*CROUSE, "--axes", "1,2"), "--axes is for coordinates of more than one dimension"),
-        ((*CROUSE, "--axes", "1,2", "--out", "p.csv"), "--axes is for a page, and p.csv is a mixture"),
+        ((*CROUSE, "--axes", "1,2", "--out", "p.csv"), "--axes is for a page or a picture, and p.csv is a"),
         (
             ("reduce", "--example", "posterior", "--axes", "0,1"),
             "--axes must be two different ones of 1 to 4",

@@ -1,5 +1,7 @@
 """Mixtures to reduce: the two problems that reductions are compared on."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from gmr_gym.checks import check_count
@@ -7,6 +9,23 @@ from gmr_gym.mixture import Mixture, mixture
 
 SIDE = 3.0  # of the cube that the means are drawn in
 SCALE = 1 / 50  # of the Wishart distribution of the covariances
+
+
+@dataclass(frozen=True)
+class MixtureProblem:
+    """Mixtures to reduce, one a run: a given one, the recorded ones in turn, or each drawn by
+    `random_mixture`."""
+
+    mixture: Mixture | None = None
+    samples: int = 4000  # that estimate a divergence in more than one dimension
+    recorded: tuple[Mixture, ...] = ()
+
+    def draw(self, seed: int | np.random.SeedSequence) -> Mixture:
+        """The mixture of a run."""
+        if self.recorded:
+            run = seed if isinstance(seed, int) else seed.spawn_key[-1]
+            return self.recorded[run % len(self.recorded)]
+        return random_mixture(seed) if self.mixture is None else self.mixture
 
 
 def crouse() -> Mixture:
@@ -23,12 +42,12 @@ def crouse() -> Mixture:
     return mixture(w, np.array(m)[:, None], np.array(P)[:, None, None])
 
 
-def random_mixture(seed: int, components: int = 10, dimension: int = 4) -> Mixture:
+def random_mixture(seed: int | np.random.SeedSequence, components: int = 10, dimension: int = 4) -> Mixture:
     r"""A mixture drawn at random: the problem of Crouse's table, which reduces ten components to five.
 
     Parameters
     ----------
-    seed : int
+    seed : int or SeedSequence
         Of the draw.
     components : int
     dimension : int

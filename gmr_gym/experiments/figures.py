@@ -39,7 +39,7 @@ METRICS = {
        for measure, name in (("ise", "ISE"), ("nise", "NISE"), ("divergence", "KL(f||g)"),
                              ("reverse_divergence", "KL(g||f)"))
        for key, words in (("", ""), ("_median", "median "))},
-    "time_per_call": Metric("time a call", *TIME),
+    "time_per_reduction": Metric("time a call", *TIME),
     "track_loss_difference": Metric("lost, difference", *SHARE),
     "error_difference": Metric("capped error, difference", "m"),
     "wasserstein_undefined": Metric("without one", *SHARE), "density_error": Metric("clutter wrong by"),

@@ -21,6 +21,7 @@ EXAMPLES = {
     "random": "ten components drawn at random in four dimensions, as in the table of Crouse et al. 2011",
 }
 TARGETS = ("one", "many")
+COMPARED = ("all",)
 MODELS = {"constant-velocity": "a target whose velocity changes by a random acceleration"}
 
 Named = Mapping[str, str]  # what a shell completes to, each with a line about it
@@ -131,6 +132,15 @@ Example = Annotated[
         metavar="|".join(EXAMPLES),
         help="a mixture to try",
         **choice("example", EXAMPLES),
+    ),
+]
+Compared = Annotated[
+    str | None,
+    typer.Option(
+        "--compare",
+        metavar="|".join(COMPARED),
+        help="every reduction in one table, and nothing written",
+        **choice("reductions to compare", COMPARED),
     ),
 ]
 Settings = Annotated[list[str], typer.Option("--set", help="key=value for the environment")]

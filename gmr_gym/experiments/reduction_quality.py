@@ -1,46 +1,61 @@
 """What reductions lose of a mixture, and the time they take: random mixtures and trackers' posteriors."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from time import thread_time
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gmr_gym.envs.lookup import scenario_of
 from gmr_gym.envs.registry import READY
-from gmr_gym.evaluation.mixture_problems import random_mixture
+from gmr_gym.evaluation.mixture_problems import MixtureProblem
 from gmr_gym.evaluation.posteriors import posteriors
-from gmr_gym.evaluation.reduction_costs import Costs, Reducing, measured
+from gmr_gym.evaluation.reduction_runs import ReductionRuns
 from gmr_gym.evaluation.summary import CONFIDENCE, Estimate, bootstrap_mean
+from gmr_gym.experiments.evidence import Rows
 from gmr_gym.experiments.screen import progress
-from gmr_gym.experiments.sweeps import Sweep, saying_what_is_kept
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.mixture import Mixture
+from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reducer
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 MEASURES = ("ise", "nise", "divergence", "reverse_divergence")
 RANDOM, EVERY = "random mixtures, 10 to 5", "posteriors of all environments, to 10"
-LONGEST = 0.1  # s, processor time: a reduction that takes more for the first mixture is left out
-Rows = dict[str, dict[str, Estimate]]
+TRIED = 20  # mixtures that a reduction is tried on, the first
+LONGEST = 0.1  # s, processor time of a call for a mixture of the usual size: what takes longer is left out
 
 
 class Problem(NamedTuple):
-    """Mixtures to be reduced to so many components, and the points by which divergences are estimated."""
+    """So many mixtures to be reduced to so many components."""
 
-    mixtures: list[Mixture]
+    mixtures: MixtureProblem
+    count: int
     components: int
-    samples: int
+
+    def first(self, seed: int) -> list[Mixture]:
+        """Those that reductions are tried on."""
+        runs = range(min(TRIED, self.count))
+        return [self.mixtures.draw(np.random.SeedSequence(seed, spawn_key=(i,))) for i in runs]
+
+
+class Trial(NamedTuple):
+    """How long a reduction takes for a mixture of a problem, s, and why it is left out, if it is."""
+
+    seconds: float
+    reason: str = ""
 
 
 def problems(count: int, seed: int) -> dict[str, Problem]:
     """Crouse's random mixtures, as many as in the paper, and `count` posteriors of every environment that
     needs no files."""
-    found = {RANDOM: Problem([random_mixture(i) for i in range(500)], 5, 2000)}
+    found = {RANDOM: Problem(MixtureProblem(), 500, 5)}
     for env_id in READY:
         scenario = scenario_of(env_id, {})
         # components that it keeps; of many targets as many as by default
         tracker = tracker_with(scenario, **({} if _many(scenario) else {"components": 20}))
-        found[of_environment(env_id)] = Problem(posteriors(scenario, tracker, count, seed, 10, 150), 10, 5000)
+        recorded = posteriors(scenario, tracker, count, seed, more_than=10, most=150)
+        found[of_environment(env_id)] = Problem(MixtureProblem(recorded=tuple(recorded)), count, 10)
     return found
 
 
@@ -63,40 +78,52 @@ def _many(scenario: Any) -> bool:
     return isinstance(scenario, MultiTargetScenario)
 
 
-def costs_shown(
-    names: Sequence[str], asked: Mapping[str, Problem], sweep: Sweep
-) -> dict[str, dict[str, Costs]]:
-    """What every reduction costs on every problem, under a bar; on Ctrl-C it says what is kept."""
-    every = {
-        (problem, name): Reducing(reducer(name, components), mixtures, samples, LONGEST)
-        for problem, (mixtures, components, samples) in asked.items()
-        for name in names
-    }
-    with saying_what_is_kept(sweep.blocks), progress("mixtures reduced") as report:
-        found = measured(every, jobs=sweep.jobs, folder=sweep.blocks, progress=report)
-    return {problem: {name: found[problem, name] for name in names} for problem in asked}
+def trials(names: Sequence[str], asked: Mapping[str, Problem], seed: int) -> dict[str, dict[str, Trial]]:
+    """Tries every reduction on the first mixtures of every problem."""
+    found: dict[str, dict[str, Trial]] = {}
+    with progress("reductions tried") as report:
+        for i, (problem, each) in enumerate(asked.items()):
+            mixtures = each.first(seed)
+            found[problem] = {name: trial(reducer(name, each.components), mixtures) for name in names}
+            report(i + 1, len(asked))
+    return found
 
 
-def pooled(costs: Mapping[str, Mapping[str, Costs]]) -> dict[str, Costs]:
-    """The costs on all posteriors together."""
-    parts = [found for problem, found in costs.items() if problem != RANDOM]
+def trial(reduce: Callable[[Mixture], Reduced], mixtures: Sequence[Mixture]) -> Trial:
+    """Median time of a call; a reduction is left out that takes longer than LONGEST, or refuses a mixture."""
+    times: list[float] = []
+    try:
+        reduce(mixtures[0])  # compiles
+        for p in mixtures:
+            begun = thread_time()
+            reduce(p)
+            times.append(thread_time() - begun)
+            if times[-1] > LONGEST:
+                return Trial(times[-1], f"{1e3 * times[-1]:.3g} ms for a mixture of {len(p.w)} components")
+    except ValueError as error:
+        return Trial(np.nan, str(error))
+    return Trial(float(np.median(times)))
+
+
+def pooled(runs: Mapping[str, Mapping[str, ReductionRuns]]) -> dict[str, ReductionRuns]:
+    """The runs on all posteriors together, of what is left out of none."""
+    parts = [found for problem, found in runs.items() if problem != RANDOM]
     return {
-        name: Costs(*(np.concatenate(fields) for fields in zip(*(part[name] for part in parts), strict=True)))
+        name: ReductionRuns(*map(np.concatenate, zip(*(part[name] for part in parts), strict=True)))
         for name in parts[0]
+        if all(name in part for part in parts)
     }
 
 
-def quality_rows(costs: Mapping[str, Costs]) -> Rows:
-    """Means and medians over mixtures, and the median time of a call, of every reduction that is not left
-    out, the quickest first."""
+def quality_rows(runs: Mapping[str, ReductionRuns]) -> Rows:
+    """Means and medians over mixtures, and the median time of a call, the quickest first."""
     rows: Rows = {}
-    for name, found in costs.items():
-        if np.isfinite(found.ise).all():
-            values = {measure: getattr(found, measure)[:, 0] for measure in MEASURES}
-            means = {measure: bootstrap_mean(value) for measure, value in values.items()}
-            medians = {f"{measure}_median": median(value) for measure, value in values.items()}
-            rows[name] = means | medians | {"time_per_call": Estimate(float(np.median(found.seconds)))}
-    return dict(sorted(rows.items(), key=lambda row: row[1]["time_per_call"].value))
+    for name, found in runs.items():
+        values = {measure: getattr(found, measure)[:, 0] for measure in MEASURES}
+        rows[name] = {measure: bootstrap_mean(value) for measure, value in values.items()}
+        rows[name] |= {f"{measure}_median": median(value) for measure, value in values.items()}
+        rows[name]["time_per_reduction"] = Estimate(float(np.median(found.seconds)))
+    return dict(sorted(rows.items(), key=lambda row: row[1]["time_per_reduction"].value))
 
 
 def median(values: np.ndarray) -> Estimate:
@@ -114,12 +141,3 @@ def median(values: np.ndarray) -> Estimate:
     ordered, rank = np.sort(values), int(binom.ppf((1 - CONFIDENCE) / 2, len(values), 0.5))
     value = float(np.median(values))
     return Estimate(value, float(ordered[rank - 1]), float(ordered[-rank])) if rank else Estimate(value)
-
-
-def left_out(costs: Mapping[str, Costs]) -> dict[str, str]:
-    """Reductions that are left out, each with the reason."""
-    absent = {name: found.seconds[0, 0] for name, found in costs.items() if np.isnan(found.ise[0, 0])}
-    return {
-        name: "it refuses such mixtures" if np.isnan(seconds) else f"{1e3 * seconds:.3g} ms for one mixture"
-        for name, seconds in absent.items()
-    }

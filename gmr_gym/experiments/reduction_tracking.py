@@ -1,16 +1,22 @@
 """What reductions do to tracking: lost tracks and errors by number of components, on the same episodes."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
 
 from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.reduction_costs import Costs
-from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, capped_error, not_lost, paired_share, wilson
-from gmr_gym.experiments.reduction_quality import Rows, left_out, tracker_with
-from gmr_gym.experiments.sweeps import Sweep, runs_shown
+from gmr_gym.evaluation.summary import (
+    Estimate,
+    bootstrap_mean,
+    capped_error,
+    not_lost,
+    paired_share,
+    wilson,
+)
+from gmr_gym.experiments.evidence import Rows
+from gmr_gym.experiments.reduction_quality import Trial
 from gmr_gym.simulation.single_target import Scenario
 
 REFERENCE = "runnalls"  # what others are compared with
@@ -26,30 +32,16 @@ class Outcome(NamedTuple):
     time_per_scan: float  # s, median
 
 
-def fit(costs: Mapping[str, Costs], slowest: float) -> tuple[list[str], dict[str, str]]:
-    """Reductions that take at most `slowest` times as long as Runnalls' for the posteriors of an environment,
-    and why each of the others does not track there."""
-    seconds = {name: float(np.median(found.seconds)) for name, found in costs.items()}
-    unfit = left_out(costs) | {
-        name: f"{taken / seconds[REFERENCE]:.3g} times as long as {REFERENCE} for a posterior"
-        for name, taken in seconds.items()
-        if taken > slowest * seconds[REFERENCE]
+def unfit(trials: Mapping[str, Trial], slowest: float) -> dict[str, str]:
+    """Why reductions do not track: those that are left out of an environment's posteriors, or take more than
+    `slowest` times as long as Runnalls' for one."""
+    longest = slowest * trials[REFERENCE].seconds
+    slow = {
+        name: f"{one.seconds / trials[REFERENCE].seconds:.3g} times as long as {REFERENCE} for a posterior"
+        for name, one in trials.items()
+        if one.seconds > longest
     }
-    return [name for name in costs if name not in unfit], unfit
-
-
-def tracked(
-    scenarios: Mapping[str, Scenario], names: Mapping[str, Sequence[str]], counts: Sequence[int], sweep: Sweep
-) -> Iterator[tuple[Cell, Outcome]]:
-    """Runs the reductions `names` of every environment at every number of components, one after the other; of
-    a shard see `runs_shown`."""
-    cells = [(env_id, n, name) for env_id in scenarios for n in counts for name in names[env_id]]
-    work = [
-        (scenarios[env_id], {name: tracker_with(scenarios[env_id], components=n, reduction=name)})
-        for env_id, n, name in cells
-    ]
-    for cell, found in zip(cells, runs_shown("tracking", work, sweep), strict=True):
-        yield cell, found if sweep.shard else outcome(scenarios[cell[0]], found[cell[2]])
+    return slow | {name: one.reason for name, one in trials.items() if one.reason}
 
 
 def outcome(scenario: Scenario, runs: Runs) -> Outcome:

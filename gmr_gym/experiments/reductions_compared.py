@@ -1,13 +1,15 @@
 """Reductions compared: what they lose of mixtures and in tracking, against the time they take."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gmr_gym.evaluation.fronts import front
+from gmr_gym.evaluation.summary import Estimate
 from gmr_gym.experiments.drawings import save
+from gmr_gym.experiments.evidence import Rows
 from gmr_gym.experiments.figures import heading
 from gmr_gym.experiments.formats import piped
 from gmr_gym.experiments.output import write_csv, write_json, write_text
@@ -16,19 +18,20 @@ from gmr_gym.experiments.reduction_drawings import against_time
 from gmr_gym.experiments.reduction_quality import (
     EVERY,
     RANDOM,
-    Rows,
-    costs_shown,
-    left_out,
+    Problem,
     of_environment,
     pooled,
     problems,
     quality_rows,
+    tracker_with,
+    trials,
 )
-from gmr_gym.experiments.reduction_tracking import REFERENCE, fit, tables, tracked
+from gmr_gym.experiments.reduction_tracking import REFERENCE, outcome, tables, unfit
 from gmr_gym.experiments.sheets import Sheet, figures_table, notes
 from gmr_gym.experiments.sheets import shown as shown_figure
-from gmr_gym.experiments.sweeps import Sweep, say_what_is_left
+from gmr_gym.experiments.sweeps import Sweep, Work, runs_shown, say_what_is_left
 from gmr_gym.experiments.tables import table_record
+from gmr_gym.reduction.registry import reducer
 from gmr_gym.simulation.single_target import Scenario
 
 # figures of fronts and drawings: of random mixtures, of posteriors, and of tracking
@@ -62,7 +65,7 @@ class Found(NamedTuple):
 
     def fronts(self) -> dict[str, dict[str, list[str]]]:
         """By problem or environment and figure, the rows on the front, the quickest first."""
-        time_of = dict.fromkeys(self.quality, "time_per_call")
+        time_of = dict.fromkeys(self.quality, "time_per_reduction")
         of = {name: MEANS if name == RANDOM else MEDIANS for name in self.quality}
         return {
             name: {
@@ -71,6 +74,19 @@ class Found(NamedTuple):
             }
             for name, rows in (self.quality | self.by_environment()).items()
         }
+
+
+class Part(NamedTuple):
+    """Runs under one bar: what each comes to is known by a key."""
+
+    label: str
+    keys: list[Any]
+    work: list[Work]
+    sweep: Sweep
+
+    def results(self) -> Iterator[tuple[Any, Any]]:
+        """Each key, and what `runs_shown` gives for it."""
+        return zip(self.keys, runs_shown(self.label, self.work, self.sweep), strict=True)
 
 
 def compared(
@@ -83,29 +99,57 @@ def compared(
 ) -> Iterator[Any]:
     """Reduces mixtures and tracks, leaves record, fronts and drawings in `out`, and gives what a screen
     shows; of a shard only what is left to others."""
-    costs = costs_shown(names, problems(asked["mixtures"], asked["seed"]), sweep)
-    tracking = {REFERENCE, *asked["tracking"]}
-    fitting = {
-        env_id: fit(
-            {name: costs[of_environment(env_id)][name] for name in names if name in tracking},
-            asked["slowest"],
-        )
-        for env_id in scenarios
-    }
-    outcomes = tracked(
-        scenarios, {env_id: kept for env_id, (kept, _) in fitting.items()}, asked["components"], sweep
-    )
+    each = problems(asked["mixtures"], asked["seed"])
+    tried = trials(names, each, asked["seed"])
+    left_out = {problem: {name: one.reason for name, one in found.items() if one.reason} for problem, found in tried.items()}
+    for env_id in scenarios:
+        of = {name: tried[of_environment(env_id)][name] for name in {REFERENCE: 0} | dict.fromkeys(asked["tracking"])}
+        left_out[env_id] = unfit(of, asked["slowest"])
+    parts = [
+        *(of_mixtures(problem, found, names, left_out[problem], sweep) for problem, found in each.items()),
+        of_tracking(asked, scenarios, left_out, sweep),
+    ]
     if sweep.shard:
-        say_what_is_left(sweep.blocks, *map(sum, zip(*(left for _, left in outcomes), strict=True)))
+        say_what_is_left(sweep.blocks, *map(sum, zip(*(n for part in parts for _, n in part.results()), strict=True)))
         return
-    quality = {EVERY: quality_rows(pooled(costs))}
-    quality = {problem: quality_rows(found) for problem, found in costs.items()} | quality
-    unfit = {problem: left_out(found) for problem, found in costs.items()}
-    unfit |= {env_id: reasons for env_id, (_, reasons) in fitting.items()}
-    found = Found(quality, dict(tables(outcomes)), {where: why for where, why in unfit.items() if why})
+    *mixtures, tracking = parts
+    runs = {problem: found for part in mixtures for problem, found in part.results()}
+    quality = {problem: quality_rows(found) for problem, found in (runs | {EVERY: pooled(runs)}).items()}
+    outcomes = ((cell, outcome(scenarios[cell[0]], found[cell[2]])) for cell, found in tracking.results())
+    found = Found(quality, dict(tables(outcomes)), {where: why for where, why in left_out.items() if why})
     _leave(asked, found, sweep, out, copy)
     yield from shown(found, sweep)
     yield f"these, the posteriors of each environment, and drawings are in {out}"
+
+
+def of_mixtures(
+    problem: str, asked: Problem, names: Sequence[str], left_out: Collection[str], sweep: Sweep
+) -> Part:
+    """Every mixture of a problem reduced by every reduction that is not left out."""
+    reducers = {name: reducer(name, asked.components) for name in names if name not in left_out}
+    return Part(problem, [problem], [(asked.mixtures, reducers)], sweep._replace(runs=asked.count))
+
+
+def of_tracking(
+    asked: Mapping[str, Any],
+    scenarios: Mapping[str, Scenario],
+    left_out: Mapping[str, Collection[str]],
+    sweep: Sweep,
+) -> Part:
+    """Every environment with every number of components and every reduction that is not left out."""
+    names = dict.fromkeys((REFERENCE, *asked["tracking"]))
+    cells = [
+        (env_id, n, name)
+        for env_id in scenarios
+        for n in asked["components"]
+        for name in names
+        if name not in left_out[env_id]
+    ]
+    work: list[Work] = [
+        (scenarios[env_id], {name: tracker_with(scenarios[env_id], components=n, reduction=name)})
+        for env_id, n, name in cells
+    ]
+    return Part("tracking", cells, work, sweep)
 
 
 def _leave(asked: dict[str, Any], found: Found, sweep: Sweep, out: Path, copy: Path | None) -> None:
@@ -121,7 +165,7 @@ def _leave(asked: dict[str, Any], found: Found, sweep: Sweep, out: Path, copy: P
     mixtures = {name: (found.quality[name], of) for name, of in ((RANDOM, MEANS), (EVERY, MEDIANS))}
     tracking = {env_id: (rows, TRACKING) for env_id, rows in found.by_environment().items()}
     for name, panels, time in (
-        ("mixtures", mixtures, "time_per_call"), ("tracking", tracking, "time_per_scan")
+        ("mixtures", mixtures, "time_per_reduction"), ("tracking", tracking, "time_per_scan")
     ):  # fmt: skip
         drawing = against_time(panels, time)
         for ending in ("png", "svg"):
@@ -131,7 +175,7 @@ def _leave(asked: dict[str, Any], found: Found, sweep: Sweep, out: Path, copy: P
 def shown(found: Found, sweep: Sweep) -> Iterator[Any]:
     """Tables and remarks for a screen."""
     for name, figures in ((RANDOM, ("ise", *MEANS)), (EVERY, MEDIANS)):
-        columns = (*figures, "time_per_call")
+        columns = (*figures, "time_per_reduction")
         rows = {key: {column: row[column] for column in columns} for key, row in found.quality[name].items()}
         yield figures_table(name, rows)
     yield posteriors_sheet(found.quality)

@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,10 +11,8 @@ from rich.console import Console
 from gmr_gym.evaluation import blocks
 from gmr_gym.evaluation.montecarlo import Runs, run, run_shard
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
-from gmr_gym.evaluation.reduction_costs import Costs
+from gmr_gym.evaluation.reduction_runs import ReductionRuns
 from gmr_gym.experiments.screen import console, progress
-from gmr_gym.simulation.multi_target import MultiTargetScenario
-from gmr_gym.simulation.single_target import Scenario
 
 BLOCKS = "blocks"  # the folder, in a folder of results, that finished blocks of runs are kept in
 
@@ -60,9 +57,8 @@ def merge_results(folders: Sequence[Path], into: Path) -> None:
     for folder in folders:
         if not (folder / BLOCKS).is_dir():
             raise ValueError(f"{folder} is no folder of results: it has no {BLOCKS}")
-    merged = blocks.merge(
-        [folder / BLOCKS for folder in folders], into / BLOCKS, Runs, MultiTargetRuns, Costs
-    )
+    kinds = Runs, MultiTargetRuns, ReductionRuns
+    merged = blocks.merge([folder / BLOCKS for folder in folders], into / BLOCKS, *kinds)
     screen = console()
     screen.print(f"{len(merged.copied)} blocks of runs copied to {into / BLOCKS}", highlight=False)
     for what, files in (
@@ -76,7 +72,7 @@ def merge_results(folders: Sequence[Path], into: Path) -> None:
         raise ValueError(f"{len(merged.refused)} refused, all else is merged: {'; '.join(merged.refused)}")
 
 
-Work = tuple[Scenario | MultiTargetScenario, Mapping[str, Any]]  # a scenario and the trackers in it
+Work = tuple[Any, Mapping[str, Any]]  # a scenario and the trackers in it, or mixtures and reductions
 
 
 def runs_shown(label: str, work: Iterable[Work], sweep: Sweep) -> Iterator[Any]:
@@ -84,26 +80,20 @@ def runs_shown(label: str, work: Iterable[Work], sweep: Sweep) -> Iterator[Any]:
     blocks there are and of how many. On Ctrl-C it says where finished ones are kept, if any is, and exits."""
     work = list(work)
     call = partial(run_shard, shard=sweep.shard) if sweep.shard else run
-    with saying_what_is_kept(sweep.blocks), progress(label) as report:
-        for i, (scenario, trackers) in enumerate(work):
-            yield call(
-                scenario, trackers, sweep.runs, sweep.seed, jobs=sweep.jobs, folder=sweep.blocks,
-                progress=partial(_so_far, report, i, len(work)), backend=sweep.backend,
-                scheduler=sweep.scheduler,
-            )  # fmt: skip
-
-
-@contextmanager
-def saying_what_is_kept(blocks: Path) -> Iterator[None]:
-    """On Ctrl-C, says whether finished blocks are in the folder, and exits."""
     try:
-        yield
+        with progress(label) as report:
+            for i, (scenario, trackers) in enumerate(work):
+                yield call(
+                    scenario, trackers, sweep.runs, sweep.seed, jobs=sweep.jobs, folder=sweep.blocks,
+                    progress=partial(_so_far, report, i, len(work)), backend=sweep.backend,
+                    scheduler=sweep.scheduler,
+                )  # fmt: skip
     except (KeyboardInterrupt, SystemError) as error:
         if not interrupted(error):
             raise
         left = "no block of runs was finished"
-        if any(blocks.glob("*.npz")):
-            left = f"finished blocks of runs are kept in {blocks}; the same command goes on there"
+        if any(sweep.blocks.glob("*.npz")):
+            left = f"finished blocks of runs are kept in {sweep.blocks}; the same command goes on there"
         Console(stderr=True, soft_wrap=True).print(f"stopped: {left}", highlight=False)
         sys.exit(130)
 

@@ -90,6 +90,8 @@ def integral_squared_error(
     ([[0.5], [9.0]], [0, 0, 1])
     """
     components = check_count(components)
+    if not isinstance(renormalise, bool):
+        raise ValueError(f"renormalise must be True or False, got {renormalise!r}")
     p, place = weighing(p)
     if len(p.w) <= components:
         return p, place

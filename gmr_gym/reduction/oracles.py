@@ -8,7 +8,7 @@ from gmr_gym.linalg import cholesky_into
 from gmr_gym.mixture import Mixture, mean_and_covariance
 from gmr_gym.reduction.agglomeration import merged_by
 from gmr_gym.reduction.distances import dimension, pack, products_with
-from gmr_gym.reduction.protocol import TOO_FAR, Reduced
+from gmr_gym.reduction.protocol import Reduced
 
 PARTITIONED = 12  # components of which every partition is tried
 PROGRAMMED = 14  # components whose subsets the dynamic programme goes through
@@ -153,7 +153,11 @@ def _pair_products(weight, subsets, own, size, place, largest):
     returns the integrals of products of disjoint subsets s and t of at most `largest` components together, at
     place[s] + 2 place[t]. The first component of s comes before that of t."""
     count = len(weight)
-    pairs, room, partner = np.zeros(2 * place[count - 1] + 1), np.empty(subsets.shape), np.zeros(count, np.int64)
+    pairs, room, partner = (
+        np.zeros(2 * place[count - 1] + 1),
+        np.empty(subsets.shape),
+        np.zeros(count, np.int64),
+    )
     for s in range(1, count):
         if size[s] > largest - 1:
             continue

@@ -5,21 +5,20 @@ import numpy as np
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into
 
-SWEEPS = 1000  # at most; the hard form converges within some ten
 CONVERGED = 1e-10  # relative fall of the objective in a sweep
 LEAST_WEIGHT = 1e-300  # of a Gaussian, beside components of weight 1: below it digits are lost
 
 
 @kernel
-def sweeps(w, m, P, share, temperature, weighted):
+def sweeps(w, m, P, share, temperature, weighted, limit):
     """Whether every covariance stayed definite, the weights, means and covariances of the Gaussians, and the
     objective by sweep; share (L, n) is overwritten."""
     count, (n, d) = len(share), m.shape
     v, c, S = np.empty(count), np.empty((count, d)), np.empty((count, d, d))
     columns, log_det = columns_of(m, P)
-    table, objective, total = np.empty((count, n)), np.empty(SWEEPS), w.sum()
+    table, objective, total = np.empty((count, n)), np.empty(limit), w.sum()
     before, sweep = np.inf, 0
-    while sweep < SWEEPS:
+    while sweep < limit:
         moment_matches(share, m, P, v, c, S)
         if not divergences(columns, log_det, v, c, S, table):
             return False, v, c, S, objective[:sweep]

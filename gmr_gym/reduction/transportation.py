@@ -14,19 +14,20 @@ is least. A sweep makes every g_j the barycentre of what it has been given, of t
 the components out anew. Neither step raises the sum.
 """
 
+from numbers import Real
 from typing import NamedTuple
-from warnings import warn
 
 import numpy as np
 
 from gmr_gym.checks import check_choice, check_count, check_not_negative, sound
 from gmr_gym.mixture import Mixture, mean_and_covariance, take
-from gmr_gym.reduction.protocol import TOO_FAR, Reduced, at_unit, grouped, through
+from gmr_gym.reduction.protocol import TOO_FAR, Reduced, at_unit, grouped, through, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
 from gmr_gym.reduction.runnalls import runnalls
-from gmr_gym.reduction.transport_sweeps import SWEEPS, cost_table, sweeps
+from gmr_gym.reduction.transport_sweeps import cost_table, sweeps
 
 COSTS = ("kl",)
+SWEEPS = 1000  # at most; the hard form converges within some ten
 ALIKE = 1e-8  # divergence below which two Gaussians of a soft form have become one
 
 
@@ -165,9 +166,9 @@ def dphem(p: Mixture, components: int, samples: float | None = None) -> Reduced:
     """
     components = check_count(components)
     q, place = weighing(p)
-    samples = len(q.w) if samples is None else samples
-    if not samples > 0:
-        raise ValueError(f"samples must be positive, got {samples}")
+    samples = max(len(q.w), 1) if samples is None else samples
+    if not isinstance(samples, Real) or not samples > 0:
+        raise ValueError(f"samples must be positive, got {samples!r}")
     if len(q.w) <= components:
         return q, place
     _, group = runnalls(q, components)
@@ -191,16 +192,18 @@ def descent(p: Mixture, group: np.ndarray, cost: str, temperature: float, weight
     """
     unit, mean = np.ldexp(1.0, int(np.frexp(p.w.max())[1])), mean_and_covariance(p)[0]
     share = _shares(p, group)
-    good, v, m, P, objective = sweeps(at_unit(p.w), p.m - mean, p.P, share, temperature, weighted)
+    good, v, m, P, objective = sweeps(at_unit(p.w), p.m - mean, p.P, share, temperature, weighted, SWEEPS)
     reduced = Mixture(unit * v, m + mean, P)
     if not good or not sound(*take(reduced, v > 0)):
         raise ValueError(TOO_FAR)
     if len(objective) == SWEEPS:
-        warn(f"transportation has not converged within {SWEEPS} sweeps", UserWarning, stacklevel=2)
+        warn_unfinished("the descent of the transportation divergence", SWEEPS)
     return Descent(reduced, share, unit * objective)
 
 
-def _best(p, components, cost, entropy, starts) -> tuple[Mixture, np.ndarray, Descent | None]:
+def _best(
+    p: Mixture, components: int, cost: str, entropy: float, starts: int
+) -> tuple[Mixture, np.ndarray, Descent | None]:
     """The mixture without components of weight zero, its origin, and the best descent if it needs one."""
     check_choice("cost", cost, COSTS)
     if not check_not_negative("entropy", entropy) < np.inf:
