@@ -33,7 +33,7 @@ REDUCTIONS = {  # each with what it does
     "single-isd": "merges the clusters whose nearest members are nearest, by integral squared difference",
     "single-correlation": "merges the clusters whose nearest members are nearest, by correlation",
     "single-runnalls": "merges the clusters whose nearest members are nearest, by cost B",
-    "transportation": "k-means of components: descends the composite transportation divergence, by several costs",
+    "transportation": "k-means of components by several costs: descends their transportation divergence",
     "dphem": "expectation maximisation on virtual samples of the components, which several may share",
     "brute-force": "the partition of least integral squared error; for 12 components or fewer",
     "transportation-optimum": "the partition of least transportation divergence; for 14 components or fewer",
