@@ -33,10 +33,10 @@ REDUCTIONS = {  # each with what it does
     "single-isd": "merges the clusters whose nearest members are nearest, by integral squared difference",
     "single-correlation": "merges the clusters whose nearest members are nearest, by correlation",
     "single-runnalls": "merges the clusters whose nearest members are nearest, by cost B",
-    "transportation": "k-means by a divergence of components: descends the composite transportation divergence",
+    "transportation": "k-means of components by several costs: descends their transportation divergence",
     "dphem": "expectation maximisation on virtual samples of the components, which several may share",
-    "brute-force": "the partition of least integral squared error, of all; for 12 components or fewer",
-    "transportation-optimum": "the partition of least transportation divergence, of all; for 14 components or fewer",
+    "brute-force": "the partition of least integral squared error; for 12 components or fewer",
+    "transportation-optimum": "the partition of least transportation divergence; for 14 components or fewer",
 }
 BACKENDS = ("loky", "dask", "ray")  # what shares runs among processes
 

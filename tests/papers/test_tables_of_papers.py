@@ -29,8 +29,8 @@ from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.zhang import SCANS, jump_markov
 
 PAPER_MODULES = {
-    "crouse": crouse, "dortenzio": dortenzio, "li": li, "lv": lv, "maybeck": maybeck, "maybeck-zhang": maybeck_zhang,
-    "zhang": zhang,
+    "crouse": crouse, "dortenzio": dortenzio, "li": li, "lv": lv, "maybeck": maybeck,
+    "maybeck-zhang": maybeck_zhang, "zhang": zhang,
 }  # fmt: skip
 PRINTED_RUNS = {
     "crouse": {500, 2000}, "dortenzio": {1000}, "li": {300}, "lv": {100}, "maybeck": {50},
