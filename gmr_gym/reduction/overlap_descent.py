@@ -10,7 +10,7 @@ from gmr_gym.reduction.measures import CAUCHY_SCHWARZ, LOG_2
 STEPS = 500  # of a fixed point
 EXACT = 1e-10  # change of a fixed point, relative to standard deviations, that ends it
 LONGEST = 50.0  # of the steps of a fixed point taken at once
-ROUNDING = 1e-15  # of a sum, relative
+ROUNDING = 1e-15  # of a sum, relative to log determinants
 
 
 @kernel
@@ -32,8 +32,8 @@ def descend(code, a, x, P, mean, S):
     part, steps = 1.0, 0
     while steps < STEPS and not _is_small(step, point, inverted):
         new_value = np.inf
-        limit = value + ROUNDING * (abs(value) + (1.0 + abs(half) if inverted else 0.0))
-        while not new_value <= limit and part > EXACT:
+        rounding = ROUNDING * (1.0 + abs(scale) + abs(half)) * (abs(value) + (1.0 if inverted else 0.0))
+        while not new_value <= value + rounding and part > EXACT:
             for r in range(d):
                 new_mean[r] = mean[r] + part * step[d, r]
                 for c in range(d):
@@ -43,9 +43,9 @@ def descend(code, a, x, P, mean, S):
             half = -half if inverted else half
             new_value = _overlap_step(inverted, a, x, P, new_mean, new_S, half, scale, room, new_step)
             steps += 1
-            if not new_value <= limit:
+            if not new_value <= value + rounding:
                 part = 1.0 if part > 1.0 else 0.5 * part
-        if not new_value <= limit:
+        if not new_value <= value + rounding:
             break
         part = _next_part(part, step, new_step, new_point, inverted)
         value, mean, new_mean, S, new_S = new_value, new_mean, mean, new_S, S
