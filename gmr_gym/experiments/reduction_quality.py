@@ -30,12 +30,12 @@ class Problem(NamedTuple):
     """So many mixtures to be reduced to so many components."""
 
     mixtures: MixtureProblem
-    count: int
+    number: int
     components: int
 
     def first(self, seed: int) -> list[Mixture]:
         """Those that reductions are tried on."""
-        runs = range(min(TRIED, self.count))
+        runs = range(min(TRIED, self.number))
         return [self.mixtures.draw(np.random.SeedSequence(seed, spawn_key=(i,))) for i in runs]
 
 

@@ -127,7 +127,7 @@ def of_mixtures(
 ) -> Part:
     """Every mixture of a problem reduced by every reduction that is not left out."""
     reducers = {name: reducer(name, asked.components) for name in names if name not in left_out}
-    return Part(problem, [problem], [(asked.mixtures, reducers)], sweep._replace(runs=asked.count))
+    return Part(problem, [problem], [(asked.mixtures, reducers)], sweep._replace(runs=asked.number))
 
 
 def of_tracking(
