@@ -20,6 +20,7 @@ from gmr_gym.reduction.dissimilarity import MEASURES
 from gmr_gym.reduction.ise import integral_squared_error
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.pruning import capping
+from gmr_gym.reduction.refinement import gmrc, refine
 from gmr_gym.reduction.runnalls import adaptive, runnalls
 from gmr_gym.reduction.salmond_west import salmond, west
 from gmr_gym.reduction.vo_ma import vo_ma
@@ -40,6 +41,8 @@ REDUCERS: dict[str, Callable] = {
         for linkage in LINKAGES
         for measure in MEASURES
     },
+    "refine": refine,
+    "gmrc": gmrc,
 }
 
 
