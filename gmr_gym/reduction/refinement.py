@@ -157,7 +157,7 @@ def _descended(p, start, match, steps):
     if match:
         g = min((_matched(g), _matched(problem.start)), key=lambda q: error_of(problem, q))
     found = out_of(units, g)
-    return found if sound(*found) and (found.w > 0.0).all() else start
+    return weighing(found)[0] if sound(*found) else start
 
 
 def _matched(g):

@@ -24,6 +24,7 @@ from gmr_gym.reduction.refinement import gmrc, refine
 from gmr_gym.reduction.runnalls import adaptive, runnalls
 from gmr_gym.reduction.salmond_west import salmond, west
 from gmr_gym.reduction.vo_ma import vo_ma
+from gmr_gym.reduction.weight_fit import cowa, refit
 
 REDUCERS: dict[str, Callable] = {
     "runnalls": runnalls,
@@ -43,6 +44,8 @@ REDUCERS: dict[str, Callable] = {
     },
     "refine": refine,
     "gmrc": gmrc,
+    "refit": refit,
+    "cowa": cowa,
 }
 
 
