@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmr_gym.evaluation.fronts import front
-from gmr_gym.evaluation.summary import Estimate
 from gmr_gym.experiments.drawings import save
 from gmr_gym.experiments.evidence import Rows
 from gmr_gym.experiments.figures import heading
@@ -101,16 +100,24 @@ def compared(
     shows; of a shard only what is left to others."""
     each = problems(asked["mixtures"], asked["seed"])
     tried = trials(names, each, asked["seed"])
-    left_out = {problem: {name: one.reason for name, one in found.items() if one.reason} for problem, found in tried.items()}
+    left_out = {
+        problem: {name: one.reason for name, one in found.items() if one.reason}
+        for problem, found in tried.items()
+    }
     for env_id in scenarios:
-        of = {name: tried[of_environment(env_id)][name] for name in {REFERENCE: 0} | dict.fromkeys(asked["tracking"])}
+        of = {
+            name: tried[of_environment(env_id)][name]
+            for name in {REFERENCE: 0} | dict.fromkeys(asked["tracking"])
+        }
         left_out[env_id] = unfit(of, asked["slowest"])
     parts = [
         *(of_mixtures(problem, found, names, left_out[problem], sweep) for problem, found in each.items()),
         of_tracking(asked, scenarios, left_out, sweep),
     ]
     if sweep.shard:
-        say_what_is_left(sweep.blocks, *map(sum, zip(*(n for part in parts for _, n in part.results()), strict=True)))
+        say_what_is_left(
+            sweep.blocks, *map(sum, zip(*(n for part in parts for _, n in part.results()), strict=True))
+        )
         return
     *mixtures, tracking = parts
     runs = {problem: found for part in mixtures for problem, found in part.results()}

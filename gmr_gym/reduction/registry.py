@@ -22,10 +22,12 @@ from gmr_gym.reduction.ise import integral_squared_error
 from gmr_gym.reduction.oracles import brute_force, transportation_optimum
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.pruning import capping
+from gmr_gym.reduction.refinement import gmrc, refine
 from gmr_gym.reduction.runnalls import adaptive, runnalls
 from gmr_gym.reduction.salmond_west import salmond, west
 from gmr_gym.reduction.transportation import dphem, transportation
 from gmr_gym.reduction.vo_ma import vo_ma
+from gmr_gym.reduction.weight_fit import cowa, refit
 
 REDUCERS: dict[str, Callable] = {
     "runnalls": runnalls,
@@ -43,6 +45,10 @@ REDUCERS: dict[str, Callable] = {
         for linkage in LINKAGES
         for measure in MEASURES
     },
+    "refine": refine,
+    "gmrc": gmrc,
+    "refit": refit,
+    "cowa": cowa,
     "transportation": transportation,
     "dphem": dphem,
     "brute-force": brute_force,
