@@ -292,12 +292,16 @@ def compare_reductions(
     specs.check_once("--reduction", reduction)
     specs.check_once("--env", env_ids)
     specs.check_once("--components", [*map(str, components)])
+    specs.check_once("--track", tracking)
     names = [*dict.fromkeys(("runnalls", *(reduction or described_reductions())))]
     for name in names:
         reducer(name, 1)
+    for name in tracking:
+        if name not in names:
+            raise ValueError(f"--track {name} is not compared; choose from {', '.join(names)}")
     asked = records.question(
-        reductions=names, environments=env_ids, components=sorted(components), mixtures=mixtures,
-        slowest=slowest, runs=runs, seed=seed,
+        reductions=names, tracking=tracking or names, environments=env_ids, components=sorted(components),
+        mixtures=mixtures, slowest=slowest, runs=runs, seed=seed,
     )  # fmt: skip
     again = records.command(
         "compare-reductions", reduction=reduction, track=tracking, env=env_ids, components=components,

@@ -23,7 +23,7 @@ class MixtureProblem:
     def draw(self, seed: int | np.random.SeedSequence) -> Mixture:
         """The mixture of a run."""
         if self.recorded:
-            run = seed if isinstance(seed, int) else seed.spawn_key[-1]
+            run = seed if isinstance(seed, int) else (0, *seed.spawn_key)[-1]
             return self.recorded[run % len(self.recorded)]
         return random_mixture(seed) if self.mixture is None else self.mixture
 

@@ -1,6 +1,7 @@
 """Reductions compared: what they lose of mixtures and in tracking, against the time they take."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -101,28 +102,24 @@ def compared(
     each = problems(asked["mixtures"], asked["seed"])
     tried = trials(names, each, asked["seed"])
     left_out = {
-        problem: {name: one.reason for name, one in found.items() if one.reason}
-        for problem, found in tried.items()
+        problem: {name: one.reason for name, one in of.items() if one.reason} for problem, of in tried.items()
     }
+    tracking = dict.fromkeys((REFERENCE, *asked["tracking"]))
     for env_id in scenarios:
-        of = {
-            name: tried[of_environment(env_id)][name]
-            for name in {REFERENCE: 0} | dict.fromkeys(asked["tracking"])
-        }
-        left_out[env_id] = unfit(of, asked["slowest"])
+        here = tried[of_environment(env_id)]
+        left_out[env_id] = unfit({name: here[name] for name in tracking}, asked["slowest"])
     parts = [
         *(of_mixtures(problem, found, names, left_out[problem], sweep) for problem, found in each.items()),
-        of_tracking(asked, scenarios, left_out, sweep),
+        of_tracking(scenarios, asked["components"], tracking, left_out, sweep),
     ]
+    results = [part.results() for part in parts]
     if sweep.shard:
-        say_what_is_left(
-            sweep.blocks, *map(sum, zip(*(n for part in parts for _, n in part.results()), strict=True))
-        )
+        there = [left for part in results for _, left in part]
+        say_what_is_left(sweep.blocks, *map(sum, zip(*there, strict=True)))
         return
-    *mixtures, tracking = parts
-    runs = {problem: found for part in mixtures for problem, found in part.results()}
-    quality = {problem: quality_rows(found) for problem, found in (runs | {EVERY: pooled(runs)}).items()}
-    outcomes = ((cell, outcome(scenarios[cell[0]], found[cell[2]])) for cell, found in tracking.results())
+    runs = dict(chain(*results[:-1]))
+    quality = {problem: quality_rows(of) for problem, of in (runs | {EVERY: pooled(runs)}).items()}
+    outcomes = ((cell, outcome(scenarios[cell[0]], of[cell[2]])) for cell, of in results[-1])
     found = Found(quality, dict(tables(outcomes)), {where: why for where, why in left_out.items() if why})
     _leave(asked, found, sweep, out, copy)
     yield from shown(found, sweep)
@@ -138,17 +135,17 @@ def of_mixtures(
 
 
 def of_tracking(
-    asked: Mapping[str, Any],
     scenarios: Mapping[str, Scenario],
+    counts: Sequence[int],
+    names: Iterable[str],
     left_out: Mapping[str, Collection[str]],
     sweep: Sweep,
 ) -> Part:
     """Every environment with every number of components and every reduction that is not left out."""
-    names = dict.fromkeys((REFERENCE, *asked["tracking"]))
     cells = [
         (env_id, n, name)
         for env_id in scenarios
-        for n in asked["components"]
+        for n in counts
         for name in names
         if name not in left_out[env_id]
     ]

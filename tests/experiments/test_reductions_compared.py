@@ -1,6 +1,7 @@
 """Reductions compared: paired runs, rows on fronts, and a command that goes on where it stopped."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,21 +10,28 @@ from typer.testing import CliRunner
 from gmr_gym.cli import app
 from gmr_gym.envs import lookup
 from gmr_gym.evaluation import run
-from gmr_gym.evaluation.mixture_problems import random_mixture
-from gmr_gym.evaluation.reduction_costs import Costs
+from gmr_gym.evaluation.mixture_problems import MixtureProblem, random_mixture
+from gmr_gym.evaluation.reductions import divergence
 from gmr_gym.evaluation.summary import Estimate, differences
-from gmr_gym.experiments import reductions_compared
-from gmr_gym.experiments.reduction_quality import RANDOM, Problem, median, of_environment, tracker_with
-from gmr_gym.experiments.reduction_tracking import fit, outcome, row
+from gmr_gym.experiments import reduction_quality, reductions_compared
+from gmr_gym.experiments.reduction_quality import (
+    RANDOM,
+    Problem,
+    Trial,
+    median,
+    of_environment,
+    pooled,
+    tracker_with,
+    trial,
+)
+from gmr_gym.experiments.reduction_tracking import outcome, row, unfit
 from gmr_gym.experiments.reductions_compared import at_equal_time, named_front
+from gmr_gym.reduction import capping, west
+from gmr_gym.reduction.distances import integral_squared_difference
 
 TURNING = "gmr_gym/TurningTarget-v0"
+MIXTURES = [random_mixture(i) for i in range(3)]
 SCENARIO = lookup.scenario_of(TURNING, {"clutter_rate": 60, "horizon": 25})
-
-
-def costed(seconds, ise=0.1):
-    columns = [np.full((3, 1), ise)] * 4
-    return Costs(np.full((3, 1), 5), *columns, np.full((3, 1), seconds))
 
 
 def test_differences_are_those_of_runs_on_the_same_episodes():
@@ -41,10 +49,38 @@ def test_differences_are_those_of_runs_on_the_same_episodes():
 
 
 def test_a_reduction_that_is_too_slow_or_left_out_does_not_track():
-    costs = {"runnalls": costed(1.0), "a": costed(9.0), "b": costed(11.0), "c": costed(2.0, np.nan)}
-    kept, unfit = fit(costs, slowest=10)
-    assert kept == ["runnalls", "a"] and unfit.keys() == {"b", "c"}
-    assert unfit["b"] == "11 times as long as runnalls for a posterior"
+    trials = {"runnalls": Trial(1.0), "a": Trial(9.0), "b": Trial(11.0), "c": Trial(np.nan, "too large")}
+    assert unfit(trials, slowest=10) == {
+        "b": "11 times as long as runnalls for a posterior",
+        "c": "too large",
+    }
+
+
+def test_a_reduction_that_takes_too_long_or_refuses_a_mixture_is_left_out_with_the_reason(monkeypatch):
+    def refusing(p):
+        if p is MIXTURES[-1]:
+            raise ValueError("too large")
+        return p, np.arange(len(p.w))
+
+    assert trial(refusing, MIXTURES[:-1]).reason == "" and trial(refusing, MIXTURES[:-1]).seconds > 0
+    assert trial(refusing, MIXTURES) == Trial(pytest.approx(np.nan, nan_ok=True), "too large")
+    monkeypatch.setattr(reduction_quality, "LONGEST", 0.0)
+    assert trial(refusing, MIXTURES).reason.endswith(" ms for a mixture of 10 components")
+
+
+def test_recorded_mixtures_are_reduced_one_a_run_and_pooled_where_a_reduction_is_left_out_of_none():
+    problem = MixtureProblem(samples=100, recorded=tuple(MIXTURES))
+    each = {
+        name: partial(reduction, components=5) for name, reduction in (("west", west), ("capping", capping))
+    }
+    found = run(problem, each, runs=3)
+    for i, p in enumerate(MIXTURES):
+        q, _ = west(p, 5)
+        assert found["west"].ise[i, 0] == integral_squared_difference(p, q)
+        assert found["west"].divergence[i, 0] == divergence(p, q, 100)[0]
+    both = pooled({RANDOM: {}, "a": found, "b": {"west": found["west"]}})
+    assert [*both] == ["west"]
+    np.testing.assert_array_equal(both["west"].ise, np.tile(found["west"].ise, (2, 1)))
 
 
 def test_rows_on_a_front_and_at_equal_time_are_named():
@@ -70,8 +106,8 @@ def test_an_interval_of_a_median_contains_it_as_often_as_it_says():
 @pytest.fixture
 def small(monkeypatch):
     """The command with small problems and a short scenario."""
-    mixtures = [random_mixture(i) for i in range(3)]
-    few = {name: Problem(mixtures, 5, 100) for name in (RANDOM, of_environment(TURNING))}
+    three = Problem(MixtureProblem(samples=100, recorded=tuple(MIXTURES)), 3, 5)
+    few = {name: three for name in (RANDOM, of_environment(TURNING))}
     monkeypatch.setattr(reductions_compared, "problems", lambda count, seed: few)
     monkeypatch.setattr(lookup, "scenario_of", lambda env_id, settings: SCENARIO)
 
@@ -109,7 +145,7 @@ def test_shards_leave_all_blocks_and_the_whole_goes_on_from_those_that_are_there
 ):
     for shard in ("1/2", "2/2"):
         said = call(tmp_path, "--shard", shard)
-    assert "2 of 2 blocks of runs" in said
+    assert "6 of 6 blocks of runs" in said
     kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "blocks").iterdir()}
     said = call(tmp_path)
     assert "runnalls, 2" in said and "on the front" in said
