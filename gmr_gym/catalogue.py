@@ -37,6 +37,8 @@ REDUCTIONS = {  # each with what it does
     "dphem": "expectation maximisation on virtual samples of the components, which several may share",
     "brute-force": "the partition of least integral squared error; for 12 components or fewer",
     "transportation-optimum": "the partition of least transportation divergence; for 14 components or fewer",
+    "refine": "descends the integral squared error from what another reduction leaves",
+    "gmrc": "runnalls, clustering by Kullback-Leibler divergence, and descent of the integral squared error",
 }
 BACKENDS = ("loky", "dask", "ray")  # what shares runs among processes
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from gmr_gym.kernels import kernel
-from gmr_gym.linalg import cholesky_into, half_log_determinant
+from gmr_gym.kernels import kernel, leaf_kernel
+from gmr_gym.linalg import cholesky_into, log_gaussian_scale
 from gmr_gym.mixture import Mixture, match
 from gmr_gym.reduction.protocol import warn_unfinished
 
@@ -57,17 +57,17 @@ def divergences(m, P, q_m, q_P):
     q_P; infinite where a covariance is not positive definite."""
     n, d = m.shape
     table = np.full((n, len(q_m)), np.inf)
-    log_det, L, X, y = np.full(n, np.nan), np.zeros((d, d)), np.zeros((d, d)), np.empty(d)
+    log_scale, L, X, y = np.full(n, np.nan), np.zeros((d, d)), np.zeros((d, d)), np.empty(d)
     for i in range(n):
         if cholesky_into(L, P[i]):
-            log_det[i] = half_log_determinant(L)
+            log_scale[i] = log_gaussian_scale(L)
     for j in range(len(q_m)):
         if not cholesky_into(L, q_P[j]):
             continue
-        own = half_log_determinant(L)
+        own = log_gaussian_scale(L)
         inverse_of_lower(X, L)
         for i in range(n):
-            total = 2.0 * (own - log_det[i]) - d
+            total = 2.0 * (log_scale[i] - own) - d
             for r in range(d):
                 y[r] = m[i, r] - q_m[j, r]
             for r in range(d):  # |X (m_i - q_m)|^2 + tr(X P_i X')
@@ -84,7 +84,7 @@ def divergences(m, P, q_m, q_P):
     return table
 
 
-@kernel
+@leaf_kernel
 def inverse_of_lower(X, L):
     """Writes the inverse of the lower triangular L (d, d) into the lower triangle of X."""
     for c in range(len(L)):

@@ -22,6 +22,7 @@ from gmr_gym.reduction.ise import integral_squared_error
 from gmr_gym.reduction.oracles import brute_force, transportation_optimum
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.pruning import capping
+from gmr_gym.reduction.refinement import gmrc, refine
 from gmr_gym.reduction.runnalls import adaptive, runnalls
 from gmr_gym.reduction.salmond_west import salmond, west
 from gmr_gym.reduction.transportation import dphem, transportation
@@ -47,6 +48,8 @@ REDUCERS: dict[str, Callable] = {
     "dphem": dphem,
     "brute-force": brute_force,
     "transportation-optimum": transportation_optimum,
+    "refine": refine,
+    "gmrc": gmrc,
 }
 ORACLES = ("brute-force", "transportation-optimum")  # of a dozen components or so: they refuse more
 SOFT = ("dphem",)  # whose components share their weight among several Gaussians

@@ -1,0 +1,168 @@
+"""Refinement: a reduced mixture moved to where its integral squared error from the original is least."""
+
+import numpy as np
+
+from gmr_gym.checks import check_count, check_whole, sound
+from gmr_gym.mixture import Mixture, match_groups, mean_and_covariance
+from gmr_gym.reduction.ise_descent import descend
+from gmr_gym.reduction.ise_gradient import error_of, problem_of
+from gmr_gym.reduction.kl_clustering import cluster_by_divergence, divergences
+from gmr_gym.reduction.protocol import Reduced, through, warn_unfinished
+from gmr_gym.reduction.pruning import weighing
+from gmr_gym.reduction.runnalls import runnalls
+from gmr_gym.reduction.units import into, out_of, symmetric, units_of
+
+STEPS = 500  # of the descent; some 40 are needed from 10 components to 5
+
+
+def refine(
+    p: Mixture, components: int, reduction: str = "runnalls", match: bool = False, steps: int = STEPS
+) -> Reduced:
+    """Any reduction, then a quasi-Newton descent of the integral squared error from the original mixture over
+    the weights, means and covariances of what is left.
+
+    The total weight is that of the reduction. Mean and covariance of the whole are not kept, unless
+    `match`. The least error near the start is found, not the least of all.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+    reduction : str
+        Where the descent starts: a name that `reducer` takes.
+    match : bool
+        Whether the refined mixture is shifted and stretched to the mean and covariance of the original, and
+        takes its total weight. Where that leaves more error than the reduction so matched, that is returned.
+    steps : int
+        Limit of the steps of the descent.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture, and the origin (n,): of each component i, the j of largest responsibility
+        v_j exp(-KL(i || j)). Every j is the origin of some: where none is left to it, the component of most
+        responsibility is taken from those that share another.
+
+    Raises
+    ------
+    ValueError
+        For `components` or `steps` below 1, an unknown `reduction`, or a mixture that fails `checked`.
+
+    Warns
+    -----
+    UserWarning
+        Where the descent stops at the limit of steps.
+
+    Notes
+    -----
+    The error is accurate to about 1e-16 of the integral of the square of p, and where it is as small as that
+    the descent ends. A component that overlaps with nothing has no slope and stays. Where the covariance of
+    the whole is lost in rounding, the reduction is returned as it is.
+
+    References
+    ----------
+    Schieferdecker and Huber 2009; Crouse et al. 2011; the gradient: Williams 2003, eq. 3.45.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> from gmr_gym.reduction.distances import integral_squared_difference
+    >>> p = mixture([0.3, 0.3, 0.4], [[0.0], [1.0], [2.5]], [[[1.0]], [[0.5]], [[1.0]]])
+    >>> [round(integral_squared_difference(p, f(p, 2)[0]), 5) for f in (runnalls, refine)]
+    [0.00041, 6e-05]
+    """
+    from gmr_gym.reduction.registry import reducer  # which knows this reduction by its name
+
+    p, place = weighing(p)
+    start, _ = weighing(reducer(reduction, components)(p)[0])
+    return _refined(p, place, start, match, steps)
+
+
+def gmrc(p: Mixture, components: int, match: bool = False, steps: int = STEPS) -> Reduced:
+    """Gaussian mixture reduction via clustering: `runnalls`, then k-means by the Kullback-Leibler divergence,
+    then a quasi-Newton descent of the integral squared error as in `refine`.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+    match, steps
+        As of `refine`.
+
+    Returns
+    -------
+    Reduced
+        As of `refine`.
+
+    Raises
+    ------
+    ValueError
+        As `refine`.
+
+    Warns
+    -----
+    UserWarning
+        Where the clustering or the descent stops at a limit.
+
+    Notes
+    -----
+    Departs: the weights are moved together with means and covariances; Crouse fits them by a quadratic
+    programme.
+
+    References
+    ----------
+    Schieferdecker and Huber 2009; Crouse et al. 2011, section IV.
+    """
+    p, place = weighing(p)
+    start, group = runnalls(p, check_count(components))
+    if len(start.w) < len(p.w):
+        group = cluster_by_divergence(p, group, len(start.w))
+        start = match_groups(p, group, len(start.w))
+    return _refined(p, place, start, match, steps)
+
+
+def _refined(p, place, start, match, steps):
+    check_whole("steps", steps, 1)
+    if len(start.w) == len(p.w):
+        return start, place
+    g = _descended(p, start, match, steps)
+    return g, through(place, _by_responsibility(p, g))
+
+
+def _by_responsibility(p, g):
+    """The j (n,) of the largest v_j exp(-KL(component || j)), with none of g left out."""
+    score = np.log(g.w) - divergences(p.m, p.P, g.m, g.P)
+    origin = score.argmax(axis=1)
+    for j in range(len(g.w)):
+        if (origin != j).all():
+            shared = np.flatnonzero(np.bincount(origin)[origin] > 1)
+            origin[shared[score[shared, j].argmax()]] = j
+    return origin
+
+
+def _descended(p, start, match, steps):
+    """The mixture with the least error from p, near the start."""
+    try:
+        units = units_of(p)
+        problem = problem_of(into(units, p), into(units, start))
+    except np.linalg.LinAlgError:
+        return start
+    if not 0.0 < problem.square < np.inf:
+        return start
+    g, finished = descend(problem, steps)
+    if not finished:
+        warn_unfinished("refinement", steps)
+    if match:
+        g = min((_matched(g), _matched(problem.start)), key=lambda q: error_of(problem, q))
+    found = out_of(units, g)
+    return found if sound(*found) and (found.w > 0.0).all() else start
+
+
+def _matched(g):
+    """The mixture shifted and stretched to weight 1, mean 0 and unit covariance."""
+    mean, C = mean_and_covariance(g)
+    size, axes = np.linalg.eigh(C)
+    T = axes / np.sqrt(size) @ axes.T
+    return Mixture(g.w / g.w.sum(), (g.m - mean) @ T, symmetric(T @ g.P @ T))
