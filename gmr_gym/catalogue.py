@@ -33,14 +33,14 @@ REDUCTIONS = {  # each with what it does
     "single-isd": "merges the clusters whose nearest members are nearest, by integral squared difference",
     "single-correlation": "merges the clusters whose nearest members are nearest, by correlation",
     "single-runnalls": "merges the clusters whose nearest members are nearest, by cost B",
-    "refine": "another reduction, then descent of the integral squared error over all parameters",
-    "gmrc": "runnalls, clustering by the Kullback-Leibler divergence, and then as refine",
-    "refit": "another reduction, then the weights of least integral squared error",
-    "cowa": "west's merging with weights of least integral squared error after each merge",
     "transportation": "k-means of components by several costs: descends their transportation divergence",
     "dphem": "expectation maximisation on virtual samples of the components, which several may share",
     "brute-force": "the partition of least integral squared error; for 12 components or fewer",
     "transportation-optimum": "the partition of least transportation divergence; for 14 components or fewer",
+    "refine": "descends the integral squared error from what another reduction leaves",
+    "gmrc": "runnalls, clustering by Kullback-Leibler divergence, and descent of the integral squared error",
+    "refit": "another reduction, then the weights of least integral squared error",
+    "cowa": "west's merging with weights of least integral squared error after each merge",
 }
 BACKENDS = ("loky", "dask", "ray")  # what shares runs among processes
 

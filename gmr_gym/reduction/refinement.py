@@ -125,6 +125,8 @@ def gmrc(p: Mixture, components: int, match: bool = False, steps: int = STEPS) -
 
 def _refined(p, place, start, match, steps):
     check_whole("steps", steps, 1)
+    if not isinstance(match, bool):
+        raise ValueError(f"match must be True or False, got {match!r}")
     if len(start.w) == len(p.w):
         return start, place
     g = _descended(p, start, match, steps)

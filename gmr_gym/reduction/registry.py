@@ -45,14 +45,14 @@ REDUCERS: dict[str, Callable] = {
         for linkage in LINKAGES
         for measure in MEASURES
     },
-    "refine": refine,
-    "gmrc": gmrc,
-    "refit": refit,
-    "cowa": cowa,
     "transportation": transportation,
     "dphem": dphem,
     "brute-force": brute_force,
     "transportation-optimum": transportation_optimum,
+    "refine": refine,
+    "gmrc": gmrc,
+    "refit": refit,
+    "cowa": cowa,
 }
 ORACLES = ("brute-force", "transportation-optimum")  # of a dozen components or so: they refuse more
 SOFT = ("dphem",)  # whose components share their weight among several Gaussians
