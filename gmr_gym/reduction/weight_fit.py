@@ -3,6 +3,8 @@
 import numpy as np
 
 from gmr_gym.checks import check_choice, check_count
+from gmr_gym.kernels import kernel
+from gmr_gym.linalg import cholesky_into
 from gmr_gym.mixture import Mixture, match_groups
 from gmr_gym.reduction.distances import pack, products, products_of_columns, products_with
 from gmr_gym.reduction.protocol import TOO_FAR, Reduced, through, warn_unfinished
@@ -202,7 +204,7 @@ def fit_weights(H: np.ndarray, c: np.ndarray, v: np.ndarray, kept: np.ndarray) -
         return v
     H, c, free = H / top, c / top, np.ones(n, bool)
     for _ in range(CHANGES * n):
-        slope, step = H @ v - c, np.zeros(n)
+        slope, step = np.einsum("jk,k", H, v) - c, np.zeros(n)
         step[free], price = _step(H[np.ix_(free, free)], slope[free], kept[:, free])
         if -slope @ step > FLOOR:
             reach = np.full(n, np.inf)
@@ -224,8 +226,25 @@ def fit_weights(H: np.ndarray, c: np.ndarray, v: np.ndarray, kept: np.ndarray) -
 def _step(H, slope, kept):
     """The step to the least of the quadratic where `kept` does not change, and the slope per unit of each of
     what is kept (r,)."""
-    against, along = np.split(
-        np.linalg.solve(H + RIDGE * np.eye(len(H)), np.vstack([slope, kept]).T), [1], axis=1
-    )
-    price = np.linalg.pinv(kept @ along, rcond=1e-9) @ (kept @ against[:, 0])
-    return along @ price - against[:, 0], price
+    against, along = np.split(_solve(H + RIDGE * np.eye(len(H)), np.vstack([slope, kept])), [1])
+    price = np.linalg.pinv(kept @ along.T, rcond=1e-9) @ (kept @ against[0])
+    return price @ along - against[0], price
+
+
+@kernel
+def _solve(H, rows):
+    """H^-1 times each of the rows (k, n), by Cholesky. LAPACK would share the work among threads, for which small
+    matrices wait longer than it takes."""
+    L, out = np.zeros(H.shape), rows.copy()
+    if not cholesky_into(L, H):
+        raise ValueError("the matrix of a fit of weights is not positive definite")
+    for x in out:
+        for r in range(len(x)):
+            for k in range(r):
+                x[r] -= L[r, k] * x[k]
+            x[r] /= L[r, r]
+        for r in range(len(x) - 1, -1, -1):
+            x[r] /= L[r, r]
+            for k in range(r):
+                x[k] -= L[r, k] * x[r]
+    return out
