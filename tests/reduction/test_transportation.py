@@ -219,7 +219,7 @@ def test_an_unfinished_descent_is_reported(monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"cost": "kullback"}, "cost must be one of kl.*, got 'kullback'"),
+        ({"cost": "kullback"}, "cost must be one of kl, .*, got 'kullback'"),
         ({"entropy": -1.0}, "entropy must be a number, at least 0, got -1.0"),
         ({"entropy": np.inf}, "entropy must be finite, got inf"),
         ({"starts": 0}, "starts must be at least 1, got 0"),
