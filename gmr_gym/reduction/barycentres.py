@@ -25,19 +25,22 @@ Gaussian between them, where the mixture has no weight.
 import numpy as np
 
 from gmr_gym.checks import check_choice
-from gmr_gym.kernels import kernel, leaf_kernel
-from gmr_gym.linalg import cholesky_into
+from gmr_gym.kernels import kernel
+from gmr_gym.linalg import cholesky_into, inverse_into, orthogonalise, solve_lower, solve_upper
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.measures import (
-    CAUCHY_SCHWARZ, ISD, KL, LOG_2, MEASURES, SYMMETRISED_KL, WASSERSTEIN, aligned, component_cost,
-    inverse_into, orthogonalise, solve_lower, solve_upper,
-)  # fmt: skip
+    CAUCHY_SCHWARZ,
+    ISD,
+    KL,
+    MEASURES,
+    SYMMETRISED_KL,
+    WASSERSTEIN,
+    aligned,
+    component_cost,
+)
+from gmr_gym.reduction.overlap_descent import EXACT, STEPS, descend
 from gmr_gym.reduction.protocol import definite, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
-
-STEPS = 2000  # of a fixed point
-EXACT = 1e-10  # change of a fixed point, relative to standard deviations, that ends it
-ROUNDING = 1e-15  # of a sum, relative
 
 
 def barycentre(p: Mixture, measure: str = "kl") -> Mixture:
@@ -185,15 +188,17 @@ def _seen_through(R, M):
 
 @kernel
 def _geometric(y, M):
-    """Root of the covariance of the symmetrised barycentre, and steps, in coordinates where the reverse one has
-    unit covariance and the mean y (d,), which is overwritten by the mean of the symmetrised one.
+    """Root of the covariance of the symmetrised barycentre, and steps, in coordinates where the reverse one
+    has unit covariance and the mean y (d,), which is overwritten by the mean of the symmetrised one.
 
     M is the covariance of the whole about the origin, its mean. The covariance is the root of M + y y'.
     """
     d = len(y)
     start, before, length = y.copy(), y.copy(), np.empty(d)
     K, A, root = np.zeros((d, d)), np.empty((d, d)), np.empty((d, d))
-    for step in range(1, STEPS + 1):
+    steps, moving = 0, True
+    while moving and steps < STEPS:
+        steps += 1
         for r in range(d):
             before[r] = y[r]
             for c in range(d):
@@ -216,12 +221,11 @@ def _geometric(y, M):
         moved, size = 0.0, 1.0
         for r in range(d):
             moved, size = moved + (y[r] - before[r]) ** 2, size + y[r] * y[r]
-        if moved <= EXACT * EXACT * size:
-            break
+        moving = moved > EXACT * EXACT * size
     for r in range(d):
         for k in range(d):
             root[r, k] *= np.sqrt(length[k])
-    return root, step
+    return root, steps
 
 
 @kernel
@@ -277,126 +281,3 @@ def _best_overlap(a, x, P):
     if value < least:
         mean, S = mean_k, S_k
     return mean, S, max(steps, steps_k)
-
-
-@kernel
-def descend(code, a, x, P, mean, S):
-    """A minimum of the sum of a D(component, N(mean, S)), reached from a start and never above it: mean,
-    covariance, steps, and the sum but for terms without N, in a unit that P alone decides.
-
-    `code` is that of Cauchy-Schwarz or of the integral squared difference; the shares a (n,) sum to 1. A step
-    that leads up, or to a matrix that is not positive definite, is halved. For Cauchy-Schwarz it is one of the
-    inverse of the covariance.
-    """
-    d, inverted = len(mean), code == CAUCHY_SCHWARZ
-    room, shift, target = np.empty((4, d, d)), np.empty(d), np.empty((d, d))
-    new_shift, new_target, new_point = shift.copy(), target.copy(), target.copy()
-    mean, S, new_mean, new_S = mean.copy(), S.copy(), mean.copy(), S.copy()
-    scale, half = inverse_into(room[0], P[0], room[1]), inverse_into(room[0], S, room[1])
-    point = room[0].copy() if inverted else S.copy()
-    value = _overlap_step(inverted, a, x, P, mean, S, half, scale, room, shift, target)
-    for step in range(1, STEPS + 1):
-        if _settled(point, target) and _still(shift, S):
-            break
-        part, new_value = 1.0, np.inf
-        limit = value + ROUNDING * (abs(value) + (1.0 + abs(half) if inverted else 0.0))
-        while not new_value <= limit and part > EXACT:
-            for r in range(d):
-                new_mean[r] = mean[r] + part * shift[r]
-                for c in range(d):
-                    new_point[r, c] = point[r, c] + part * (target[r, c] - point[r, c])
-            half = inverse_into(room[0], new_point, room[1])
-            new_S[:] = room[0] if inverted else new_point
-            half = -half if inverted else half
-            new_value = _overlap_step(
-                inverted, a, x, P, new_mean, new_S, half, scale, room, new_shift, new_target
-            )
-            part *= 0.5
-        if not new_value <= limit:
-            break
-        value, mean, new_mean, S, new_S = new_value, new_mean, mean, new_S, S
-        shift, new_shift, target, new_target = new_shift, shift, new_target, target
-        point, new_point = new_point, point
-    return mean, S, step, value
-
-
-@kernel
-def _still(shift, S):
-    """Whether no mean has moved."""
-    for r in range(len(S)):
-        if not abs(shift[r]) <= EXACT * np.sqrt(S[r, r]):
-            return False
-    return True
-
-
-@leaf_kernel
-def _overlap_step(logs, a, x, P, mean, S, half, scale, room, shift, target):
-    """The sum of a D(component, N(mean, S)) but for terms without N, of Cauchy-Schwarz where `logs`, else of
-    the integral squared difference, with densities in a unit of their own; infinite where S is not positive
-    definite, when log|S| / 2 = `half` is nan.
-
-    Writes the shift of the mean that the fixed point makes there, and to `target` the covariance that it leads
-    to, its inverse for Cauchy-Schwarz.
-    """
-    n, d = x.shape
-    T, L, G, H = room
-    if np.isnan(half):
-        return np.inf
-    value, total = (-0.5 * half if logs else np.exp(scale - half)), 0.0
-    for r in range(d):
-        shift[r] = 0.0
-        for c in range(d):
-            G[r, c] = H[r, c] = 0.0
-    for i in range(n):
-        for r in range(d):
-            for c in range(r + 1):
-                target[r, c] = P[i, r, c] + S[r, c]
-        log_J = scale + 0.5 * d * LOG_2 - inverse_into(T, target, L)
-        for r in range(d):
-            L[0, r] = 0.0  # T (m_i - m) from here on
-            for c in range(d):
-                L[0, r] += T[r, c] * (x[i, c] - mean[c])
-            log_J -= 0.5 * L[0, r] * (x[i, r] - mean[r])
-        share = a[i] if logs else a[i] * np.exp(log_J)
-        value -= a[i] * log_J if logs else 2.0 * share
-        total += share
-        for r in range(d):
-            shift[r] += share * L[0, r]
-            for c in range(d):
-                H[r, c] += share * T[r, c]
-                G[r, c] += share * (T[r, c] - L[0, r] * L[0, c])
-    if logs:
-        inverse_into(T, H, L)
-        _times(T, shift, 1.0, L[0])
-        for r in range(d):
-            for c in range(d):
-                target[r, c] = 2.0 * G[r, c]
-        return value
-    # the product of a component with N has covariance S - S T S and mean S T (m_i - m) from its own; where
-    # every component is too far away nothing moves
-    factor = 1.0 / total if total > 0.0 else 0.0
-    peak = 0.5 * np.exp(scale - half) * factor
-    _times(S, shift, factor, L[0])
-    for r in range(d):
-        for c in range(d):
-            T[r, c] = 0.0
-            for k in range(d):
-                T[r, c] += S[r, k] * G[k, c]
-    for r in range(d):
-        for c in range(r + 1):
-            inner = 0.0
-            for k in range(d):
-                inner += T[r, k] * S[k, c]
-            target[r, c] = target[c, r] = S[r, c] - factor * inner - shift[r] * shift[c] + peak * S[r, c]
-    return value
-
-
-@leaf_kernel
-def _times(A, x, factor, room):
-    """Overwrites x (d,) with factor A x."""
-    for r in range(len(x)):
-        room[r] = 0.0
-        for c in range(len(x)):
-            room[r] += factor * A[r, c] * x[c]
-    for r in range(len(x)):
-        x[r] = room[r]

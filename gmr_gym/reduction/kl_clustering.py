@@ -3,7 +3,7 @@
 import numpy as np
 
 from gmr_gym.kernels import kernel
-from gmr_gym.linalg import cholesky_into
+from gmr_gym.linalg import cholesky_into, half_log_determinant
 from gmr_gym.mixture import Mixture, match
 from gmr_gym.reduction.protocol import warn_unfinished
 
@@ -82,15 +82,6 @@ def divergences(m, P, q_m, q_P):
             if total < np.inf:
                 table[i, j] = max(0.5 * total, 0.0)  # of two equals rounding may give -1e-16
     return table
-
-
-@kernel
-def half_log_determinant(L):
-    """log|L L'| / 2 of a lower Cholesky factor."""
-    total = 0.0
-    for r in range(len(L)):
-        total += np.log(L[r, r])
-    return total
 
 
 @kernel

@@ -7,10 +7,12 @@ the mixture the columns.
 import numpy as np
 
 from gmr_gym.kernels import kernel
-from gmr_gym.linalg import cholesky_into
-from gmr_gym.reduction.barycentres import STEPS, barycentre_of
-from gmr_gym.reduction.measures import component_cost, inverse_into
+from gmr_gym.linalg import cholesky_into, half_log_determinant, inverse_into
+from gmr_gym.reduction.barycentres import barycentre_of
+from gmr_gym.reduction.measures import component_cost
+from gmr_gym.reduction.overlap_descent import STEPS
 
+LEAST_SHARE = 1e-9  # of the weight of a Gaussian, that counts in a barycentre other than the moment match
 LEAST_WEIGHT = 1e-300  # of a Gaussian, beside components of weight 1: below it digits are lost
 
 
@@ -22,7 +24,7 @@ def barycentres(code, share, m, P):
     table, exact = np.full(share.shape, np.inf), True
     for j in range(len(v)):
         if v[j] > 0.0:
-            at = np.flatnonzero(share[j])
+            at = np.flatnonzero(share[j] > LEAST_SHARE * v[j])
             c[j], S[j], steps = barycentre_of(code, share[j][at], m[at], P[at])
             exact &= steps < STEPS
             for i in range(len(m)):
@@ -57,8 +59,8 @@ def moment_matches(share, m, P, columns, half):
 
 @kernel
 def divergences(columns, half, v, c, S):
-    """KL(component || Gaussian) (L, n) of components packed in columns (T, n), whose covariances have these half
-    log determinants (n,); infinite for a Gaussian without weight, or whose covariance is lost in rounding."""
+    """KL(component || Gaussian) (L, n) of components packed in columns (T, n), with log|P| / 2 in half (n,);
+    infinite for a Gaussian without weight, and where a covariance is lost in rounding."""
     (count, d), (T, n) = c.shape, columns.shape
     table = np.full((count, n), np.inf)
     L, precision, apart = np.zeros((d, d)), np.empty((d, d)), np.empty((d, n))
@@ -88,11 +90,10 @@ def divergences(columns, half, v, c, S):
 def half_log_determinants(P):
     """log|P| / 2 (n,)."""
     n, d = P.shape[:2]
-    out, L = np.zeros(n), np.zeros((d, d))
+    out, L = np.empty(n), np.zeros((d, d))
     for i in range(n):
         cholesky_into(L, P[i])
-        for r in range(d):
-            out[i] += np.log(L[r, r])
+        out[i] = half_log_determinant(L)
     return out
 
 

@@ -20,12 +20,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.checks import check_choice, check_count, check_not_negative, sound
-from gmr_gym.mixture import Mixture, mean_and_covariance, take
-from gmr_gym.reduction.barycentres import STEPS
+from gmr_gym.checks import check_choice, check_count, check_not_negative
+from gmr_gym.mixture import Mixture, mean_and_covariance
 from gmr_gym.reduction.distances import pack
 from gmr_gym.reduction.measures import KL, MEASURES
-from gmr_gym.reduction.protocol import TOO_FAR, Reduced, at_unit, grouped, through, warn_unfinished
+from gmr_gym.reduction.overlap_descent import STEPS
+from gmr_gym.reduction.protocol import Reduced, at_unit, definite, grouped, through, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
 from gmr_gym.reduction.runnalls import runnalls
 from gmr_gym.reduction.transport_sweeps import (
@@ -37,15 +37,15 @@ from gmr_gym.reduction.transport_sweeps import (
     share_out,
 )  # fmt: skip
 
-SWEEPS = 1000  # at most; the hard form converges within some ten
-CONVERGED = 1e-10  # fall of the objective in the last sweep, relative
+SWEEPS = 300  # at most; the hard form needs some ten
+CONVERGED = 1e-9  # fall of the objective in the last sweep, relative
 ALIKE = 1e-8  # divergence below which two Gaussians of a soft form have become one
 
 
 class Descent(NamedTuple):
     """Where the sweeps have ended."""
 
-    reduced: Mixture  # of L Gaussians, of weight 0 where all components have left one
+    reduced: Mixture  # the L Gaussians that components are left with
     share: np.ndarray  # (L, n) parts of the weights of the components, of any unit
     objective: np.ndarray  # (sweeps,) after every sweep
 
@@ -87,7 +87,7 @@ def transportation(
     Warns
     -----
     UserWarning
-        Where 1000 sweeps do not converge.
+        Where 300 sweeps do not converge.
 
     References
     ----------
@@ -161,7 +161,7 @@ def dphem(p: Mixture, components: int, samples: float | None = None) -> Reduced:
     Warns
     -----
     UserWarning
-        Where 1000 sweeps do not converge.
+        Where 300 sweeps do not converge.
 
     Notes
     -----
@@ -201,8 +201,8 @@ def descent(p: Mixture, group: np.ndarray, cost: str, temperature: float, weight
     weighted : bool
         Whether parts are proportional to the weights of the Gaussians, too, as in `dphem`.
     """
-    w, mean = at_unit(p.w), mean_and_covariance(p)[0]
-    step, share, objective = _stepping(cost, p.m - mean, p.P), _shares(w, group), [np.inf]
+    step, w, objective = stepping(cost, p), at_unit(p.w), [np.inf]
+    share = shares(w, group)
     v, c, S, table, exact = step(share)
     settled = False
     while not settled and len(objective) <= SWEEPS:
@@ -218,22 +218,31 @@ def descent(p: Mixture, group: np.ndarray, cost: str, temperature: float, weight
     if not settled:
         warn_unfinished("the descent of the transportation divergence", SWEEPS)
     if not exact:
-        warn_unfinished(f"a barycentre by {cost}", STEPS)
-    unit = float(p.w.max() / w.max())
-    reduced = Mixture(unit * v, c + mean, S)
-    if not sound(*take(reduced, v > 0)):
-        raise ValueError(TOO_FAR)
-    return Descent(reduced, share, unit * np.array(objective[1:]))
+        warn_unfinished(f"the barycentre by {cost}", STEPS)
+    unit = p.w.max() / w.max()
+    left = v > 0
+    reduced = definite(Mixture(unit * v[left], c[left], S[left]))
+    return Descent(reduced, share[left], unit * np.array(objective[1:]))
 
 
-def _stepping(cost: str, m: np.ndarray, P: np.ndarray) -> Callable[[np.ndarray], tuple]:
-    """The function of shares (L, n) that gives weights (L,), means and covariances of their barycentres, the
-    costs (L, n), and whether no barycentre was cut short."""
-    code = MEASURES.index(cost)
-    if code != KL:
-        return lambda share: barycentres(code, share, m, P)
-    columns, half = pack(m, P), half_log_determinants(P)
-    return lambda share: moment_matches(share, m, P, columns, half)
+def stepping(cost: str, p: Mixture) -> Callable[[np.ndarray], tuple]:
+    """The function of shares (L, n) of the components that gives the weights (L,), means and covariances of
+    the barycentres of the rows, the costs (L, n) from them, and whether no barycentre was cut short."""
+    mean, code = mean_and_covariance(p)[0], MEASURES.index(cost)
+    x = p.m - mean  # no digits are lost far from the origin
+    more = (pack(x, p.P), half_log_determinants(p.P)) if code == KL else None
+
+    def step(share: np.ndarray) -> tuple:
+        of_rows = barycentres(code, share, x, p.P) if more is None else moment_matches(share, x, p.P, *more)
+        v, c, *rest = of_rows
+        return v, c + mean, *rest
+
+    return step
+
+
+def shares(w: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """Shares (L, n) of components of weights w, each whole in its group (n,)."""
+    return np.where(group == np.arange(group.max() + 1)[:, None], w, 0.0)
 
 
 def _best(
@@ -253,10 +262,6 @@ def _best(
     return q, place, min((descent(q, g, cost, temperature) for g in groups), key=lambda d: d.objective[-1])
 
 
-def _shares(w: np.ndarray, group: np.ndarray) -> np.ndarray:
-    return np.where(group == np.arange(group.max() + 1)[:, None], w, 0.0)
-
-
 def _random_groups(n: int, components: int, count: int) -> list[np.ndarray]:
     """Random groups (n,), none of them empty."""
     rng = np.random.default_rng(0)
@@ -266,15 +271,14 @@ def _random_groups(n: int, components: int, count: int) -> list[np.ndarray]:
 
 def _scale(p: Mixture, group: np.ndarray, cost: str) -> float:
     """Median cost of the components that are not alone in their groups."""
-    *_, table, _ = _stepping(cost, p.m, p.P)(_shares(at_unit(p.w), group))
+    *_, table, _ = stepping(cost, p)(shares(at_unit(p.w), group))
     shared = np.bincount(group)[group] > 1
     return float(np.median(table[group, np.arange(len(group))][shared]))
 
 
 def _reduced(best: Descent, place: np.ndarray) -> Reduced:
     """The Gaussians of a descent that have weight, those merged that have become alike."""
-    left = best.reduced.w > 0
-    q, share = take(best.reduced, left), best.share[left]
+    q, share = best.reduced, best.share
     same = divergences(pack(q.m, q.P), half_log_determinants(q.P), *q) < ALIKE
     _, group = np.unique(same.argmax(axis=0), return_inverse=True)
     share = np.array([share[group == g].sum(axis=0) for g in range(group.max() + 1)])
