@@ -27,6 +27,7 @@ MERGING = {name: partial(reduce, components=2) for name, reduce in REDUCERS.item
     "salmond by distance": partial(salmond, components=9, distance=0.3),
 }
 REDUCING = MERGING | DROPPING
+FITTED = ("refine", "gmrc", "refit", "cowa")  # what is left is no moment match
 OTHERS = {
     "moments": moments,
     "collapsed": collapsed,
@@ -231,7 +232,7 @@ def test_what_is_left_of_a_hostile_mixture_is_a_mixture(name, p):
     if name in SOFT:
         return
     assert set(origin) - {-1} == set(range(len(q.w)))
-    for i in range(len(q.w)):
+    for i in range(0 if name in FITTED else len(q.w)):
         _, mean, covariance = moment_match(*(a[origin == i] for a in p))
         deviation = np.sqrt(np.abs(covariance).max())
         rounding = 1e-9 * deviation + 1e-15 * np.abs(mean).max()  # far from the origin, that of the means

@@ -6,8 +6,8 @@ from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.ise_gradient import Problem, moved, objective
 
 FARTHEST = 0.3  # change of a parameter, in a step that is tried first
-TOLERANCE = 1e-10  # of the decrease that the next step promises, relative to the error
-FLOOR = 1e-16  # the same, relative to J_ff: the rounding of the error itself
+TOLERANCE = 1e-7  # of the decrease that the next step promises, relative to the error
+FLOOR = 1e-11  # the same, relative to J_ff: below it there may be a thousand steps to go, for nothing
 TRIALS = 25  # of the length of a step
 
 

@@ -9,7 +9,7 @@ from gmr_gym.mixture import Mixture, match_groups
 from gmr_gym.reduction.distances import pack, products, products_of_columns, products_with
 from gmr_gym.reduction.protocol import TOO_FAR, Reduced, through, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
-from gmr_gym.reduction.units import into, out_of, units_of
+from gmr_gym.reduction.units import into, out_of, standard
 
 WHEN = ("each-merge", "end")
 RIDGE = 1e-12  # beside entries of H of at most 1: components that are nearly equal leave it singular
@@ -21,7 +21,7 @@ def refit(p: Mixture, components: int, reduction: str = "runnalls", keep_mean: b
     r"""Any reduction, then the weights of what is left that have the least integral squared error.
 
     The total weight is that of the reduction. The mean moves, unless `keep_mean`; the covariance of the whole
-    is not kept.
+    is not kept. Where the covariance of the whole is lost in rounding, the reduction is returned as it is.
 
     Parameters
     ----------
@@ -76,8 +76,11 @@ def refit(p: Mixture, components: int, reduction: str = "runnalls", keep_mean: b
     start, group = reducer(reduction, components)(p)
     if len(start.w) == len(p.w):
         return p, place
-    units = _units(p)
-    v = _fitted(into(units, p), into(units, start), keep_mean)
+    try:
+        units, f = standard(p)
+    except np.linalg.LinAlgError:
+        return start, through(place, group)
+    v = _fitted(f, into(units, start), keep_mean)
     q, left = weighing(start._replace(w=units.total * v))
     return q, through(place, through(group, left))
 
@@ -139,8 +142,10 @@ def cowa(p: Mixture, components: int, when: str = "each-merge", keep_mean: bool 
     p, place = weighing(p)
     if len(p.w) <= components:
         return p, place
-    units = _units(p)
-    f = into(units, p)
+    try:
+        units, f = standard(p)
+    except np.linalg.LinAlgError:
+        raise ValueError(TOO_FAR) from None
     g, group = f, np.arange(len(f.w))
     while len(g.w) > components:
         g, merged = _similar_merged(g)
@@ -149,13 +154,6 @@ def cowa(p: Mixture, components: int, when: str = "each-merge", keep_mean: bool 
         g, left = weighing(g)
         group = through(group, through(merged, left))
     return out_of(units, g), through(place, group)
-
-
-def _units(p):
-    try:
-        return units_of(p)
-    except np.linalg.LinAlgError:
-        raise ValueError(TOO_FAR) from None
 
 
 def _similar_merged(g):
@@ -233,8 +231,8 @@ def _step(H, slope, kept):
 
 @kernel
 def _solve(H, rows):
-    """H^-1 times each of the rows (k, n), by Cholesky. LAPACK would share the work among threads, for which small
-    matrices wait longer than it takes."""
+    """H^-1 times each of the rows (k, n), by Cholesky. LAPACK would share the work among threads, for which
+    small matrices wait longer than it takes."""
     L, out = np.zeros(H.shape), rows.copy()
     if not cholesky_into(L, H):
         raise ValueError("the matrix of a fit of weights is not positive definite")
