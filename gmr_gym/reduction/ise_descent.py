@@ -9,6 +9,7 @@ FARTHEST = 0.3  # change of a parameter, in a step that is tried first
 TOLERANCE = 1e-7  # of the decrease that the next step promises, relative to the error
 FLOOR = 1e-11  # the same, relative to J_ff: below it there may be a thousand steps to go, for nothing
 TRIALS = 25  # of the length of a step
+LEAST = 1e-300  # second derivative, relative to J_ff: what has less stays
 
 
 def descend(problem: Problem, steps: int) -> tuple[Mixture, bool]:
@@ -35,7 +36,7 @@ def _first_metric(problem, gradient):
     """Inverse of a rough second derivative of J / J_ff, diagonal: v^2 J_jj for component j, or as much more
     as keeps its first step short."""
     curvature = np.maximum(problem.own / problem.square, np.linalg.norm(gradient, axis=1) / FARTHEST)
-    inverse = np.divide(1.0, curvature, out=np.zeros(len(curvature)), where=curvature > 0)
+    inverse = np.divide(1.0, curvature, out=np.zeros(len(curvature)), where=curvature > LEAST)
     return np.diag(np.repeat(inverse, gradient.shape[1]))
 
 

@@ -58,9 +58,10 @@ def refine(
     -----
     The descent ends where the next step promises less than 1e-7 of the error, or less than 1e-11 of the
     integral of the square of p: the least error is found no closer than that. The error itself, a difference
-    of near equals, is accurate to about 1e-16 of that integral. A component that overlaps with nothing has no
-    slope and stays. Where the covariance of the whole is lost in rounding, the reduction is returned as it
-    is.
+    of near equals, is accurate to about 1e-16 of that integral.
+
+    A component that overlaps with nothing of p stays where it is. Where the covariance of the whole is lost
+    in rounding, the reduction is returned as it is.
 
     References
     ----------

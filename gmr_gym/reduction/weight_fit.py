@@ -14,6 +14,7 @@ from gmr_gym.reduction.units import into, out_of, standard
 WHEN = ("each-merge", "end")
 RIDGE = 1e-12  # beside entries of H of at most 1: components that are nearly equal leave it singular
 FLOOR = 1e-16  # decrease of the error that is lost in its rounding
+DEPENDENT = 1e-9  # relative: rows of `kept` that depend on the others
 CHANGES = 20  # limit of the changes of the components at zero, for each component
 
 
@@ -224,25 +225,31 @@ def fit_weights(H: np.ndarray, c: np.ndarray, v: np.ndarray, kept: np.ndarray) -
 def _step(H, slope, kept):
     """The step to the least of the quadratic where `kept` does not change, and the slope per unit of each of
     what is kept (r,)."""
-    against, along = np.split(_solve(H + RIDGE * np.eye(len(H)), np.vstack([slope, kept])), [1])
-    price = np.linalg.pinv(kept @ along.T, rcond=1e-9) @ (kept @ against[0])
-    return price @ along - against[0], price
+    U, size, rows = np.linalg.svd(kept, full_matrices=False)
+    known = size > DEPENDENT * size[0]
+    Q = rows[known]  # an orthonormal basis of what must not change
+    price = U[:, known] / size[known] @ (Q @ slope)
+    QH = Q @ H
+    across = Q.T @ QH
+    # H where nothing kept changes, and the identity beside it
+    within = H + RIDGE * np.eye(len(H)) - across - across.T + Q.T @ (QH @ Q.T + np.eye(len(Q))) @ Q
+    step = _solve(within, Q.T @ (Q @ slope) - slope)
+    return step - Q.T @ (Q @ step), price
 
 
 @kernel
-def _solve(H, rows):
-    """H^-1 times each of the rows (k, n), by Cholesky. LAPACK would share the work among threads, for which
-    small matrices wait longer than it takes."""
-    L, out = np.zeros(H.shape), rows.copy()
+def _solve(H, y):
+    """H^-1 y, by Cholesky; 0 where rounding has left H indefinite. LAPACK would share the work among threads,
+    for which small matrices wait longer than it takes."""
+    L, x = np.zeros(H.shape), y.copy()
     if not cholesky_into(L, H):
-        raise ValueError("the matrix of a fit of weights is not positive definite")
-    for x in out:
-        for r in range(len(x)):
-            for k in range(r):
-                x[r] -= L[r, k] * x[k]
-            x[r] /= L[r, r]
-        for r in range(len(x) - 1, -1, -1):
-            x[r] /= L[r, r]
-            for k in range(r):
-                x[k] -= L[r, k] * x[r]
-    return out
+        return np.zeros(len(y))
+    for r in range(len(x)):
+        for k in range(r):
+            x[r] -= L[r, k] * x[k]
+        x[r] /= L[r, r]
+    for r in range(len(x) - 1, -1, -1):
+        x[r] /= L[r, r]
+        for k in range(r):
+            x[k] -= L[r, k] * x[r]
+    return x
