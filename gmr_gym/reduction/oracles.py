@@ -2,17 +2,19 @@
 
 import numpy as np
 
-from gmr_gym.checks import check_choice
+from gmr_gym.checks import check_choice, check_count
 from gmr_gym.kernels import kernel
-from gmr_gym.linalg import cholesky_into
 from gmr_gym.mixture import Mixture, mean_and_covariance
 from gmr_gym.reduction.agglomeration import merged_by
 from gmr_gym.reduction.distances import dimension, pack, products_with
-from gmr_gym.reduction.protocol import Reduced
+from gmr_gym.reduction.measures import MEASURES
+from gmr_gym.reduction.overlap_descent import STEPS
+from gmr_gym.reduction.protocol import Reduced, at_unit, definite, through, warn_unfinished
+from gmr_gym.reduction.pruning import weighing
+from gmr_gym.reduction.transportation import shares, stepping
 
 PARTITIONED = 12  # components of which every partition is tried
 PROGRAMMED = 14  # components whose subsets the dynamic programme goes through
-COSTS = ("kl",)
 
 
 def brute_force(p: Mixture, components: int) -> Reduced:
@@ -68,8 +70,9 @@ def transportation_optimum(p: Mixture, components: int, cost: str = "kl") -> Red
         At most 14 components of positive weight, unless `components` suffice for all.
     components : int
         Upper limit of the number of components that remain.
-    cost : {"kl"}
-        Cost of two Gaussians.
+    cost : {"kl", "reverse-kl", "symmetrised-kl", "wasserstein", "cauchy-schwarz", "isd"}
+        Cost of two Gaussians, see `gmr_gym.reduction.measures`; the least costs by the last two are known as
+        far as their barycentres are.
 
     Returns
     -------
@@ -81,14 +84,22 @@ def transportation_optimum(p: Mixture, components: int, cost: str = "kl") -> Red
     ValueError
         For too many components, an unknown cost, `components` below 1, or a mixture that fails `checked`.
     """
-    check_choice("cost", cost, COSTS)
-
-    def groups(q, components):
-        _check_few("transportation-optimum", len(q.w), PROGRAMMED)
-        weight, M = _subsets(q.w, pack(q.m - mean_and_covariance(q)[0], q.P))
-        return _least_sum(_divergences(weight, M), len(q.w), components)
-
-    return merged_by(groups, p, components)
+    check_choice("cost", cost, MEASURES)
+    components = check_count(components)
+    q, place = weighing(p)
+    n = len(q.w)
+    if n <= components:
+        return q, place
+    _check_few("transportation-optimum", n, PROGRAMMED)
+    step, w = stepping(cost, q), at_unit(q.w)
+    subsets = np.where(np.arange(2**n)[:, None] >> np.arange(n) & 1, w, 0.0)
+    *_, table, _ = step(subsets)
+    table[subsets == 0.0] = 0.0
+    group = _least_sum((subsets * table).sum(axis=1), n, components)
+    v, m, P, _, exact = step(shares(w, group))
+    if not exact:
+        warn_unfinished(f"the barycentre by {cost}", STEPS)
+    return definite(Mixture(q.w.max() / w.max() * v, m, P)), through(place, group)
 
 
 def _check_few(name: str, n: int, limit: int) -> None:
@@ -234,39 +245,11 @@ def _groups(block, n):
 
 
 @kernel
-def _divergences(weight, M):
-    """Sum of w KL(component || moment match) for every subset (2^n,), infinite where a covariance is lost in
-    rounding."""
-    T, count = M.shape
-    d = dimension(T)
-    out, S, L = np.zeros(count), np.zeros((d, d)), np.zeros((d, d))
-    for s in range(1, count):
-        q = 0
-        for r in range(d):
-            for c in range(r + 1):
-                S[r, c] = M[q, s]
-                q += 1
-        if not cholesky_into(L, S):
-            out[s] = np.inf
-            continue
-        for r in range(d):
-            out[s] += weight[s] * np.log(L[r, r])
-    single = out.copy()
-    for s in range(1, count):
-        i = 1
-        while i <= s:
-            if s & i:
-                out[s] -= single[i]
-            i *= 2
-        out[s] = max(out[s], 0.0)
-    return out
-
-
-@kernel
 def _least_sum(cost, n, components):
     """Groups (n,) of the partition whose blocks have the least sum of costs (2^n,)."""
     full = len(cost) - 1
-    chosen, before = np.zeros((components, full + 1), np.int64), np.full(full + 1, np.inf)
+    chosen = np.zeros((components, full + 1), np.int64)
+    before = np.full(full + 1, np.inf)
     before[0] = 0.0
     for k in range(components):
         after = np.full(full + 1, np.inf)
@@ -280,8 +263,8 @@ def _least_sum(cost, n, components):
                     after[s], chosen[k, s] = total, block
                 others = (others - 1) & free if others else -1
         before = after
-    block, left = np.zeros(components, np.int64), full
+    best, left = np.zeros(components, np.int64), full
     for k in range(components):
-        block[k] = chosen[components - 1 - k, left]
-        left ^= block[k]
-    return _groups(block, n)
+        best[k] = chosen[components - 1 - k, left]
+        left ^= best[k]
+    return _groups(best, n)

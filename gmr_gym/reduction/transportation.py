@@ -14,27 +14,38 @@ is least. A sweep makes every g_j the barycentre of what it has been given, of t
 the components out anew. Neither step raises the sum.
 """
 
+from collections.abc import Callable
 from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.checks import check_choice, check_count, check_not_negative, sound
-from gmr_gym.mixture import Mixture, mean_and_covariance, take
-from gmr_gym.reduction.protocol import TOO_FAR, Reduced, at_unit, grouped, through, warn_unfinished
+from gmr_gym.checks import check_choice, check_count, check_not_negative
+from gmr_gym.mixture import Mixture, mean_and_covariance
+from gmr_gym.reduction.distances import pack
+from gmr_gym.reduction.measures import KL, MEASURES
+from gmr_gym.reduction.overlap_descent import STEPS
+from gmr_gym.reduction.protocol import Reduced, at_unit, definite, grouped, through, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
 from gmr_gym.reduction.runnalls import runnalls
-from gmr_gym.reduction.transport_sweeps import cost_table, sweeps
+from gmr_gym.reduction.transport_sweeps import (
+    barycentres,
+    divergences,
+    half_log_determinants,
+    keep_better,
+    moment_matches,
+    share_out,
+)  # fmt: skip
 
-COSTS = ("kl",)
-SWEEPS = 1000  # at most; the hard form converges within some ten
+SWEEPS = 300  # at most; the hard form needs some ten
+CONVERGED = 1e-9  # fall of the objective in the last sweep, relative
 ALIKE = 1e-8  # divergence below which two Gaussians of a soft form have become one
 
 
 class Descent(NamedTuple):
     """Where the sweeps have ended."""
 
-    reduced: Mixture  # of L Gaussians, of weight 0 where all components have left one
+    reduced: Mixture  # the L Gaussians that components are left with
     share: np.ndarray  # (L, n) parts of the weights of the components, of any unit
     objective: np.ndarray  # (sweeps,) after every sweep
 
@@ -53,8 +64,8 @@ def transportation(
     p : Mixture
     components : int
         Upper limit of the number of components that remain.
-    cost : {"kl"}
-        Cost of two Gaussians.
+    cost : {"kl", "reverse-kl", "symmetrised-kl", "wasserstein", "cauchy-schwarz", "isd"}
+        Cost of two Gaussians, see `gmr_gym.reduction.measures`.
     entropy : float
         Weight lambda of the entropy, as a multiple of the median cost of the components that do not start
         alone in their groups.
@@ -76,7 +87,7 @@ def transportation(
     Warns
     -----
     UserWarning
-        Where 1000 sweeps do not converge.
+        Where 300 sweeps do not converge.
 
     References
     ----------
@@ -150,7 +161,7 @@ def dphem(p: Mixture, components: int, samples: float | None = None) -> Reduced:
     Warns
     -----
     UserWarning
-        Where 1000 sweeps do not converge.
+        Where 300 sweeps do not converge.
 
     Notes
     -----
@@ -190,22 +201,55 @@ def descent(p: Mixture, group: np.ndarray, cost: str, temperature: float, weight
     weighted : bool
         Whether parts are proportional to the weights of the Gaussians, too, as in `dphem`.
     """
-    unit, mean = np.ldexp(1.0, int(np.frexp(p.w.max())[1])), mean_and_covariance(p)[0]
-    share = _shares(p, group)
-    good, v, m, P, objective = sweeps(at_unit(p.w), p.m - mean, p.P, share, temperature, weighted, SWEEPS)
-    reduced = Mixture(unit * v, m + mean, P)
-    if not good or not sound(*take(reduced, v > 0)):
-        raise ValueError(TOO_FAR)
-    if len(objective) == SWEEPS:
+    step, w, objective = stepping(cost, p), at_unit(p.w), [np.inf]
+    share = shares(w, group)
+    v, c, S, table, exact = step(share)
+    settled = False
+    while not settled and len(objective) <= SWEEPS:
+        share, value = share_out(table, w, v, temperature, weighted)
+        v, *new, new_exact = step(share)
+        if cost == "kl":  # whose barycentre is sure to be the least
+            c, S, table = new
+        else:
+            keep_better(share, c, S, table, *new)
+        settled = not objective[-1] - value > CONVERGED * (abs(value) + temperature * w.sum())
+        exact &= new_exact
+        objective.append(value)
+    if not settled:
         warn_unfinished("the descent of the transportation divergence", SWEEPS)
-    return Descent(reduced, share, unit * objective)
+    if not exact:
+        warn_unfinished(f"the barycentre by {cost}", STEPS)
+    unit = p.w.max() / w.max()
+    left = v > 0
+    reduced = definite(Mixture(unit * v[left], c[left], S[left]))
+    return Descent(reduced, share[left], unit * np.array(objective[1:]))
+
+
+def stepping(cost: str, p: Mixture) -> Callable[[np.ndarray], tuple]:
+    """The function of shares (L, n) of the components that gives the weights (L,), means and covariances of
+    the barycentres of the rows, the costs (L, n) from them, and whether no barycentre was cut short."""
+    mean, code = mean_and_covariance(p)[0], MEASURES.index(cost)
+    x = p.m - mean  # no digits are lost far from the origin
+    more = (pack(x, p.P), half_log_determinants(p.P)) if code == KL else None
+
+    def step(share: np.ndarray) -> tuple:
+        of_rows = barycentres(code, share, x, p.P) if more is None else moment_matches(share, x, p.P, *more)
+        v, c, *rest = of_rows
+        return v, c + mean, *rest
+
+    return step
+
+
+def shares(w: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """Shares (L, n) of components of weights w, each whole in its group (n,)."""
+    return np.where(group == np.arange(group.max() + 1)[:, None], w, 0.0)
 
 
 def _best(
     p: Mixture, components: int, cost: str, entropy: float, starts: int
 ) -> tuple[Mixture, np.ndarray, Descent | None]:
     """The mixture without components of weight zero, its origin, and the best descent if it needs one."""
-    check_choice("cost", cost, COSTS)
+    check_choice("cost", cost, MEASURES)
     if not check_not_negative("entropy", entropy) < np.inf:
         raise ValueError(f"entropy must be finite, got {entropy}")
     components, starts = check_count(components), check_count(starts, "starts")
@@ -213,13 +257,9 @@ def _best(
     if len(q.w) <= components:
         return q, place, None
     _, group = runnalls(q, components)
-    temperature = entropy * _scale(q, group) if entropy > 0 else 0.0
+    temperature = entropy * _scale(q, group, cost) if entropy > 0 else 0.0
     groups = [group, *_random_groups(len(group), components, starts - 1)]
     return q, place, min((descent(q, g, cost, temperature) for g in groups), key=lambda d: d.objective[-1])
-
-
-def _shares(p: Mixture, group: np.ndarray) -> np.ndarray:
-    return np.where(group == np.arange(group.max() + 1)[:, None], at_unit(p.w), 0.0)
 
 
 def _random_groups(n: int, components: int, count: int) -> list[np.ndarray]:
@@ -229,18 +269,17 @@ def _random_groups(n: int, components: int, count: int) -> list[np.ndarray]:
             for _ in range(count)]  # fmt: skip
 
 
-def _scale(p: Mixture, group: np.ndarray) -> float:
+def _scale(p: Mixture, group: np.ndarray, cost: str) -> float:
     """Median cost of the components that are not alone in their groups."""
-    table = cost_table(p.m, p.P, *grouped(p, group, group.max() + 1))
+    *_, table, _ = stepping(cost, p)(shares(at_unit(p.w), group))
     shared = np.bincount(group)[group] > 1
     return float(np.median(table[group, np.arange(len(group))][shared]))
 
 
 def _reduced(best: Descent, place: np.ndarray) -> Reduced:
     """The Gaussians of a descent that have weight, those merged that have become alike."""
-    left = best.reduced.w > 0
-    q, share = take(best.reduced, left), best.share[left]
-    same = cost_table(q.m, q.P, *q) < ALIKE
+    q, share = best.reduced, best.share
+    same = divergences(pack(q.m, q.P), half_log_determinants(q.P), *q) < ALIKE
     _, group = np.unique(same.argmax(axis=0), return_inverse=True)
     share = np.array([share[group == g].sum(axis=0) for g in range(group.max() + 1)])
     return grouped(q, group, len(share)), through(place, share.argmax(axis=0))

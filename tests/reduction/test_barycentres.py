@@ -153,8 +153,17 @@ def test_barycentres_survive_tiny_weights_and_extreme_covariances(measure, size)
     )
     q = barycentre(p, measure)
     assert all(np.isfinite(a).all() for a in q) and (np.linalg.eigvalsh(q.P[0]) > 0.5 * size).all()
-    wide = mixture([0.5, 0.5], [[0.0, 0.0], [1.0, 1.0]], [1e-12 * np.eye(2), 1e12 * np.eye(2)])
-    assert (np.linalg.eigvalsh(barycentre(wide, measure).P[0]) > 0).all()
+
+
+@every
+def test_covariances_of_extremely_different_size_have_a_barycentre_perhaps_with_a_warning(measure):
+    p = mixture([0.5, 0.5], [[0.0, 0.0], [1.0, 1.0]], [1e-12 * np.eye(2), 1e12 * np.eye(2)])
+    if measure == "cauchy-schwarz":  # the sum is flat to rounding
+        with pytest.warns(UserWarning, match="by cauchy-schwarz has stopped at its limit of 500 iterations"):
+            q = barycentre(p, measure)
+    else:
+        q = barycentre(p, measure)
+    assert (np.linalg.eigvalsh(q.P[0]) > 0).all() and (np.linalg.eigvalsh(q.P[0]) < 1.1e12).all()
 
 
 @every

@@ -6,9 +6,10 @@ import reference
 from test_runnalls import random_mixture
 
 from gmr_gym.experiments.mixtures import crouse
-from gmr_gym.mixture import Mixture
+from gmr_gym.mixture import Mixture, take
 from gmr_gym.reduction.agglomeration import greedy_isd
-from gmr_gym.reduction.distances import integral_squared_difference
+from gmr_gym.reduction.barycentres import barycentre
+from gmr_gym.reduction.distances import integral_squared_difference, kullback_leibler
 from gmr_gym.reduction.oracles import brute_force, transportation_optimum
 from gmr_gym.reduction.runnalls import runnalls
 
@@ -62,6 +63,20 @@ def test_oracles_find_the_best_of_all_partitions_written_out(d, components):
     np.testing.assert_array_equal(origin, every[int(np.argmin(errors))])
     costs = [spent(p, group) for group in every]
     np.testing.assert_array_equal(transportation_optimum(p, components)[1], every[int(np.argmin(costs))])
+
+
+def test_the_optimum_by_another_cost_is_the_best_of_all_partitions_written_out():
+    p, costs = random_mixture(3, 6, 2, spread=1.5), []
+    for group in partitions(6, 3):
+        total = 0.0
+        for g in range(3):
+            block = take(p, group == g)
+            q = barycentre(block, "reverse-kl")
+            total += sum(w * kullback_leibler(q.m[0], q.P[0], m, P) for w, m, P in zip(*block, strict=True))
+        costs.append(total)
+    q, origin = transportation_optimum(p, 3, cost="reverse-kl")
+    np.testing.assert_array_equal(origin, partitions(6, 3)[int(np.argmin(costs))])
+    np.testing.assert_allclose(q.P[0], barycentre(take(p, origin == 0), "reverse-kl").P[0], rtol=1e-12)
 
 
 def test_there_are_as_many_partitions_as_stirling_counts():

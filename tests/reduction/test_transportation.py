@@ -9,7 +9,9 @@ from test_runnalls import groups, random_mixture
 from gmr_gym.experiments.mixtures import crouse
 from gmr_gym.mixture import Mixture, collapsed, log_density, mixture, moments, take
 from gmr_gym.reduction import transportation as module
+from gmr_gym.reduction.barycentres import barycentre
 from gmr_gym.reduction.distances import integral_squared_difference, kullback_leibler
+from gmr_gym.reduction.measures import MEASURES
 from gmr_gym.reduction.oracles import transportation_optimum
 from gmr_gym.reduction.runnalls import runnalls
 from gmr_gym.reduction.transportation import descent, dphem, transportation, transportation_objective
@@ -54,6 +56,22 @@ def test_one_virtual_sample_smooths_the_mixture_of_crouse():
     assert integral_squared_difference(crouse(), q) == pytest.approx(0.0343, abs=5e-5)
 
 
+@pytest.mark.parametrize(
+    ("cost", "ise", "objective"),
+    [
+        ("kl", 0.026635, 0.147755),
+        ("reverse-kl", 0.004245, 0.115835),
+        ("wasserstein", 0.019059, 0.010422),
+        ("cauchy-schwarz", 0.011556, 0.052722),
+        ("isd", 0.009296, 0.186436),
+    ],
+)
+def test_every_cost_leads_crouse_mixture_to_known_values(cost, ise, objective):
+    q, _ = transportation(crouse(), 5, cost=cost)
+    assert integral_squared_difference(crouse(), q) == pytest.approx(ise, abs=5.1e-7)
+    assert transportation_objective(crouse(), 5, cost=cost)[-1] == pytest.approx(objective, abs=5.1e-7)
+
+
 # ---- the objective ----
 
 
@@ -62,6 +80,14 @@ def test_one_virtual_sample_smooths_the_mixture_of_crouse():
 def test_the_objective_never_rises(entropy, seed):
     p = random_mixture(seed, 20, 2, spread=1.5, total=4.0)
     assert falls(transportation_objective(p, 6, entropy=entropy))
+
+
+@pytest.mark.parametrize("entropy", [0.0, 0.3, 3.0])
+@pytest.mark.parametrize("cost", MEASURES)
+def test_the_objective_of_every_cost_never_rises(cost, entropy):
+    p = random_mixture(4, 10, 2, spread=1.5, total=4.0)
+    objective = transportation_objective(p, 3, cost=cost, entropy=entropy)
+    assert falls(objective) and np.isfinite(objective).all()
 
 
 @pytest.mark.parametrize("samples", [0.5, 5.0])
@@ -128,6 +154,20 @@ def test_a_large_entropy_leaves_the_moment_match(entropy):
         np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-10)
 
 
+@pytest.mark.parametrize("cost", MEASURES)
+def test_the_costs_agree_on_the_limiting_cases(cost):
+    p = random_mixture(6, 10, 2, spread=1.5)
+    whole = barycentre(p, cost)
+    for q, _ in (transportation(p, 1, cost=cost), transportation(p, 3, cost=cost, entropy=1e6)):
+        assert len(q.w) == 1
+        for ours, theirs in zip(q, whole, strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=1e-5)
+    hard, soft = transportation(p, 3, cost=cost), transportation(p, 3, cost=cost, entropy=1e-6)
+    np.testing.assert_array_equal(hard[1], soft[1])
+    for ours, theirs in zip(hard[0], soft[0], strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9)
+
+
 @every_form
 def test_one_component_is_the_moment_match_and_enough_are_left_alone(reduce):
     p = random_mixture(0, 8, 2)
@@ -164,6 +204,18 @@ def test_affine_maps_and_the_order_of_components_change_nothing(reduce):
     there = {frozenset(order[list(group)].tolist()) for group in groups(where) if group}
     assert there == groups(origin) - {frozenset()}
     np.testing.assert_allclose(sorted(shuffled.w), sorted(q.w), rtol=1e-6)
+
+
+@pytest.mark.parametrize("cost", MEASURES)
+def test_costs_do_not_see_maps_that_they_allow(cost):
+    p = random_mixture(2, 9, 2, spread=1.5)
+    rigid = cost in ("wasserstein", "isd")
+    A = np.array([[0.6, -0.8], [0.8, 0.6]]) if rigid else np.array([[30.0, 2.0], [-0.1, 0.5]])
+    q, origin = transportation(p, 4, cost=cost)
+    mapped, same = transportation(Mixture(p.w, p.m @ A.T + 5.0, A @ p.P @ A.T), 4, cost=cost)
+    np.testing.assert_array_equal(origin, same)
+    np.testing.assert_allclose(mapped.m, q.m @ A.T + 5.0, rtol=1e-5, atol=1e-4)
+    np.testing.assert_allclose(mapped.P, A @ q.P @ A.T, rtol=1e-4, atol=1e-4)
 
 
 def test_two_starts_are_no_worse_and_always_the_same():
@@ -219,7 +271,7 @@ def test_an_unfinished_descent_is_reported(monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"cost": "kullback"}, "cost must be one of kl.*, got 'kullback'"),
+        ({"cost": "kullback"}, "cost must be one of kl, .*, got 'kullback'"),
         ({"entropy": -1.0}, "entropy must be a number, at least 0, got -1.0"),
         ({"entropy": np.inf}, "entropy must be finite, got inf"),
         ({"starts": 0}, "starts must be at least 1, got 0"),
