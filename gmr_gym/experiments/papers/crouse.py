@@ -118,7 +118,7 @@ MAPS = (
         settings={},
         axes={"acceleration": (0.1, 0.3, 1.0), "clutter": (0.005, 0.01, 0.02, 0.04)},
         trackers=dict.fromkeys((RUNNALLS, GMRC, COWA), PRUNING),
-        share=1,
+        share=5,
         summarise=_lost,
         columns=tuple(map(_losses, (RUNNALLS, GMRC, COWA))),
     ),
@@ -208,7 +208,8 @@ def map_figures(entry: SettingsGrid, rows: Mapping[str, Mapping[str, Estimate]],
             axes.fill_between(clutter, low, high, alpha=0.2, lw=0)
             axes.plot(clutter, share, "o-", ms=3, lw=1, label=name.partition(",")[0])
         axes.set(title=f"manoeuvre index {index:g}", xlabel="false alarms per r²", xscale="log")
-        axes.set_xticks(clutter, [f"{value:g}" for value in clutter], minor=False)
+        axes.set_xticks(clutter, [f"{value:g}" for value in clutter])
+        axes.tick_params(axis="x", which="minor", labelbottom=False)
     panels[0, 0].set_ylabel("lost, %")
     panels[0, 0].legend(fontsize=8)
     save(drawing, out / f"{entry.name}.png")
