@@ -40,10 +40,16 @@ class Problem(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """How long a reduction takes for a mixture of a problem, s, and why it is left out, if it is."""
+    """How long a reduction takes for mixtures of a problem, s of processor time, and why it is left out, if it
+    is."""
 
-    seconds: float
+    times: tuple[float, ...]
     reason: str = ""
+
+    @property
+    def seconds(self) -> float:
+        """The median."""
+        return float(np.median(self.times)) if self.times else np.nan
 
 
 def problems(count: int, seed: int) -> dict[str, Problem]:
@@ -90,7 +96,8 @@ def trials(names: Sequence[str], asked: Mapping[str, Problem], seed: int) -> dic
 
 
 def trial(reduce: Callable[[Mixture], Reduced], mixtures: Sequence[Mixture]) -> Trial:
-    """Median time of a call; a reduction is left out that takes longer than LONGEST, or refuses a mixture."""
+    """Calls one after another. A reduction is left out that takes longer than LONGEST, or refuses a
+    mixture."""
     times: list[float] = []
     try:
         reduce(mixtures[0])  # compiles
@@ -99,30 +106,37 @@ def trial(reduce: Callable[[Mixture], Reduced], mixtures: Sequence[Mixture]) -> 
             reduce(p)
             times.append(thread_time() - begun)
             if times[-1] > LONGEST:
-                return Trial(times[-1], f"{1e3 * times[-1]:.3g} ms for a mixture of {len(p.w)} components")
+                return Trial((times[-1],), f"{times[-1]:.3g} s for a mixture of {len(p.w)} components")
     except ValueError as error:
-        return Trial(np.nan, str(error))
-    return Trial(float(np.median(times)))
+        return Trial((), str(error))
+    return Trial(tuple(times))
 
 
-def pooled(runs: Mapping[str, Mapping[str, ReductionRuns]]) -> dict[str, ReductionRuns]:
-    """The runs on all posteriors together, of what is left out of none."""
-    parts = [found for problem, found in runs.items() if problem != RANDOM]
-    return {
-        name: ReductionRuns(*map(np.concatenate, zip(*(part[name] for part in parts), strict=True)))
-        for name in parts[0]
-        if all(name in part for part in parts)
+def pooled(
+    runs: Mapping[str, Mapping[str, ReductionRuns]], tried: Mapping[str, Mapping[str, Trial]]
+) -> tuple[dict[str, ReductionRuns], dict[str, Trial]]:
+    """The runs and trials on all posteriors together, of what is left out of none."""
+    where = [problem for problem in runs if problem != RANDOM]
+    names = [name for name in runs[where[0]] if all(name in runs[problem] for problem in where)]
+    together = {
+        name: ReductionRuns(
+            *map(np.concatenate, zip(*(runs[problem][name] for problem in where), strict=True))
+        )
+        for name in names
     }
+    times = {name: Trial(sum((tried[problem][name].times for problem in where), ())) for name in names}
+    return together, times
 
 
-def quality_rows(runs: Mapping[str, ReductionRuns]) -> Rows:
-    """Means and medians over mixtures, and the median time of a call, the quickest first."""
+def quality_rows(runs: Mapping[str, ReductionRuns], tried: Mapping[str, Trial]) -> Rows:
+    """Means and medians over mixtures, and the median time of a call, the quickest first. A call among others
+    of its kind is timed, as in tracking: alone, it waits for memory."""
     rows: Rows = {}
     for name, found in runs.items():
         values = {measure: getattr(found, measure)[:, 0] for measure in MEASURES}
         rows[name] = {measure: bootstrap_mean(value) for measure, value in values.items()}
         rows[name] |= {f"{measure}_median": median(value) for measure, value in values.items()}
-        rows[name]["time_per_reduction"] = Estimate(float(np.median(found.seconds)))
+        rows[name]["time_per_reduction"] = Estimate(tried[name].seconds)
     return dict(sorted(rows.items(), key=lambda row: row[1]["time_per_reduction"].value))
 
 

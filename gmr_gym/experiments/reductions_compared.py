@@ -118,7 +118,8 @@ def compared(
         say_what_is_left(sweep.blocks, *map(sum, zip(*there, strict=True)))
         return
     runs = dict(chain(*results[:-1]))
-    quality = {problem: quality_rows(of) for problem, of in (runs | {EVERY: pooled(runs)}).items()}
+    quality = {problem: quality_rows(of, tried[problem]) for problem, of in runs.items()}
+    quality[EVERY] = quality_rows(*pooled(runs, tried))
     outcomes = ((cell, outcome(scenarios[cell[0]], of[cell[2]])) for cell, of in results[-1])
     found = Found(quality, dict(tables(outcomes)), {where: why for where, why in left_out.items() if why})
     _leave(asked, found, sweep, out, copy)
