@@ -6,8 +6,8 @@ from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.ise_gradient import Problem, moved, objective
 
 FARTHEST = 0.3  # change of a parameter, in a step that is tried first
-TOLERANCE = 1e-10  # of the decrease that the next step promises, relative to the error
-FLOOR = 1e-16  # the same, relative to J_ff: the rounding of the error itself
+TOLERANCE = 1e-7  # of the decrease that the next step promises, relative to the error
+FLOOR = 1e-11  # the same, relative to J_ff: below it there may be a thousand steps to go, for nothing
 TRIALS = 25  # of the length of a step
 
 
@@ -19,7 +19,7 @@ def descend(problem: Problem, steps: int) -> tuple[Mixture, bool]:
     error, gradient = objective(problem, x)
     H = _first_metric(problem, gradient)
     for _ in range(steps):
-        step = -(H @ gradient.ravel()).reshape(x.shape)
+        step = -_times(H, gradient.ravel()).reshape(x.shape)
         promised = -np.vdot(step, gradient)  # twice the decrease, as J is nearly quadratic
         if not promised > 2 * (TOLERANCE * error + FLOOR):
             return moved(problem, x), True
@@ -62,8 +62,13 @@ def _along(problem, x, step, error, promised):
 def _learn(H, s, y):
     """The BFGS update of the inverse H of the second derivative, in place, from a step s and the change y of
     the gradient; none where the slope has not risen along it."""
-    sy, Hy = s @ y, H @ y
+    sy, Hy = s @ y, _times(H, y)
     if sy > 0:
         across = np.outer(s, 0.5 * (1 + y @ Hy / sy) * s - Hy) / sy
         H += across
         H += across.T
+
+
+def _times(H, y):
+    """H y. BLAS would share it among threads, for which small ones wait longer than it takes."""
+    return np.einsum("ij,j", H, y)

@@ -29,7 +29,6 @@ from gmr_gym.linalg import LOG_2PI
 from gmr_gym.reduction.barycentres import barycentre_of
 from gmr_gym.reduction.distances import eliminate
 from gmr_gym.reduction.measures import (
-    CAUCHY_SCHWARZ,
     ISD,
     KL,
     LOG_2,

@@ -27,6 +27,7 @@ from gmr_gym.reduction.runnalls import adaptive, runnalls
 from gmr_gym.reduction.salmond_west import salmond, west
 from gmr_gym.reduction.transportation import dphem, transportation
 from gmr_gym.reduction.vo_ma import vo_ma
+from gmr_gym.reduction.weight_fit import cowa, refit
 
 REDUCERS: dict[str, Callable] = {
     "runnalls": runnalls,
@@ -50,9 +51,9 @@ REDUCERS: dict[str, Callable] = {
     "transportation-optimum": transportation_optimum,
     "refine": refine,
     "gmrc": gmrc,
+    "refit": refit,
+    "cowa": cowa,
 }
-ORACLES = ("brute-force", "transportation-optimum")  # of a dozen components or so: they refuse more
-SOFT = ("dphem",)  # whose components share their weight among several Gaussians
 
 
 def reducer(name: str, components: int, **parameters: Any) -> partial:

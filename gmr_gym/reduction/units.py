@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gmr_gym.checks import sound
 from gmr_gym.mixture import Mixture, mean_and_covariance
 
 
@@ -15,10 +16,15 @@ class Units(NamedTuple):
     root: np.ndarray  # (d, d), Cholesky factor of the covariance
 
 
-def units_of(p: Mixture) -> Units:
-    """The Units of a checked mixture; LinAlgError where its covariance is lost in rounding."""
+def standard(p: Mixture) -> tuple[Units, Mixture]:
+    """The Units of a checked mixture and the mixture in them; LinAlgError where a covariance is lost in
+    rounding."""
     mean, covariance = mean_and_covariance(p)
-    return Units(p.w.sum(), mean, np.linalg.cholesky(covariance))
+    units = Units(p.w.sum(), mean, np.linalg.cholesky(covariance))
+    f = into(units, p)
+    if not sound(*f):
+        raise np.linalg.LinAlgError("a covariance is lost in rounding")
+    return units, f
 
 
 def into(units: Units, q: Mixture) -> Mixture:
