@@ -57,7 +57,7 @@ PROPERTIES = {
     "refine": _FITTED._replace(work="N L d^3"),
     "gmrc": _FITTED,
     "refit": _FITTED,
-    "cowa": _FITTED._replace(follows=RIGID),
+    "cowa": _FITTED,
     "consistent-reverse-kl": _FITTED,
     "consistent-symmetrised-kl": _FITTED,
     "consistent-wasserstein": Properties(("weight", "mean"), RIGID, "N^2 d^3", matches=False),
