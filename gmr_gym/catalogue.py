@@ -39,8 +39,8 @@ REDUCTIONS = {  # each with what it does
     "transportation-optimum": "the partition of least transportation divergence; for 14 components or fewer",
     "refine": "descends the integral squared error from what another reduction leaves",
     "gmrc": "runnalls, clustering by Kullback-Leibler divergence, and descent of the integral squared error",
-    "refit": "another reduction, then the weights of least integral squared error",
-    "cowa": "west's merging with weights of least integral squared error after each merge",
+    "refit": "another reduction, and then the weights of least integral squared error",
+    "cowa": "merges the lightest with its nearest, and fits the weights for the least integral squared error",
 }
 BACKENDS = ("loky", "dask", "ray")  # what shares runs among processes
 

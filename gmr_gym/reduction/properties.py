@@ -18,25 +18,30 @@ class Properties(NamedTuple):
         `AFFINE` or `RIGID`.
     work : str
         Order of its operations, as a formula.
-    exactly : bool
-        Whether it leaves L components where there are more, and not fewer.
-    shares : bool
-        Whether a component may give parts of its weight to several; the origin then names the largest part.
+    matches : bool
+        Whether each component left is the moment match of those that the origin says went into it, but for
+        the weight.
+    bounded : bool
+        Whether it stops at a bound, and goes on where L components are left and the bound allows.
+    most : int or None
+        The largest N that it takes.
     """
 
     keeps: tuple[str, ...]
     follows: str
     work: str
-    exactly: bool = True
-    shares: bool = False
+    matches: bool = True
+    bounded: bool = False
+    most: int | None = None
 
 
 _BY_PAIRS = Properties(MOMENTS, AFFINE, "N^2 d^3")
+_FITTED = Properties(("weight",), AFFINE, "N^2 d^3", matches=False)
 _CLUSTERING = dict.fromkeys(("isd", "correlation", "runnalls"), _BY_PAIRS)
 PROPERTIES = {
     "runnalls": _BY_PAIRS,
     "greedy-isd": _BY_PAIRS,
-    "adaptive": _BY_PAIRS._replace(exactly=False),
+    "adaptive": _BY_PAIRS._replace(bounded=True),
     "ise": Properties(("weight",), AFFINE, "N^3 d^3"),
     "ise-unscaled": Properties((), AFFINE, "N^3 d^3"),
     "salmond": Properties(MOMENTS, AFFINE, "N^3 d"),
@@ -45,21 +50,21 @@ PROPERTIES = {
     "k-means": Properties(MOMENTS, AFFINE, "N L d"),
     **{f"{form}-{measure}": row for form in ("k-medoids", "average", "complete", "single")
        for measure, row in _CLUSTERING.items()},
-    "transportation": Properties(MOMENTS, AFFINE, "N^2 d^3", exactly=False),
-    "dphem": Properties(MOMENTS, AFFINE, "N^2 d^3", exactly=False, shares=True),
-    "brute-force": Properties(MOMENTS, AFFINE, "S(N, L) L^2 + 3^N d^3"),
-    "transportation-optimum": Properties(MOMENTS, AFFINE, "3^N L"),
-    "refine": Properties(("weight",), AFFINE, "N L d^3", exactly=False, shares=True),
-    "gmrc": Properties(("weight",), AFFINE, "N^2 d^3", exactly=False, shares=True),
-    "refit": Properties(("weight",), AFFINE, "N^2 d^3", exactly=False),
-    "cowa": Properties(("weight",), RIGID, "N^2 d^3", exactly=False),
-    "consistent-reverse-kl": Properties(("weight",), AFFINE, "N^2 d^3"),
-    "consistent-symmetrised-kl": Properties(("weight",), AFFINE, "N^2 d^3"),
-    "consistent-wasserstein": Properties(("weight", "mean"), RIGID, "N^2 d^3"),
-    "consistent-cauchy-schwarz": Properties(("weight",), AFFINE, "N^2 d^3"),
-    "consistent-isd": Properties(("weight",), AFFINE, "N^2 d^3"),
-    "greedy-wasserstein": Properties(("weight", "mean"), RIGID, "N^2 d^3"),
+    "transportation": _BY_PAIRS,
+    "dphem": _BY_PAIRS._replace(matches=False),
+    "brute-force": Properties(MOMENTS, AFFINE, "S(N, L) L + 3^N d^3", most=12),
+    "transportation-optimum": Properties(MOMENTS, AFFINE, "3^N L", most=14),
+    "refine": _FITTED._replace(work="N L d^3"),
+    "gmrc": _FITTED,
+    "refit": _FITTED,
+    "cowa": _FITTED,
+    "consistent-reverse-kl": _FITTED,
+    "consistent-symmetrised-kl": _FITTED,
+    "consistent-wasserstein": Properties(("weight", "mean"), RIGID, "N^2 d^3", matches=False),
+    "consistent-cauchy-schwarz": _FITTED,
+    "consistent-isd": _FITTED,
+    "greedy-wasserstein": Properties(("weight", "mean"), RIGID, "N^2 d^3", matches=False),
     "greedy-chi-square": _BY_PAIRS,
     "prune-or-merge": Properties(("weight",), AFFINE, "N^2 d^3"),
-    "adaptive-2023": _BY_PAIRS._replace(exactly=False),
+    "adaptive-2023": _BY_PAIRS._replace(bounded=True),
 }  # fmt: skip

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gmr_gym.checks import check_count, check_whole, sound
+from gmr_gym.checks import check_count, check_flag, check_whole, sound
 from gmr_gym.mixture import Mixture, match_groups, mean_and_covariance
 from gmr_gym.reduction.ise_descent import descend
 from gmr_gym.reduction.ise_gradient import error_of, problem_of
@@ -128,8 +128,7 @@ def gmrc(p: Mixture, components: int, match: bool = False, steps: int = STEPS) -
 
 def _refined(p, place, start, match, steps):
     check_whole("steps", steps, 1)
-    if not isinstance(match, bool):
-        raise ValueError(f"match must be True or False, got {match!r}")
+    check_flag("match", match)
     if len(start.w) == len(p.w):
         return start, place
     g = _descended(p, start, match, steps)

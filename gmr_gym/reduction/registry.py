@@ -54,8 +54,6 @@ REDUCERS: dict[str, Callable] = {
     "refit": refit,
     "cowa": cowa,
 }
-ORACLES = ("brute-force", "transportation-optimum")  # of a dozen components or so: they refuse more
-SOFT = ("dphem",)  # whose components share their weight among several Gaussians
 
 
 def reducer(name: str, components: int, **parameters: Any) -> partial:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gmr_gym.checks import check_choice, check_count
+from gmr_gym.checks import check_choice, check_count, check_flag
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into
 from gmr_gym.mixture import Mixture, match_groups
@@ -73,6 +73,7 @@ def refit(p: Mixture, components: int, reduction: str = "runnalls", keep_mean: b
     """
     from gmr_gym.reduction.registry import reducer  # which knows this reduction by its name
 
+    check_flag("keep_mean", keep_mean)
     p, place = weighing(p)
     start, group = reducer(reduction, components)(p)
     if len(start.w) == len(p.w):
@@ -139,6 +140,7 @@ def cowa(p: Mixture, components: int, when: str = "each-merge", keep_mean: bool 
     ([0.5848, 0.4152], [0, 0, 1])
     """
     check_choice("when", when, WHEN)
+    check_flag("keep_mean", keep_mean)
     components = check_count(components)
     p, place = weighing(p)
     if len(p.w) <= components:

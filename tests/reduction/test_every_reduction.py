@@ -25,8 +25,7 @@ def reduced(name, p, components):
         warnings.simplefilter("ignore", UserWarning)  # of iterations at their limit
         q, origin = reducer(name, components)(p)
     checked(q)
-    assert origin.shape == p.w.shape and -1 <= origin.min() and origin.max() < len(q.w) <= len(p.w)
-    assert len(q.w) <= components or not PROPERTIES[name].exactly
+    assert origin.shape == p.w.shape and -1 <= origin.min() and origin.max() < len(q.w) <= components
     return q, origin
 
 
@@ -81,7 +80,7 @@ def test_the_order_of_the_components_and_the_unit_of_the_weights_do_not_count(na
 
 @each
 def test_few_enough_components_stay_as_they_are_and_one_has_all_the_weight(name):
-    if PROPERTIES[name].exactly or PROPERTIES[name].shares:
+    if not PROPERTIES[name].bounded:
         for components in (9, 12):
             q, _ = reduced(name, P, components)
             assert normalised_integral_squared_difference(q, P) < rounding(name) and len(q.w) == 9
