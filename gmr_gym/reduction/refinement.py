@@ -126,7 +126,7 @@ def gmrc(p: Mixture, components: int, match: bool = False, steps: int = STEPS) -
     return _refined(p, place, start, match, steps)
 
 
-def _refined(p, place, start, match, steps):
+def _refined(p: Mixture, place: np.ndarray, start: Mixture, match: bool, steps: int) -> Reduced:
     check_whole("steps", steps, 1)
     if len(start.w) == len(p.w):
         return start, place
@@ -134,7 +134,7 @@ def _refined(p, place, start, match, steps):
     return g, through(place, _by_responsibility(p, g))
 
 
-def _by_responsibility(p, g):
+def _by_responsibility(p: Mixture, g: Mixture) -> np.ndarray:
     """The j (n,) of the largest v_j exp(-KL(component || j)), with none of g left out."""
     score = np.log(g.w) - divergences(p.m, p.P, g.m, g.P)
     origin = score.argmax(axis=1)
@@ -145,7 +145,7 @@ def _by_responsibility(p, g):
     return origin
 
 
-def _descended(p, start, match, steps):
+def _descended(p: Mixture, start: Mixture, match: bool, steps: int) -> Mixture:
     """The mixture with the least error from p, near the start."""
     try:
         units, f = standard(p)
@@ -163,7 +163,7 @@ def _descended(p, start, match, steps):
     return weighing(found)[0] if sound(*found) else start
 
 
-def _matched(g):
+def _matched(g: Mixture) -> Mixture:
     """The mixture shifted and stretched to weight 1, mean 0 and unit covariance."""
     mean, C = mean_and_covariance(g)
     size, axes = np.linalg.eigh(C)

@@ -90,8 +90,8 @@ def cowa(p: Mixture, components: int, when: str = "each-merge", keep_mean: bool 
     r"""Merges the component of least weight over size with the one of most similar shape and place, until
     `components` remain, and fits the weights as `refit` does.
 
-    Size is the trace of the covariance, and similar is what has the least integral squared difference between
-    the two densities, both of weight 1. Sizes are relative to the covariance of the whole mixture.
+    Size is the trace of the covariance relative to that of the whole mixture. Most similar are the two
+    densities, both of weight 1, of least integral squared difference.
 
     Parameters
     ----------
@@ -123,8 +123,8 @@ def cowa(p: Mixture, components: int, when: str = "each-merge", keep_mean: bool 
     Constraint-optimised weight adaptation. The error may end above that of another order of merging: weights
     fitted early mislead later merges.
 
-    Departs: the trace is that of the covariance as it is, so that the units of the state decide. Merging does
-    not stop at a distance, but at `components` alone.
+    Departs: sizes are taken in coordinates where the whole has unit covariance; else the units of the state
+    would decide. Merging ends at `components` alone, and at no distance.
 
     References
     ----------
