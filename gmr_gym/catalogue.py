@@ -17,6 +17,7 @@ REDUCTIONS = (
     "average-isd", "average-correlation", "average-runnalls",
     "complete-isd", "complete-correlation", "complete-runnalls",
     "single-isd", "single-correlation", "single-runnalls",
+    "transportation", "dphem", "brute-force", "transportation-optimum",
     "refine", "gmrc", "refit", "cowa",
 )  # fmt: skip
 BACKENDS = ("loky", "dask", "ray")  # what shares runs among processes

@@ -1,10 +1,12 @@
-"""Small symmetric matrices in compiled loops: Cholesky factors, determinants, Mahalanobis distances, sums."""
+"""Small symmetric matrices in compiled loops: Cholesky factors, determinants, inverses, singular
+values, Mahalanobis distances, sums."""
 
 import numpy as np
 
 from gmr_gym.kernels import kernel, leaf_kernel
 
 LOG_2PI = float(np.log(2 * np.pi))
+SWEEPS = 30  # of rotations; some six are needed
 
 
 @leaf_kernel
@@ -95,3 +97,91 @@ def log_gaussian_scale(L):
     for r in range(p):
         total -= np.log(L[r, r])
     return total
+
+
+@leaf_kernel
+def half_log_determinant(L):
+    """log|L L'| / 2 of a lower Cholesky factor."""
+    total = 0.0
+    for r in range(len(L)):
+        total += np.log(L[r, r])
+    return total
+
+
+@leaf_kernel
+def solve_lower(L, A):
+    """Overwrites A (d, k) with L^-1 A, for a lower triangular L."""
+    d, k = A.shape
+    for r in range(d):
+        for j in range(k):
+            total = A[r, j]
+            for c in range(r):
+                total -= L[r, c] * A[c, j]
+            A[r, j] = total / L[r, r]
+
+
+@leaf_kernel
+def solve_upper(L, A):
+    """Overwrites A (d, k) with L'^-1 A, for a lower triangular L."""
+    d, k = A.shape
+    for r in range(d - 1, -1, -1):
+        for j in range(k):
+            total = A[r, j]
+            for c in range(r + 1, d):
+                total -= L[c, r] * A[c, j]
+            A[r, j] = total / L[r, r]
+
+
+@leaf_kernel
+def inverse_into(out, S, L):
+    """Writes the inverse of the symmetric S (d, d) into out, exactly symmetric, and returns log|S| / 2; nan
+    where S is not positive definite. L (d, d) is workspace."""
+    if not cholesky_into(L, S):
+        return np.nan
+    d, volume = len(S), 1.0
+    for c in range(d):
+        volume *= L[c, c]
+        L[c, c] = 1.0 / L[c, c]
+        for r in range(c + 1, d):
+            total = 0.0
+            for k in range(c, r):
+                total -= L[r, k] * L[k, c]
+            L[r, c] = total / L[r, r]
+    for r in range(d):
+        for c in range(r + 1):
+            total = 0.0
+            for k in range(r, d):
+                total += L[k, r] * L[k, c]
+            out[r, c] = out[c, r] = total
+    return np.log(volume)
+
+
+@leaf_kernel
+def orthogonalise(A, V):
+    """Rotates the columns of A (d, d) until they are orthogonal, and those of V with them.
+
+    If V is the identity at first, the lengths of the columns are the singular values of A afterwards, to high
+    relative accuracy, and V holds the right singular vectors.
+    """
+    d = len(A)
+    for _ in range(SWEEPS):
+        rotated = False
+        for p in range(d):
+            for q in range(p + 1, d):
+                pp, qq, pq = 0.0, 0.0, 0.0
+                for r in range(d):
+                    pp += A[r, p] * A[r, p]
+                    qq += A[r, q] * A[r, q]
+                    pq += A[r, p] * A[r, q]
+                if abs(pq) <= 1e-15 * np.sqrt(pp) * np.sqrt(qq):
+                    continue
+                rotated = True
+                z = 0.5 * (qq - pp) / pq
+                t = (1.0 if z >= 0.0 else -1.0) / (abs(z) + np.sqrt(1.0 + z * z))
+                cos = 1.0 / np.sqrt(1.0 + t * t)
+                sin = cos * t
+                for r in range(d):
+                    A[r, p], A[r, q] = cos * A[r, p] - sin * A[r, q], sin * A[r, p] + cos * A[r, q]
+                    V[r, p], V[r, q] = cos * V[r, p] - sin * V[r, q], sin * V[r, p] + cos * V[r, q]
+        if not rotated:
+            break

@@ -27,7 +27,7 @@ from gmr_gym.filters.registry import MULTI_TARGET_GROUP, trackers
 from gmr_gym.mixture import Mixture, mixture, moments
 from gmr_gym.reduction.distances import integral_squared_difference
 from gmr_gym.reduction.pruning import prune, prune_and_cap, prune_density
-from gmr_gym.reduction.registry import REDUCERS
+from gmr_gym.reduction.registry import ORACLES, REDUCERS
 from gmr_gym.reduction.runnalls import adaptive
 from gmr_gym.tuning.features import FEATURES
 from gmr_gym.tuning.network import forward, load
@@ -71,7 +71,7 @@ def reductions() -> Iterator[tuple[str, Callable[[], list]]]:
         "prune-density": partial(prune_density, density=1e-3),
         "heaviest": partial(prune_and_cap, weight=1e-3, max_components=7),
     }
-    named = {name: partial(reduce, components=5) for name, reduce in REDUCERS.items()}
+    named = {name: partial(reduce, components=5) for name, reduce in REDUCERS.items() if name not in ORACLES}
     for label, p in examples():
         for name, reduce in {**named, **own}.items():
             yield f"reduction {name} {label}", partial(reduced, reduce, p)

@@ -368,7 +368,7 @@ def _density_at_border(out, bordered):
     if d == 6:
         _eliminate_six(out, bordered)
     else:
-        _eliminate(out, bordered, d)
+        eliminate(out, bordered, d)
     peak = (2.0 * np.pi) ** (-0.5 * d)
     for i in range(len(out)):
         out[i] *= peak
@@ -376,7 +376,7 @@ def _density_at_border(out, bordered):
 
 
 @kernel
-def _eliminate(out, bordered, d):
+def eliminate(out, bordered, d):
     """Set out to |S|^(-1/2) and the first row to -e' S^-1 e / 2.
 
     L D L' of the bordered matrix in place, without square roots, leaves -e' S^-1 e in the corner.
@@ -407,7 +407,7 @@ def _eliminate(out, bordered, d):
 
 @kernel
 def _eliminate_six(out, bordered):
-    """`_eliminate` for six states (planar position, velocity, acceleration), unrolled: everything stays
+    """`eliminate` for six states (planar position, velocity, acceleration), unrolled: everything stays
     in registers, which takes half the time."""
     b = bordered
     for i in range(len(out)):

@@ -43,7 +43,7 @@ def cost_row(i, start, stop, columns, room, row):
     w, log_det = columns[0], columns[1]
     wi, log_det_i = w[i], log_det[i]
     for j in range(np.uint64(start), np.uint64(stop)):
-        log_det_ij = _logarithm(row[j])
+        log_det_ij = logarithm(row[j])
         cost = 0.5 * (wi * (log_det_ij - log_det_i) + w[j] * (log_det_ij - log_det[j]))
         cost = cost if cost > 0.0 else 0.0
         # beyond 1e8 standard deviations apart the determinant is lost in rounding: never the nearest
@@ -61,7 +61,7 @@ def merge_pair(i, j, w, means, entries, room):
         means[r, i] = share[0] * means[r, i] + (1 - share[0]) * means[r, j]
     w[i] += w[j]
     _determinants(A, ONE, share)
-    return _logarithm(share[0])
+    return logarithm(share[0])
 
 
 @kernel
@@ -109,7 +109,7 @@ def _log_determinants(A, n, out):
                 "a covariance of the mixture is not positive definite, or its determinant lies "
                 "outside 1e-300 to 1e300: choose units nearer to the spread of the states"
             )
-        out[j] = _logarithm(out[j])
+        out[j] = logarithm(out[j])
 
 
 @kernel
@@ -229,7 +229,7 @@ def _determinants(A, n, out):
 
 
 @leaf_kernel
-def _logarithm(x):
+def logarithm(x):
     """Natural logarithm of a positive normal number, to the last bit or the one before. A call of the
     library's logarithm would prevent a loop from being vectorised."""
     bits = np.float64(x).view(np.int64)

@@ -36,7 +36,7 @@ def at_unit(w: np.ndarray) -> np.ndarray:
 def grouped(p: Mixture, group: np.ndarray, count: int) -> Mixture:
     """Moment match of each of `count` groups of a checked mixture, none of them empty; ValueError where a
     merged covariance is lost in rounding beside the distance between its members."""
-    return _definite(match_groups(p, group, count))
+    return definite(match_groups(p, group, count))
 
 
 def through(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -52,7 +52,7 @@ def warn_unfinished(what: str, limit: int) -> None:
     )
 
 
-def _definite(q: Mixture) -> Mixture:
+def definite(q: Mixture) -> Mixture:
     """The mixture; ValueError where a covariance is no longer positive definite."""
     if not sound(*q):
         raise ValueError(TOO_FAR)

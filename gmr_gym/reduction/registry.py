@@ -18,11 +18,13 @@ from gmr_gym.reduction.agglomeration import greedy_isd
 from gmr_gym.reduction.clustering import LINKAGES, hierarchical, k_means, k_medoids
 from gmr_gym.reduction.dissimilarity import MEASURES
 from gmr_gym.reduction.ise import integral_squared_error
+from gmr_gym.reduction.oracles import brute_force, transportation_optimum
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.pruning import capping
 from gmr_gym.reduction.refinement import gmrc, refine
 from gmr_gym.reduction.runnalls import adaptive, runnalls
 from gmr_gym.reduction.salmond_west import salmond, west
+from gmr_gym.reduction.transportation import dphem, transportation
 from gmr_gym.reduction.vo_ma import vo_ma
 from gmr_gym.reduction.weight_fit import cowa, refit
 
@@ -42,11 +44,18 @@ REDUCERS: dict[str, Callable] = {
         for linkage in LINKAGES
         for measure in MEASURES
     },
+    "transportation": transportation,
+    "dphem": dphem,
+    "brute-force": brute_force,
+    "transportation-optimum": transportation_optimum,
     "refine": refine,
     "gmrc": gmrc,
     "refit": refit,
     "cowa": cowa,
 }
+ORACLES = ("brute-force", "transportation-optimum")  # of a dozen components or so: they refuse more
+FITTED = ("refine", "gmrc", "refit", "cowa")  # which keep the total weight alone, no mean and covariance
+SOFT = ("dphem",)  # whose components share their weight among several Gaussians
 
 
 def reducer(name: str, components: int, **parameters: Any) -> partial:

@@ -4,7 +4,7 @@ import numpy as np
 
 from gmr_gym.checks import check_choice, check_count
 from gmr_gym.kernels import kernel
-from gmr_gym.linalg import cholesky_into
+from gmr_gym.linalg import cholesky_into, solve_lower, solve_upper
 from gmr_gym.mixture import Mixture, match_groups
 from gmr_gym.reduction.distances import pack, products, products_of_columns, products_with
 from gmr_gym.reduction.protocol import TOO_FAR, Reduced, through, warn_unfinished
@@ -241,15 +241,9 @@ def _step(H, slope, kept):
 def _solve(H, y):
     """H^-1 y, by Cholesky; 0 where rounding has left H indefinite. LAPACK would share the work among threads,
     for which small matrices wait longer than it takes."""
-    L, x = np.zeros(H.shape), y.copy()
+    L, x = np.zeros(H.shape), y.copy().reshape(-1, 1)
     if not cholesky_into(L, H):
         return np.zeros(len(y))
-    for r in range(len(x)):
-        for k in range(r):
-            x[r] -= L[r, k] * x[k]
-        x[r] /= L[r, r]
-    for r in range(len(x) - 1, -1, -1):
-        x[r] /= L[r, r]
-        for k in range(r):
-            x[k] -= L[r, k] * x[r]
-    return x
+    solve_lower(L, x)
+    solve_upper(L, x)
+    return x[:, 0]

@@ -20,13 +20,13 @@ from gmr_gym.models.kalman import position_sensor
 from gmr_gym.models.motions import constant_acceleration, constant_velocity
 from gmr_gym.models.multi_target import multi_target_model
 from gmr_gym.models.radar import radar
-from gmr_gym.reduction.registry import REDUCERS, reduction_named
+from gmr_gym.reduction.registry import FITTED, ORACLES, REDUCERS, reduction_named
 from gmr_gym.reduction.vo_ma import vo_ma
 
 CORNER = np.array([-300.0, -300.0])
-EVERY = ["vo-ma", *REDUCERS]
+EVERY = ["vo-ma", *(name for name in REDUCERS if name not in ORACLES)]
 LOSING = ["capping", "ise-unscaled"]  # these drop components for good
-UNLIKE_MOMENTS = ["ise", "refine", "gmrc", "refit", "cowa"]  # these keep the total weight alone
+UNLIKE_MOMENTS = ["ise", *FITTED]  # these keep the total weight alone
 FILTERS = [gm_phd, gm_cphd]
 
 
