@@ -40,8 +40,7 @@ class Problem(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """How long a reduction takes for mixtures of a problem, s of processor time, and why it is left out, if it
-    is."""
+    """Processor times of a reduction for mixtures of a problem, s, and why it is left out, if it is."""
 
     times: tuple[float, ...]
     reason: str = ""
@@ -55,7 +54,7 @@ class Trial(NamedTuple):
 def problems(count: int, seed: int) -> dict[str, Problem]:
     """Crouse's random mixtures, as many as in the paper, and `count` posteriors of every environment that
     needs no files."""
-    found = {RANDOM: Problem(MixtureProblem(), 500, 5)}
+    found = {RANDOM: Problem(MixtureProblem(samples=1000), 500, 5)}
     for env_id in READY:
         scenario = scenario_of(env_id, {})
         # components that it keeps; of many targets as many as by default

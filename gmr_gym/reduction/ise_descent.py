@@ -32,7 +32,7 @@ def descend(problem: Problem, steps: int) -> tuple[Mixture, bool]:
     return moved(problem, x), False
 
 
-def _first_metric(problem, gradient):
+def _first_metric(problem: Problem, gradient: np.ndarray) -> np.ndarray:
     """Inverse of a rough second derivative of J / J_ff, diagonal: v^2 J_jj for component j, or as much more
     as keeps its first step short."""
     curvature = np.maximum(problem.own / problem.square, np.linalg.norm(gradient, axis=1) / FARTHEST)
@@ -40,7 +40,9 @@ def _first_metric(problem, gradient):
     return np.diag(np.repeat(inverse, gradient.shape[1]))
 
 
-def _along(problem, x, step, error, promised):
+def _along(
+    problem: Problem, x: np.ndarray, step: np.ndarray, error: float, promised: float
+) -> tuple[np.ndarray, np.ndarray, float]:
     """A point along the step, its gradient and its error: there J has fallen by a part of what was promised,
     and its slope has become less steep (the weak Wolfe conditions)."""
     t, low, high = min(1.0, FARTHEST / np.abs(step).max()), 0.0, np.inf
@@ -60,7 +62,7 @@ def _along(problem, x, step, error, promised):
     return there, ahead, least
 
 
-def _learn(H, s, y):
+def _learn(H: np.ndarray, s: np.ndarray, y: np.ndarray) -> None:
     """The BFGS update of the inverse H of the second derivative, in place, from a step s and the change y of
     the gradient; none where the slope has not risen along it."""
     sy, Hy = s @ y, _times(H, y)
@@ -70,6 +72,6 @@ def _learn(H, s, y):
         H += across.T
 
 
-def _times(H, y):
+def _times(H: np.ndarray, y: np.ndarray) -> np.ndarray:
     """H y. BLAS would share it among threads, for which small ones wait longer than it takes."""
     return np.einsum("ij,j", H, y)

@@ -39,10 +39,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.kernels import leaf_kernel
-from gmr_gym.linalg import LOG_2PI, cholesky_into
+from gmr_gym.linalg import LOG_2PI, inverse_into
 from gmr_gym.mixture import Mixture, joined
 from gmr_gym.reduction.distances import pack, products
-from gmr_gym.reduction.kl_clustering import inverse_of_lower
 
 SLACK = 10.0  # covariances stay within this factor of the narrowest and the widest of f and of the start
 
@@ -172,7 +171,7 @@ def _add_overlaps(both, slope, limits, room):
     """J_gg - 2 J_fg of f and, after it in `both`, g; infinite where a covariance of g is out of limits. Its
     gradient with respect to g is written to slope."""
     (w, m, P), (n, d) = both, slope.m.shape
-    C, L, X, y = room[0], room[1], room[2], room[3, 0]
+    C, L, inverse, y = room[0], room[1], room[2], room[3, 0]
     first, change = len(w) - n, 0.0
     for j in range(first, len(w)):
         slope.w[j - first], width = 0.0, 0.0
@@ -181,46 +180,30 @@ def _add_overlaps(both, slope, limits, room):
             width += P[j, r, r]
             for c in range(d):
                 slope.P[j - first, r, c] = 0.0
+        if not width <= limits[1]:
+            return np.inf
         for i in range(j + 1):
             for r in range(d):
                 for c in range(r + 1):
                     C[r, c] = P[j, r, c] + P[i, r, c]
-            if not width <= limits[1] or not cholesky_into(L, C):
+            exponent = -0.5 * d * LOG_2PI - inverse_into(inverse, C, L)
+            if np.isnan(exponent):
                 return np.inf
-            inverse_of_lower(X, L)
-            times = (-2.0 if i < first else 2.0 if i < j else 1.0) * _overlap(m[j], m[i], X, y)
             narrowness = 0.0
             for r in range(d):
-                for c in range(r + 1):
-                    C[r, c] = 0.0
-                    for k in range(r, d):
-                        C[r, c] += X[k, r] * X[k, c]
-                narrowness += 2.0 * C[r, r]
+                y[r] = 0.0
+                for c in range(d):
+                    y[r] += inverse[r, c] * (m[j, c] - m[i, c])
+                exponent -= 0.5 * (m[j, r] - m[i, r]) * y[r]
+                narrowness += 2.0 * inverse[r, r]
             if i == j and not narrowness <= limits[0]:
                 return np.inf
+            times = (-2.0 if i < first else 2.0 if i < j else 1.0) * np.exp(exponent)
             change += times * w[i] * w[j]
-            _pull(slope, j - first, times * w[i], w[j], 1.0, C, y)
+            _pull(slope, j - first, times * w[i], w[j], 1.0, inverse, y)
             if i >= first:
-                _pull(slope, i - first, times * w[j], w[i], -1.0, C, y)
+                _pull(slope, i - first, times * w[j], w[i], -1.0, inverse, y)
     return change
-
-
-@leaf_kernel
-def _overlap(m1, m2, X, y):
-    """N(m1; m2, C) with X the inverse of the Cholesky factor of C; writes C^-1 (m1 - m2) to y."""
-    d = len(y)
-    exponent, scale = -0.5 * d * LOG_2PI, 1.0
-    for r in range(d):
-        y[r] = 0.0
-    for r in range(d):
-        across = 0.0
-        for c in range(r + 1):
-            across += X[r, c] * (m1[c] - m2[c])
-        for c in range(r + 1):
-            y[c] += X[r, c] * across
-        exponent -= 0.5 * across * across
-        scale *= X[r, r]
-    return scale * np.exp(exponent)
 
 
 @leaf_kernel

@@ -2,14 +2,15 @@
 
 import numpy as np
 
-from gmr_gym.checks import check_count, check_flag, check_whole, sound
-from gmr_gym.mixture import Mixture, match_groups, mean_and_covariance
+from gmr_gym.checks import check_flag, check_whole, sound
+from gmr_gym.mixture import Mixture, mean_and_covariance
+from gmr_gym.reduction.distances import pack
 from gmr_gym.reduction.ise_descent import descend
 from gmr_gym.reduction.ise_gradient import error_of, problem_of
-from gmr_gym.reduction.kl_clustering import cluster_by_divergence, divergences
 from gmr_gym.reduction.protocol import Reduced, through, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
-from gmr_gym.reduction.runnalls import runnalls
+from gmr_gym.reduction.transport_sweeps import divergences, half_log_determinants
+from gmr_gym.reduction.transportation import transportation
 from gmr_gym.reduction.units import into, out_of, standard, symmetric
 
 STEPS = 500  # of the descent; some 40 are needed from 10 components to 5
@@ -71,6 +72,7 @@ def refine(
     --------
     >>> from gmr_gym.mixture import mixture
     >>> from gmr_gym.reduction.distances import integral_squared_difference
+    >>> from gmr_gym.reduction.runnalls import runnalls
     >>> p = mixture([0.3, 0.3, 0.4], [[0.0], [1.0], [2.5]], [[[1.0]], [[0.5]], [[1.0]]])
     >>> [round(integral_squared_difference(p, f(p, 2)[0]), 5) for f in (runnalls, refine)]
     [0.00041, 6e-05]
@@ -84,7 +86,7 @@ def refine(
 
 def gmrc(p: Mixture, components: int, match: bool = False, steps: int = STEPS) -> Reduced:
     """Gaussian mixture reduction via clustering: `runnalls`, then k-means by the Kullback-Leibler divergence,
-    then a quasi-Newton descent of the integral squared error as in `refine`.
+    which is `transportation`, then a quasi-Newton descent of the integral squared error as in `refine`.
 
     Parameters
     ----------
@@ -119,14 +121,11 @@ def gmrc(p: Mixture, components: int, match: bool = False, steps: int = STEPS) -
     Schieferdecker and Huber 2009; Crouse et al. 2011, section IV.
     """
     p, place = weighing(p)
-    start, group = runnalls(p, check_count(components))
-    if len(start.w) < len(p.w):
-        group = cluster_by_divergence(p, group, len(start.w))
-        start = match_groups(p, group, len(start.w))
+    start, _ = transportation(p, components)
     return _refined(p, place, start, match, steps)
 
 
-def _refined(p, place, start, match, steps):
+def _refined(p: Mixture, place: np.ndarray, start: Mixture, match: bool, steps: int) -> Reduced:
     check_whole("steps", steps, 1)
     check_flag("match", match)
     if len(start.w) == len(p.w):
@@ -135,9 +134,10 @@ def _refined(p, place, start, match, steps):
     return g, through(place, _by_responsibility(p, g))
 
 
-def _by_responsibility(p, g):
+def _by_responsibility(p: Mixture, g: Mixture) -> np.ndarray:
     """The j (n,) of the largest v_j exp(-KL(component || j)), with none of g left out."""
-    score = np.log(g.w) - divergences(p.m, p.P, g.m, g.P)
+    columns, half = pack(p.m, p.P), half_log_determinants(p.P)
+    score = (np.log(g.w)[:, None] - divergences(columns, half, *g)).T
     origin = score.argmax(axis=1)
     for j in range(len(g.w)):
         if (origin != j).all():
@@ -146,7 +146,7 @@ def _by_responsibility(p, g):
     return origin
 
 
-def _descended(p, start, match, steps):
+def _descended(p: Mixture, start: Mixture, match: bool, steps: int) -> Mixture:
     """The mixture with the least error from p, near the start."""
     try:
         units, f = standard(p)
@@ -164,7 +164,7 @@ def _descended(p, start, match, steps):
     return weighing(found)[0] if sound(*found) else start
 
 
-def _matched(g):
+def _matched(g: Mixture) -> Mixture:
     """The mixture shifted and stretched to weight 1, mean 0 and unit covariance."""
     mean, C = mean_and_covariance(g)
     size, axes = np.linalg.eigh(C)

@@ -4,7 +4,7 @@ import numpy as np
 
 from gmr_gym.checks import check_choice, check_count, check_flag
 from gmr_gym.kernels import kernel
-from gmr_gym.linalg import cholesky_into
+from gmr_gym.linalg import cholesky_into, solve_lower, solve_upper
 from gmr_gym.mixture import Mixture, match_groups
 from gmr_gym.reduction.distances import pack, products, products_of_columns, products_with
 from gmr_gym.reduction.protocol import TOO_FAR, Reduced, through, warn_unfinished
@@ -91,8 +91,8 @@ def cowa(p: Mixture, components: int, when: str = "each-merge", keep_mean: bool 
     r"""Merges the component of least weight over size with the one of most similar shape and place, until
     `components` remain, and fits the weights as `refit` does.
 
-    Size is the trace of the covariance, and similar is what has the least integral squared difference between
-    the two densities, both of weight 1. Sizes are relative to the covariance of the whole mixture.
+    Size is the trace of the covariance relative to that of the whole mixture. Most similar are the two
+    densities, both of weight 1, of least integral squared difference.
 
     Parameters
     ----------
@@ -124,8 +124,8 @@ def cowa(p: Mixture, components: int, when: str = "each-merge", keep_mean: bool 
     Constraint-optimised weight adaptation. The error may end above that of another order of merging: weights
     fitted early mislead later merges.
 
-    Departs: the trace is that of the covariance as it is, so that the units of the state decide. Merging does
-    not stop at a distance, but at `components` alone.
+    Departs: sizes are taken in coordinates where the whole has unit covariance; else the units of the state
+    would decide. Merging ends at `components` alone, and at no distance.
 
     References
     ----------
@@ -243,15 +243,9 @@ def _step(H, slope, kept):
 def _solve(H, y):
     """H^-1 y, by Cholesky; 0 where rounding has left H indefinite. LAPACK would share the work among threads,
     for which small matrices wait longer than it takes."""
-    L, x = np.zeros(H.shape), y.copy()
+    L, x = np.zeros(H.shape), y.copy().reshape(-1, 1)
     if not cholesky_into(L, H):
         return np.zeros(len(y))
-    for r in range(len(x)):
-        for k in range(r):
-            x[r] -= L[r, k] * x[k]
-        x[r] /= L[r, r]
-    for r in range(len(x) - 1, -1, -1):
-        x[r] /= L[r, r]
-        for k in range(r):
-            x[k] -= L[r, k] * x[r]
-    return x
+    solve_lower(L, x)
+    solve_upper(L, x)
+    return x[:, 0]

@@ -9,7 +9,6 @@ from gmr_gym.mixture import Mixture, collapsed, mixture, moments, take
 from gmr_gym.reduction.distances import integral_squared_difference, kullback_leibler
 from gmr_gym.reduction.ise_descent import descend
 from gmr_gym.reduction.ise_gradient import error_of, moved, objective, problem_of
-from gmr_gym.reduction.kl_clustering import cluster_by_divergence, divergences
 from gmr_gym.reduction.refinement import gmrc, refine
 from gmr_gym.reduction.registry import reducer
 from gmr_gym.reduction.runnalls import runnalls
@@ -176,8 +175,11 @@ def test_every_component_left_is_the_origin_of_some_and_they_are_the_most_respon
         assert origin[2] == -1 and set(origin) - {-1} == set(range(len(q.w)))
     q, origin = refine(random_mixture(4, 12, 2), 3)
     p = random_mixture(4, 12, 2)
-    score = np.log(q.w) - divergences(p.m, p.P, q.m, q.P)
-    assert origin.tolist() == score.argmax(axis=1).tolist()
+    scores = [
+        [np.log(v) - kullback_leibler(m, P, c, S) for v, c, S in zip(*q, strict=True)]
+        for m, P in zip(p.m, p.P, strict=True)
+    ]
+    assert origin.tolist() == np.argmax(scores, axis=1).tolist()
 
 
 # ---- what floats can hardly hold ----
@@ -249,40 +251,3 @@ def test_wrong_arguments_are_refused_in_words():
     for reduce in (refine, gmrc):
         with pytest.raises(ValueError, match="components must be at least 1, got 0"):
             reduce(p, 0)
-
-
-# ---- clustering by the divergence ----
-
-
-def test_divergences_are_those_of_every_pair():
-    p, q = random_mixture(0, 5, 3), random_mixture(1, 4, 3)
-    wanted = [
-        [kullback_leibler(a, A, b, B) for b, B in zip(*q[1:], strict=True)]
-        for a, A in zip(*p[1:], strict=True)
-    ]
-    np.testing.assert_allclose(divergences(p.m, p.P, q.m, q.P), wanted, rtol=1e-11)
-    assert (np.diag(divergences(p.m, p.P, p.m, p.P)) <= 1e-14).all()
-
-
-def test_clusters_end_where_each_component_is_nearest_to_its_own_and_the_cost_has_fallen():
-    for seed in range(20):
-        p = random_mixture(seed, 14, 2, spread=1.5)
-        start = np.arange(14) % 4
-        group = cluster_by_divergence(p, start, 4)
-        assert set(group) == {0, 1, 2, 3} and start.tolist() == (np.arange(14) % 4).tolist()
-        parts = [collapsed(take(p, group == j)) for j in range(4)]
-        table = np.array(
-            [[kullback_leibler(m, P, q.m[0], q.P[0]) for q in parts] for m, P in zip(*p[1:], strict=True)]
-        )
-        alone = np.bincount(group)[group] == 1
-        assert (table[np.arange(14), group] <= table.min(axis=1) + 1e-12)[~alone].all()
-        costs = [sum(reference.merge_cost(*take(p, g == j)) for j in range(4)) for g in (start, group)]
-        assert costs[1] <= costs[0]
-
-
-def test_a_clustering_that_does_not_settle_is_told(monkeypatch):
-    monkeypatch.setattr(
-        "gmr_gym.reduction.kl_clustering._lloyd", lambda w, m, P, group, count: (group, False)
-    )
-    with pytest.warns(UserWarning, match="divergence has stopped at its limit of 100 iterations"):
-        gmrc(random_mixture(0, 6, 2), 3)
