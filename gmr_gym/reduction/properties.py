@@ -50,7 +50,7 @@ PROPERTIES = {
        for measure in ("isd", "correlation", "runnalls")},
     "transportation": _BY_PAIRS,
     "dphem": _BY_PAIRS._replace(matches=False),
-    "brute-force": Properties(MOMENTS, AFFINE, "S(N, L) L^2 + 4^N d^2", most=12),
+    "brute-force": Properties(MOMENTS, AFFINE, "S(N, L) L + 3^N d^3", most=12),
     "transportation-optimum": Properties(MOMENTS, AFFINE, "3^N L", most=14),
     "refine": _FITTED._replace(work="N L d^3"),
     "gmrc": _FITTED,

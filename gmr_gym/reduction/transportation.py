@@ -126,7 +126,7 @@ def transportation_objective(
     >>> from gmr_gym.mixture import mixture
     >>> p = mixture([0.25, 0.25, 0.5], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3)
     >>> transportation_objective(p, 2).round(4).tolist()
-    [0.1733, 0.1733]
+    [0.1733]
     """
     _, _, best = _best(p, components, cost, entropy, starts)
     return np.zeros(1) if best is None else best.objective
@@ -201,28 +201,30 @@ def descent(p: Mixture, group: np.ndarray, cost: str, temperature: float, weight
     weighted : bool
         Whether parts are proportional to the weights of the Gaussians, too, as in `dphem`.
     """
-    step, w, objective = stepping(cost, p), at_unit(p.w), [np.inf]
+    step, w, objective = stepping(cost, p), at_unit(p.w), []
     share = shares(w, group)
     v, c, S, table, exact = step(share)
-    settled = False
-    while not settled and len(objective) <= SWEEPS:
-        share, value = share_out(table, w, v, temperature, weighted)
+    while len(objective) < SWEEPS:
+        fresh, value = share_out(table, w, v, temperature, weighted)
+        least_fall = CONVERGED * (abs(value) + temperature * w.sum())
+        if objective and not objective[-1] - value > least_fall:
+            break
+        share = fresh
+        objective.append(value)
         v, *new, new_exact = step(share)
+        exact &= new_exact
         if cost == "kl":  # whose barycentre is sure to be the least
             c, S, table = new
         else:
             keep_better(share, c, S, table, *new)
-        settled = not objective[-1] - value > CONVERGED * (abs(value) + temperature * w.sum())
-        exact &= new_exact
-        objective.append(value)
-    if not settled:
+    else:
         warn_unfinished("the descent of the transportation divergence", SWEEPS)
     if not exact:
         warn_unfinished(f"the barycentre by {cost}", STEPS)
     unit = p.w.max() / w.max()
     left = v > 0
     reduced = definite(Mixture(unit * v[left], c[left], S[left]))
-    return Descent(reduced, share[left], unit * np.array(objective[1:]))
+    return Descent(reduced, share[left], unit * np.array(objective))
 
 
 def stepping(cost: str, p: Mixture) -> Callable[[np.ndarray], tuple]:
