@@ -15,8 +15,8 @@ from learner import RECURRENT, Run, collected, settings
 from recurrent import remembering
 from stable_baselines3.common.callbacks import ProgressBarCallback
 
-from gmr_gym.envs.lookup import key_values
 from gmr_gym.experiments.output import write_rows
+from gmr_gym.literals import key_values
 from gmr_gym.tuning.network import save
 from gmr_gym.tuning.policies import ByNetwork
 

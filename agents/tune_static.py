@@ -25,7 +25,7 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import TrialState
 
-from gmr_gym.envs.lookup import key_values
+from gmr_gym.literals import key_values
 from gmr_gym.tuning.features import model_features
 from gmr_gym.tuning.instances import instances, world
 from gmr_gym.tuning.policies import ByTable, Constant, Rule, Schedule

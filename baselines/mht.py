@@ -30,7 +30,8 @@ from gmr_gym.models.model import Model, check_one_motion
 from gmr_gym.reduction import ise as williams
 from gmr_gym.reduction import salmond_west
 from gmr_gym.reduction.protocol import Reduced, check_reduced
-from gmr_gym.reduction.runnalls import Greedy, greedy
+from gmr_gym.reduction.registry import reducer
+from gmr_gym.reduction.runnalls import Greedy, compilable, greedy
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,37 @@ def _scan(told, belief, z):
     w, m, P, mean, covariance = estimate_scan(w, m, P, *limits)
     report = Report(mean, covariance, Gates(centres, S, threshold), Mixture(w, m, P), True, ONE_MODE)
     return (w, m, P), report, hits
+
+
+def mht(
+    model: Model,
+    components: int = 30,
+    reduction: str = "runnalls",
+    prune_weight: float = 5e-4,
+    prune_density: float = 1e-10,
+) -> Mht:
+    """MHT reduced to `components` by any reduction.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int
+        Most hypotheses after the reduction.
+    reduction : str
+        Name of a reduction, see `gmr_gym.reduction.registry`, as it is or with parameters of its own:
+        "salmond:distance=0.1".
+    prune_weight : float
+        gamma: hypotheses of less weight are pruned before the reduction.
+    prune_density : float
+        gamma~: hypotheses whose weight over the square root of the determinant is less are pruned after it;
+        in s^2/m^4 for a planar position and velocity.
+
+    Returns
+    -------
+    Mht
+    """
+    return Mht(model, compilable(reducer(reduction, components)), prune_weight, prune_density)
 
 
 def capping(model: Model, components: int = 30, prune_weight: float = 0.0, prune_density: float = 0.0) -> Mht:

@@ -19,7 +19,7 @@ copyright = author
 version = release
 extensions = [
     "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "numpydoc", "sphinx_design",
-    "sphinx_copybutton", "ages", "datasheets", "mathml", "pages", "rooms",
+    "sphinx_copybutton", "ages", "datasheets", "mathml", "pages", "reductions", "rooms",
 ]  # fmt: skip
 exclude_patterns = ["static", "extensions", "results", "pages"]
 

@@ -26,7 +26,8 @@ def figures_table(tables: Sequence[Mapping[str, Any]], columns: Sequence[str]) -
         for row in table["rows"]
     ]
     return piped(
-        ["table"] * (len(tables) > 1) + ["tracker", *(HEADINGS.get(metric, metric) for metric in columns)],
+        ["table"] * (len(tables) > 1)
+        + [tables[0].get("of", "tracker"), *(HEADINGS.get(metric, metric) for metric in columns)],
         rows,
     )
 

@@ -11,13 +11,37 @@ from gmr_gym.deprecated import warn_renamed
 GROUP, MULTI_TARGET_GROUP = "gmr_gym.trackers", "gmr_gym.multi_target_trackers"
 FORMER_GROUP = "gmr_gym.crowd_trackers"  # of MULTI_TARGET_GROUP
 REDUCTION_GROUP = "gmr_gym.reductions"
-REDUCTIONS = (
-    "runnalls", "greedy-isd", "adaptive", "ise", "ise-unscaled", "salmond", "west", "capping", "k-means",
-    "k-medoids-isd", "k-medoids-correlation", "k-medoids-runnalls",
-    "average-isd", "average-correlation", "average-runnalls",
-    "complete-isd", "complete-correlation", "complete-runnalls",
-    "single-isd", "single-correlation", "single-runnalls",
-)  # fmt: skip
+REDUCTIONS = {  # each with what it does
+    "runnalls": "merges the pair of least cost B, a bound on the Kullback-Leibler divergence",
+    "greedy-isd": "merges by moments the pair that changes the mixture least by integral squared difference",
+    "adaptive": "runnalls while the relative loss is within loss_bound, and down to the components asked for",
+    "ise": "Williams: merges a pair or deletes a component, for the least integral squared error",
+    "ise-unscaled": "ise without rescaling the others after a deletion",
+    "salmond": "joins the pair nearest relative to the covariance of the whole mixture",
+    "west": "merges the lightest component with its nearest neighbour",
+    "capping": "keeps the heaviest components and drops the others",
+    "k-means": "clusters the means by Lloyd's weighted k-means, and merges each cluster",
+    "k-medoids-isd": "clusters around medoids by integral squared difference",
+    "k-medoids-correlation": "clusters around medoids by correlation of the densities",
+    "k-medoids-runnalls": "clusters around medoids by cost B",
+    "average-isd": "merges the clusters of least mean integral squared difference of their members",
+    "average-correlation": "merges the clusters of least mean uncorrelatedness of their members",
+    "average-runnalls": "merges the clusters of least mean cost B of their members",
+    "complete-isd": "merges the clusters whose farthest members are nearest, by integral squared difference",
+    "complete-correlation": "merges the clusters whose farthest members are nearest, by correlation",
+    "complete-runnalls": "merges the clusters whose farthest members are nearest, by cost B",
+    "single-isd": "merges the clusters whose nearest members are nearest, by integral squared difference",
+    "single-correlation": "merges the clusters whose nearest members are nearest, by correlation",
+    "single-runnalls": "merges the clusters whose nearest members are nearest, by cost B",
+    "transportation": "k-means of components by several costs: descends their transportation divergence",
+    "dphem": "expectation maximisation on virtual samples of the components, which several may share",
+    "brute-force": "the partition of least integral squared error; for 12 components or fewer",
+    "transportation-optimum": "the partition of least transportation divergence; for 14 components or fewer",
+    "refine": "descends the integral squared error from what another reduction leaves",
+    "gmrc": "runnalls, clustering by Kullback-Leibler divergence, and descent of the integral squared error",
+    "refit": "another reduction, and then the weights of least integral squared error",
+    "cowa": "merges the lightest with its nearest, and fits the weights for the least integral squared error",
+}
 BACKENDS = ("loky", "dask", "ray")  # what shares runs among processes
 
 
@@ -28,11 +52,16 @@ def reduction_entry_points() -> dict[str, EntryPoint]:
 
 def reductions() -> tuple[str, ...]:
     """Names of all reductions: `REDUCTIONS`, then what installed packages add, sorted."""
-    return (*REDUCTIONS, *sorted(reduction_entry_points().keys() - {*REDUCTIONS}))
+    return tuple(described_reductions())
+
+
+def described_reductions() -> dict[str, str]:
+    """What each of `reductions` does, of what installed packages add as `described` has it."""
+    return REDUCTIONS | described(REDUCTION_GROUP) | REDUCTIONS  # first, and the project's own
 
 
 def tracker_entry_points(group: str) -> dict[str, EntryPoint]:
-    """Entry points by name of all trackers that installed packages offer in the group."""
+    """Entry points by name of all that installed packages offer in the group."""
     known = {point.name: point for point in entry_points(group=group)}
     if group == MULTI_TARGET_GROUP:
         for point in entry_points(group=FORMER_GROUP):
@@ -42,8 +71,8 @@ def tracker_entry_points(group: str) -> dict[str, EntryPoint]:
 
 
 def described(group: str) -> dict[str, str]:
-    """Names of the installed trackers of a group, sorted, each with the first paragraph of the docstring that
-    its module's source has for it: empty where that is not defined there by `def` or `class`."""
+    """Names of what is installed in a group, sorted, each with the first paragraph of the docstring that its
+    module's source has for it: empty where that is not defined there by `def` or `class`."""
     docstrings: dict[str, dict[str, str]] = {}
     found = {}
     for name, point in sorted(tracker_entry_points(group).items()):

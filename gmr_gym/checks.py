@@ -213,6 +213,13 @@ def check_count(count: int, name: str = "components") -> int:
     return min(int(count), UNLIMITED)
 
 
+def check_flag(name: str, value: bool) -> bool:
+    """The value; ValueError naming the argument unless it is True or False."""
+    if not isinstance(value, bool):
+        raise ValueError(f"{name} must be True or False, got {value!r}")
+    return value
+
+
 def check_not_negative(name: str, value: float) -> float:
     """The threshold as a float; ValueError naming the argument unless it is a number of at least 0."""
     if not isinstance(value, Real) or not value >= 0:

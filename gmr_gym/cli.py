@@ -11,13 +11,14 @@ from typing import Annotated, Any
 
 import typer
 
-from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described, reductions
+from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described, described_reductions
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.registry import ABOUT, READY, TUNING
 from gmr_gym.experiments.detection_options import ALL_GROUPS, INPUT_GROUPS, takes
 from gmr_gym.experiments.options import (
     TARGETS,
     Backend,
+    Compared,
     EnvId,
     Environments,
     Example,
@@ -77,7 +78,7 @@ def list_() -> None:
         ("segments of gmr_gym/RecordedFlight-v0", dict.fromkeys(flight_names(), "")),
         ("trackers", described(GROUP)),
         ("trackers of many targets", described(MULTI_TARGET_GROUP)),
-        ("reductions, as in mmg-15:reduction=runnalls", dict.fromkeys(reductions(), "")),
+        ("reductions, as in mmg-15:reduction=runnalls", described_reductions()),
         ("papers", PAPERS),
     ):
         screen.print(f"[bold]{title}[/bold]")
@@ -110,9 +111,10 @@ def evaluate(
     """Trackers on the same episodes of an environment, with intervals and paired differences."""
     from gmr_gym.envs import lookup
     from gmr_gym.experiments import evaluating, figures, formats, records, specs, sweeps
+    from gmr_gym.literals import key_values
 
     part = sweeps.shard_of(shard, out)
-    world = lookup.key_values(settings)
+    world = key_values(settings)
     specs.check_once("--tracker", tracker)
     specs.check_once("--metric", metric)
     scenario = lookup.scenario_of(env_id, world)
@@ -261,7 +263,7 @@ def reproduce(
     table = [name for name in known if name in table]  # in whatever order they were typed
     part, usual = sweeps.shard_of(shard, out), asked_for.tables[0].runs
     runs, names = runs or usual, table or list(known)
-    entries = [running.with_trackers(known[name], tracker) for name in names]
+    entries = [known[name].with_rows(tracker) for name in names]
     trackers = {entry.name: entry.trackers for entry in entries}
     asked = records.question(paper=paper, asked=names, trackers=trackers, runs=runs, seed=seed)
     root = out or Path("results") / paper
@@ -323,8 +325,9 @@ def watch(
     ] = Path("episode.html"),
 ) -> None:
     """One episode as a page, film or picture: detections, gates, hypotheses and their merging, estimates."""
-    from gmr_gym.envs.lookup import key_values, scenario_of
+    from gmr_gym.envs.lookup import scenario_of
     from gmr_gym.experiments import specs
+    from gmr_gym.literals import key_values
     from gmr_gym.replay import record, write_page
     from gmr_gym.replay.film import FILMS, FPS, PICTURES, film
     from gmr_gym.replay.lineup import trackers_of
@@ -377,28 +380,37 @@ def reduce(
         typer.Option(
             "--method",
             help="NAME or NAME:key=value,key=value of a reduction; repeatable, to 4; runnalls unless given",
-            autocompletion=completing(dict.fromkeys(reductions(), "")),
+            autocompletion=completing(described_reductions()),
         ),
     ] = [],  # noqa: B006
     example: Example = None,
+    compare: Compared = None,
     components: Annotated[
         int | None,
         typer.Option("--components", help="how many remain; half of them unless given, and 1 on a page"),
     ] = None,
     axes: Annotated[
-        str, typer.Option("--axes", help="two coordinates that a page draws; 1,2 unless given")
+        str, typer.Option("--axes", help="two coordinates that are drawn; 1,2 unless given")
     ] = "",
     out: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             "--out",
-            help="a page, .html, of every step; or the mixture reduced by one method, .json, .npz or .csv",
+            help="a page, .html, of every step, reduction.html unless given; a picture, .png or .svg; or the "
+            "mixture reduced by one method, .json, .npz or .csv",
         ),
-    ] = Path("reduction.html"),
+    ] = None,
 ) -> None:
     """A mixture reduced by several methods: what each loses and takes, and every merge to watch."""
     from gmr_gym.experiments import reducing, specs
 
+    if compare:
+        for option, given in (("--method", method), ("--axes", axes), ("--out", out)):
+            if given:
+                raise ValueError(f"{option} is not for --compare, which takes all and writes nothing")
+        _show(reducing.comparison(*reducing.mixture_asked(file, example), components))
+        return
+    out = out or Path("reduction.html")
     specs.check_ending("--out", out, *reducing.ENDINGS)
     specs.check_writable(out, beside=file)
     specs.check_once("--method", method)
@@ -419,14 +431,14 @@ def record(
 ) -> None:
     """One episode's detections in a file, as `track` reads them; of a radar in range and angles, which it
     does not."""
-    from gmr_gym.envs import lookup
     from gmr_gym.experiments import specs
     from gmr_gym.experiments.tracks import record_episode
+    from gmr_gym.literals import key_values
 
     specs.check_writable(out, truth)
     specs.check_ending("--out", out, ".csv")
     specs.check_ending("--truth", truth, ".csv")
-    scenario = specs.single_target(env_id, lookup.key_values(settings))
+    scenario = specs.single_target(env_id, key_values(settings))
     record_episode(
         scenario, tracker or ("imm-pda" if len(scenario.model.motions) > 1 else "pda"), seed, out, truth
     )

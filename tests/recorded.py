@@ -26,6 +26,7 @@ from gmr_gym.evaluation.multi_target_runs import run_multi_target_once
 from gmr_gym.filters.registry import MULTI_TARGET_GROUP, trackers
 from gmr_gym.mixture import Mixture, mixture, moments
 from gmr_gym.reduction.distances import integral_squared_difference
+from gmr_gym.reduction.properties import PROPERTIES
 from gmr_gym.reduction.pruning import prune, prune_and_cap, prune_density
 from gmr_gym.reduction.registry import REDUCERS
 from gmr_gym.reduction.runnalls import adaptive
@@ -71,7 +72,8 @@ def reductions() -> Iterator[tuple[str, Callable[[], list]]]:
         "prune-density": partial(prune_density, density=1e-3),
         "heaviest": partial(prune_and_cap, weight=1e-3, max_components=7),
     }
-    named = {name: partial(reduce, components=5) for name, reduce in REDUCERS.items()}
+    known = [name for name in REDUCERS if PROPERTIES[name].most is None]
+    named = {name: partial(REDUCERS[name], components=5) for name in known}
     for label, p in examples():
         for name, reduce in {**named, **own}.items():
             yield f"reduction {name} {label}", partial(reduced, reduce, p)

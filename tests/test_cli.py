@@ -23,7 +23,7 @@ from gmr_gym.catalogue import BACKENDS, REDUCTIONS
 from gmr_gym.cli import PAPERS, main
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.episodic import settings
-from gmr_gym.envs.lookup import key_value, scenario_of, tracker_of
+from gmr_gym.envs.lookup import scenario_of, tracker_of
 from gmr_gym.envs.registry import ABOUT, ENVIRONMENTS, TRACKED
 from gmr_gym.evaluation import recordings as detections
 from gmr_gym.evaluation import workers
@@ -34,6 +34,7 @@ from gmr_gym.evaluation.summary import FEWEST, summary
 from gmr_gym.experiments.mixtures import crouse, read_mixture
 from gmr_gym.experiments.output import RUN_COLUMNS, write_runs
 from gmr_gym.filters.registry import GROUP, MULTI_TARGET_GROUP, make_tracker, trackers
+from gmr_gym.literals import key_value
 from gmr_gym.reduction.registry import REDUCERS, reducer
 from gmr_gym.replay import lineup, reduction_page
 from gmr_gym.scenarios.dortenzio import turning_target
@@ -75,8 +76,8 @@ def test_list_shows_every_environment_segment_tracker_reduction_and_paper(call):
         else:
             title = line
             shown[title] = {}
-    segments, reductions = (dict.fromkeys(names, "") for names in (flight_names(), REDUCERS))
-    wanted = [ABOUT, segments, trackers(), trackers(MULTI_TARGET_GROUP), reductions, PAPERS]
+    segments = dict.fromkeys(flight_names(), "")
+    wanted = [ABOUT, segments, trackers(), trackers(MULTI_TARGET_GROUP), REDUCTIONS, PAPERS]
     assert code == 0 and list(shown.values()) == wanted
     assert {"environments", "trackers", "papers"} <= set(shown)
     assert tuple(ABOUT) == ENVIRONMENTS
@@ -158,7 +159,8 @@ def test_a_shell_completes_a_papers_tables():
 
 
 def test_the_names_that_are_listed_are_those_of_the_library():
-    assert REDUCTIONS == tuple(REDUCERS) and tuple(workers.BACKENDS) == BACKENDS
+    assert [*REDUCTIONS] == [*REDUCERS] and all(REDUCTIONS.values())
+    assert tuple(workers.BACKENDS) == BACKENDS
 
 
 def test_help_shows_what_can_be_chosen(call):
@@ -434,6 +436,30 @@ def test_reduce_writes_the_mixture_that_one_method_leaves(call):
     np.testing.assert_array_equal(read_mixture(Path("q.json")).m, reducer("runnalls", 3)(q)[0].m)
 
 
+def test_reduce_draws_what_methods_leave(call):
+    for example, out in (("crouse", "p.png"), ("random", "p.svg")):
+        words = "reduce", "--example", example, "--method", "runnalls", "--method", "salmond:distance=0.1"
+        code, printed, _ = call(*words, "--out", out)
+        assert code == 0 and f"written to {out}" in printed and "salmond:distance=0.1" in printed
+    with Image.open("p.png") as picture:
+        assert picture.width > 1000
+    drawn = Path("p.svg").read_text(encoding="utf-8")
+    assert drawn.count("<use ") > 2 * (10 + 5)  # a mark at every mean
+
+
+def test_reduce_compares_every_reduction_and_says_which_cannot(call, monkeypatch):
+    def never(p, components):
+        raise ValueError("not this one")
+
+    monkeypatch.setattr("gmr_gym.experiments.reducing.reductions", lambda: ("west", "never", "ise"))
+    monkeypatch.setitem(REDUCERS, "never", never)
+    code, printed, errors = call(*CROUSE, "--compare", "all", "--components", 4)
+    _, *rows = (line.split("|")[1:3] for line in printed.splitlines() if line.startswith("|"))
+    assert code == 0 and [[cell.strip() for cell in row] for row in rows] == [["ise", "4"], ["west", "4"]]
+    assert "never cannot: not this one" in printed and "reducing: 3 of 3" in errors
+    assert not Path("reduction.html").exists()
+
+
 def test_record_writes_the_detections_and_the_truth_of_the_episode(call):
     code, _, _ = call(
         "record", TURNING, "--set", "horizon=6", "--seed", 5, "--out", "z.csv", "--truth", "x.csv"
@@ -636,11 +662,21 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
         (("reduce", "p.txt"), "MIXTURE must end in .json or .npz or .csv, got 'p.txt'"),
         (("reduce", "missing.csv"), "error: missing.csv: no such file or directory"),
         (("reduce", "z.csv"), "z.csv: expected the header w,m1,P11, got 'time,x,y'"),
-        ((*CROUSE, "--out", "p.txt"), "--out must end in .html or .json or .npz or .csv, got 'p.txt'"),
+        (
+            (*CROUSE, "--out", "p.txt"),
+            "--out must end in .html or .png or .svg or .json or .npz or .csv, got 'p.txt'",
+        ),
+        ((*CROUSE, "--compare", "some"), "unknown reductions to compare 'some'; choose all"),
+        ((*CROUSE, "--compare", "all", "--out", "p.csv"), "--out is not for --compare, which takes all"),
+        ((*CROUSE, "--compare", "all", "--method", "west"), "--method is not for --compare, which takes"),
+        (
+            (*CROUSE, *(word for i in range(5) for word in ("--method", f"salmond:distance={i}"))),
+            "--method is given 5 times, and reduction.html takes 4",
+        ),
         ((*CROUSE, "--components", 11), "--components must be from 1 to the 10 of crouse, got 11"),
         ((*CROUSE, "--method", "wst"), "unknown reduction 'wst'; did you mean 'west'?"),
         ((*CROUSE, "--axes", "1,2"), "--axes is for coordinates of more than one dimension"),
-        ((*CROUSE, "--axes", "1,2", "--out", "p.csv"), "--axes is for a page, and p.csv is a mixture"),
+        ((*CROUSE, "--axes", "1,2", "--out", "p.csv"), "--axes is for a page or a picture, and p.csv is a"),
         (
             ("reduce", "--example", "posterior", "--axes", "0,1"),
             "--axes must be two different ones of 1 to 4",

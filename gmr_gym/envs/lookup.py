@@ -1,7 +1,6 @@
 """Scenarios and trackers by what a user types."""
 
-import ast
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from difflib import get_close_matches
 from importlib import import_module
 from typing import Any
@@ -11,6 +10,7 @@ import gymnasium as gym
 from gmr_gym.envs.episodic import make_scenario
 from gmr_gym.envs.registry import ENVIRONMENTS, TRACKED
 from gmr_gym.filters.registry import make_tracker
+from gmr_gym.literals import key_values
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 from gmr_gym.simulation.single_target import Scenario
 
@@ -62,31 +62,6 @@ def scenario_of(env_id: str, settings: Mapping[str, Any]) -> Any:
             f"{env_id} is not a tracking environment: no tracker runs in it; choose from {', '.join(TRACKED)}"
         )
     return scenario
-
-
-def key_value(text: str) -> tuple[str, Any]:
-    """key=value with the value read as a Python literal where it is one."""
-    key, sign, value = text.partition("=")
-    if not sign or not key:
-        raise ValueError(f"expected key=value, got {text!r}")
-    for read in (ast.literal_eval, float):  # float reads nan and inf, which are then refused by name
-        try:
-            return key, read(value)
-        except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):  # two of deep nesting
-            pass
-    if value.startswith(("[", "(", "{")):
-        raise ValueError(f"{key} cannot be read as a list: {value}")
-    return key, value
-
-
-def key_values(texts: Iterable[str]) -> dict[str, Any]:
-    """Values by key, of key=value each; ValueError for a key that is there twice."""
-    found: dict[str, Any] = {}
-    for key, value in map(key_value, texts):
-        if key in found:
-            raise ValueError(f"{key} is given twice, as {found[key]!r} and as {value!r}")
-        found[key] = value
-    return found
 
 
 def parsed(spec: str) -> tuple[str, dict[str, Any]]:

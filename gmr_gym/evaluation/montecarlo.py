@@ -12,7 +12,9 @@ from threadpoolctl import threadpool_limits
 
 from gmr_gym.evaluation import batch, blocks, source, workers
 from gmr_gym.evaluation.loop import is_off_target, play
+from gmr_gym.evaluation.mixture_problems import MixtureProblem
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns, run_multi_target_once
+from gmr_gym.evaluation.reduction_runs import ReductionRuns, run_reduction_once
 from gmr_gym.filters.tracker import Tracker
 from gmr_gym.models.gating import gate_statistics
 from gmr_gym.simulation.multi_target import MultiTargetScenario
@@ -21,6 +23,7 @@ from gmr_gym.version import __version__
 
 BLOCK = 20  # runs in one task, and in one file on disk
 BATCH_FROM = 500  # runs from which compiling the call for a whole block pays off
+Problem = Scenario | MultiTargetScenario | MixtureProblem  # what runs are of
 _ALONE = Lock()  # the limit on a worker's threads is shared by them: one block at a time
 
 
@@ -39,7 +42,7 @@ class Runs(NamedTuple):
 
 
 def run(
-    scenario: Scenario | MultiTargetScenario,
+    scenario: Problem,
     trackers: Mapping[str, Any],
     runs: int,
     seed: int = 0,
@@ -50,15 +53,16 @@ def run(
     backend: str = "loky",
     scheduler: str | None = None,
 ) -> dict[str, Any]:
-    """Run every tracker through the same `runs` episodes.
+    """Run every tracker through the same `runs` episodes, or every reduction on the same mixtures.
 
     Run i draws its episode from (seed, i) alone, whatever the tracker and the number of runs or workers. The
     results are equal to the last bit on any number of workers, `seconds` apart.
 
     Parameters
     ----------
-    scenario : Scenario or MultiTargetScenario
+    scenario : Scenario, MultiTargetScenario or MixtureProblem
     trackers : mapping of str to Tracker
+        Of a MixtureProblem, reductions of a mixture.
     runs : int
     seed : int
     jobs : int
@@ -75,7 +79,7 @@ def run(
 
     Returns
     -------
-    dict of str to Runs or MultiTargetRuns
+    dict of str to Runs, MultiTargetRuns or ReductionRuns
 
     Raises
     ------
@@ -115,7 +119,7 @@ def run(
 
 
 def run_shard(
-    scenario: Scenario | MultiTargetScenario,
+    scenario: Problem,
     trackers: Mapping[str, Any],
     runs: int,
     seed: int = 0,
@@ -213,7 +217,7 @@ def run_once(
 class _Sweep(NamedTuple):
     """The arguments of `run`."""
 
-    scenario: Scenario | MultiTargetScenario
+    scenario: Problem
     trackers: Mapping[str, Any]
     runs: int
     seed: int
@@ -314,11 +318,15 @@ def _played(scenario, tracker, seeds, together, scans=None):
     return _joined(Runs, np.concatenate, [runs, others])
 
 
-def _once(scenario: Scenario | MultiTargetScenario) -> Callable:
+def _once(scenario: Problem) -> Callable:
+    if isinstance(scenario, MixtureProblem):
+        return run_reduction_once
     return run_multi_target_once if isinstance(scenario, MultiTargetScenario) else run_once
 
 
-def _kind(scenario: Scenario | MultiTargetScenario) -> type:
+def _kind(scenario: Problem) -> type:
+    if isinstance(scenario, MixtureProblem):
+        return ReductionRuns
     return MultiTargetRuns if isinstance(scenario, MultiTargetScenario) else Runs
 
 

@@ -34,6 +34,10 @@ class Cost(NamedTuple):
         Kullback-Leibler divergence of the original from the reduced mixture, both normalised.
     standard_error : float
         Of the divergence where it is estimated; 0 in one dimension.
+    reverse_divergence : float
+        Kullback-Leibler divergence of the reduced mixture from the original, both normalised.
+    reverse_standard_error : float
+        Of that.
     seconds : float
         Time of a call.
     """
@@ -43,6 +47,8 @@ class Cost(NamedTuple):
     nise: float
     divergence: float
     standard_error: float
+    reverse_divergence: float
+    reverse_standard_error: float
     seconds: float
 
 
@@ -92,7 +98,7 @@ def cost(p: Mixture, reduce: Callable[[Mixture], Reduced]) -> Cost:
     q, _ = reduced(p, reduce)
     return Cost(
         len(q.w), integral_squared_difference(p, q), normalised_integral_squared_difference(p, q),
-        *divergence(p, q), _seconds(p, reduce),
+        *divergence(p, q), *divergence(q, p), _seconds(p, reduce),
     )  # fmt: skip
 
 
@@ -112,18 +118,23 @@ def reduced(p: Mixture, reduce: Callable[[Mixture], Reduced]) -> Reduced:
     return result
 
 
-def divergence(p: Mixture, q: Mixture) -> tuple[float, float]:
+def divergence(p: Mixture, q: Mixture, samples: int = SAMPLES) -> tuple[float, float]:
     r"""Kullback-Leibler divergence of p from q, both normalised, and its standard error.
+
+    Of an original f and the reduced g, `divergence(f, g)` is large where g has forgotten mass of f, and
+    `divergence(g, f)` where g has put mass where f has none.
 
     Parameters
     ----------
     p, q : Mixture
         Of the same dimension.
+    samples : int
+        Points that estimate it in more than one dimension.
 
     Returns
     -------
     divergence : float
-        By quadrature in one dimension, else the mean over `SAMPLES` points drawn from p, always the same.
+        By quadrature in one dimension, else the mean over points drawn from p, always the same.
     standard_error : float
         0 by quadrature.
 
@@ -140,12 +151,12 @@ def divergence(p: Mixture, q: Mixture) -> tuple[float, float]:
     >>> round(kl, 9), error
     (0.5, 0.0)
     """
-    p, q = normalised(checked(p)), normalised(checked(q, "q."))
+    p, q, samples = normalised(checked(p)), normalised(checked(q, "q.")), check_count(samples, "samples")
     if p.m.shape[1] == 1:
         x, weight = _nodes(p, q)
         log_p = log_density(p, x)
         return float(weight @ (np.exp(log_p) * (log_p - log_density(q, x)))), 0.0
-    x = _samples(p)
+    x = _samples(p, samples)
     ratio = log_density(p, x) - log_density(q, x)
     return float(ratio.mean()), float(ratio.std(ddof=1) / np.sqrt(len(x)))
 
@@ -217,12 +228,12 @@ def _nodes(p: Mixture, q: Mixture) -> tuple[np.ndarray, np.ndarray]:
     return (edges[:-1, None] + half * (1 + x)).reshape(-1, 1), (half * weight).ravel()
 
 
-def _samples(p: Mixture) -> np.ndarray:
-    """Points (k, d) drawn from a mixture whose weights sum to 1, always the same."""
+def _samples(p: Mixture, count: int) -> np.ndarray:
+    """Points (count, d) drawn from a mixture whose weights sum to 1, always the same."""
     rng = np.random.default_rng(0)
-    i = rng.choice(len(p.w), SAMPLES, p=p.w)
+    i = rng.choice(len(p.w), count, p=p.w)
     L = np.linalg.cholesky(p.P)
-    return p.m[i] + np.einsum("nij,nj->ni", L[i], rng.standard_normal((SAMPLES, p.m.shape[1])))
+    return p.m[i] + np.einsum("nij,nj->ni", L[i], rng.standard_normal((count, p.m.shape[1])))
 
 
 def _seconds(p: Mixture, reduce: Callable[[Mixture], Reduced]) -> float:

@@ -78,7 +78,11 @@ def _file(module: str) -> str | None:
 
 
 def _things(tracker) -> Iterator[Callable]:
-    """The class of a tracker and the functions it holds, and those of the trackers it holds."""
+    """The class of a tracker and the functions it holds, and those of the trackers it holds; the function of
+    a reduction."""
+    if isinstance(tracker, partial):  # a reduction
+        yield from _functions(tracker)
+        return
     yield type(tracker)
     for field in getattr(tracker, "__dataclass_fields__", ()):
         part = getattr(tracker, field, None)

@@ -35,6 +35,9 @@ METRICS = {
     **{part: Metric(part, "m^2") for part in ("localisation", "missed", "false")},
     "cardinality_bias": Metric("named less there"), "cardinality_error": Metric("number wrong by"),
     "wasserstein": Metric("Wasserstein", "m"), "wasserstein_printed": Metric("Wasserstein by eq. 41", "m"),
+    "ise": Metric("ISE"), "ise_median": Metric("median ISE"), "nise": Metric("NISE"),
+    "divergence": Metric("KL(f||g)"), "reverse_divergence": Metric("KL(g||f)"),
+    "time_per_reduction": Metric("time a call", *TIME),
     "wasserstein_undefined": Metric("without one", *SHARE), "density_error": Metric("clutter wrong by"),
 }  # fmt: skip
 HEADINGS = {

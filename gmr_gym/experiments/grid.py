@@ -7,7 +7,7 @@ from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gmr_gym.envs.lookup import key_value, scenario_of, tracker_of
+from gmr_gym.envs.lookup import scenario_of, tracker_of
 from gmr_gym.experiments.evaluating import figures_of, judged
 from gmr_gym.experiments.figures import cell_name, heading, legend
 from gmr_gym.experiments.output import run_rows, write_csv, write_json, write_rows
@@ -15,6 +15,7 @@ from gmr_gym.experiments.records import answered
 from gmr_gym.experiments.sheets import Sheet, figure_of, notes, shown
 from gmr_gym.experiments.specs import complete
 from gmr_gym.experiments.sweeps import Sweep, Work, runs_shown
+from gmr_gym.literals import key_value
 
 MOST = 1000  # settings of a grid that is run without being asked about
 WIDEST = 8  # panels beside one another

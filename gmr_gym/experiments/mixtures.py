@@ -1,8 +1,9 @@
-"""Mixtures in files, JSON, .npz or CSV, and two to try reductions on."""
+"""Mixtures in files, JSON, .npz or CSV, and some to try reductions on."""
 
 import csv
 import json
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 from gmr_gym.checks import check_covariance, doubles
 from gmr_gym.evaluation import archive
 from gmr_gym.evaluation.loop import play
+from gmr_gym.evaluation.mixture_problems import crouse, random_mixture
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.mixture import Mixture, mixture, normalised
@@ -94,20 +96,6 @@ def header(d: int) -> list[str]:
     return ["w", *(f"m{i + 1}" for i in range(d)), *(f"P{i + 1}{j + 1}" for i, j in triangle)]
 
 
-def crouse() -> Mixture:
-    """A mixture of ten components in one dimension.
-
-    References
-    ----------
-    Crouse, Willett, Pattipati and Svensson, A look at Gaussian mixture reduction algorithms, FUSION 2011,
-    fig. 1.
-    """
-    w = [0.03, 0.18, 0.12, 0.19, 0.02, 0.16, 0.06, 0.10, 0.08, 0.06]
-    m = [1.45, 2.20, 0.67, 0.48, 1.49, 0.91, 1.01, 1.42, 2.77, 0.89]
-    P = [0.0487, 0.0305, 0.1171, 0.0174, 0.0295, 0.0102, 0.0323, 0.0380, 0.0115, 0.0679]
-    return mixture(w, np.array(m)[:, None], np.array(P)[:, None, None])
-
-
 def posterior(seed: int = 0) -> Mixture:
     """The heaviest hypotheses of a turning target in dense clutter before their reduction, at scan 20 of an
     episode: positions (m) and velocities (m/s).
@@ -124,7 +112,11 @@ def posterior(seed: int = 0) -> Mixture:
     return normalised(prune_and_cap(trace.full, LEAST_WEIGHT, MOST)[0])
 
 
-EXAMPLES: dict[str, Callable[[], Mixture]] = {"crouse": crouse, "posterior": posterior}
+EXAMPLES: dict[str, Callable[[], Mixture]] = {
+    "crouse": crouse,
+    "posterior": posterior,
+    "random": partial(random_mixture, 0),
+}
 
 
 def _from_json(file: Path) -> tuple[Sequence, ...]:

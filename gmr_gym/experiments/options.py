@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from gmr_gym.catalogue import BACKENDS, GROUP, MULTI_TARGET_GROUP, described, reductions
+from gmr_gym.catalogue import BACKENDS, GROUP, MULTI_TARGET_GROUP, described, described_reductions
 from gmr_gym.envs.registry import ABOUT, MULTI_TARGET, RECORDED, TRACKED
 from gmr_gym.experiments.figures import ALL_FIGURES
 from gmr_gym.experiments.papers.registry import PAPERS, paper_named
@@ -18,8 +18,10 @@ FORMATS = ("table", "markdown", "csv", "latex", "json")
 EXAMPLES = {
     "crouse": "ten components in one dimension, of Crouse et al. 2011",
     "posterior": "hypotheses of a turning target before their reduction",
+    "random": "ten components drawn at random in four dimensions, as in the table of Crouse et al. 2011",
 }
 TARGETS = ("one", "many")
+COMPARED = ("all",)
 MODELS = {"constant-velocity": "a target whose velocity changes by a random acceleration"}
 
 Named = Mapping[str, str]  # what a shell completes to, each with a line about it
@@ -58,7 +60,7 @@ def complete_tracker(ctx: typer.Context, incomplete: str) -> list[tuple[str, str
     """Trackers for the environment that was typed before; reductions after NAME:reduction=."""
     before, parameter, _ = incomplete.rpartition("reduction=")
     if parameter:
-        return [(f"{before}{parameter}{name}", "") for name in reductions()]
+        return [(f"{before}{parameter}{name}", line) for name, line in described_reductions().items()]
     return [*described(MULTI_TARGET_GROUP if _typed(ctx, MULTI_TARGET | RECORDED) else GROUP).items()]
 
 
@@ -130,6 +132,15 @@ Example = Annotated[
         metavar="|".join(EXAMPLES),
         help="a mixture to try",
         **choice("example", EXAMPLES),
+    ),
+]
+Compared = Annotated[
+    str | None,
+    typer.Option(
+        "--compare",
+        metavar="|".join(COMPARED),
+        help="every reduction in one table, and nothing written",
+        **choice("reductions to compare", COMPARED),
     ),
 ]
 Settings = Annotated[list[str], typer.Option("--set", help="key=value for the environment")]

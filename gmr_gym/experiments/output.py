@@ -1,16 +1,18 @@
 """The files a command leaves behind."""
 
 import csv
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gmr_gym.evaluation.metrics import lost_at
+from gmr_gym.evaluation.mixture_problems import MixtureProblem
 from gmr_gym.evaluation.montecarlo import Runs
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.evaluation.multi_target_summary import compared
+from gmr_gym.evaluation.reduction_runs import ReductionRuns
 from gmr_gym.evaluation.summary import errors
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.experiments.formats import rows_of
@@ -26,24 +28,32 @@ MULTI_TARGET_FIELDS = [
     field for field in MultiTargetRuns._fields if field not in ("seconds", "density_error")
 ]
 MULTI_TARGET_COLUMNS = ("tracker", "run", *MULTI_TARGET_FIELDS, "wasserstein_undefined")
+REDUCTION_FIELDS = [field for field in ReductionRuns._fields if field != "seconds"]
+REDUCTION_COLUMNS = ("reduction", "run", *REDUCTION_FIELDS)
 
 
 def write_runs(file: Path, scenario: Any, results: dict[str, Any]) -> None:
-    """One row per tracker and run, of one target or of many; nothing in it depends on the clock."""
+    """One row per tracker and run, of one target or of many, or per reduction and mixture; nothing in it
+    depends on the clock."""
     header, *rows = run_rows(scenario, results)
     write_rows(file, header, rows)
 
 
 def run_rows(scenario: Any, results: dict[str, Any]) -> Iterator[Sequence]:
     """A header, and one row per tracker and run."""
-    many = isinstance(scenario, MultiTargetScenario)
-    columns, figures = (
-        (MULTI_TARGET_COLUMNS, _multi_target_run_figures) if many else (RUN_COLUMNS, _run_figures)
-    )
+    columns, figures = _columns_and_figures(scenario)
     yield columns
     for tracker, runs in results.items():
         for i, row in enumerate(zip(*figures(scenario, runs), strict=True)):
             yield [tracker, i, *row]
+
+
+def _columns_and_figures(scenario: Any) -> tuple[Sequence[str], Callable[..., list[list]]]:
+    if isinstance(scenario, MixtureProblem):
+        return REDUCTION_COLUMNS, _reduction_run_figures
+    if isinstance(scenario, MultiTargetScenario):
+        return MULTI_TARGET_COLUMNS, _multi_target_run_figures
+    return RUN_COLUMNS, _run_figures
 
 
 def _run_figures(scenario: Scenario, runs: Runs) -> list[list]:
@@ -64,6 +74,10 @@ def _multi_target_run_figures(scenario: MultiTargetScenario, runs: MultiTargetRu
         *(getattr(means, field).mean(axis=1).tolist() for field in MULTI_TARGET_FIELDS),
         undefined.tolist(),
     ]
+
+
+def _reduction_run_figures(problem: MixtureProblem, runs: ReductionRuns) -> list[list]:
+    return [getattr(runs, field)[:, 0].tolist() for field in REDUCTION_FIELDS]
 
 
 def write_rows(file: Path, header: Sequence[str], rows: Iterable[Sequence]) -> None:

@@ -1,10 +1,11 @@
-"""A mixture reduced by several methods: what each costs, and the reduced mixture or a page in a file."""
+"""A mixture reduced by several methods: what each costs, and the reduced mixture, a picture or a page."""
 
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from gmr_gym.catalogue import reductions
 from gmr_gym.evaluation.reductions import Cost, cost, reduced
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.experiments import specs
@@ -12,12 +13,11 @@ from gmr_gym.experiments.mixtures import EXAMPLES, FORMATS, read_mixture, write_
 from gmr_gym.experiments.screen import progress
 from gmr_gym.experiments.sheets import Sheet
 from gmr_gym.mixture import Mixture
-from gmr_gym.replay.reduction import method_named, reduction_page
+from gmr_gym.replay.reduction import MOST_METHODS, Method, method_named, reduction_page
 
-PAGE = ".html"
-ENDINGS = (PAGE, *FORMATS)
-HEADINGS = ("", "components", "ISE", "NISE", "KL(f||g)", "KL's standard error", "time, ms")
-STANDARD_ERROR = 5  # the column, of samples alone
+PAGE, PICTURES = ".html", (".png", ".svg")
+ENDINGS = (PAGE, *PICTURES, *FORMATS)
+HEADINGS = ("", "components", "ISE", "NISE", "KL(f||g)", "KL(g||f)", "time, ms")
 
 
 def mixture_asked(file: Path | None, example: str | None) -> tuple[str, Mixture]:
@@ -41,7 +41,8 @@ def mixture_asked(file: Path | None, example: str | None) -> tuple[str, Mixture]
 def reduction(
     name: str, p: Mixture, methods: Sequence[str], components: int | None, axes: str, out: Path
 ) -> Iterator[Any]:
-    """Reduces the mixture of that name, writes it or a page to `out`, and gives what a screen shows.
+    """Reduces the mixture of that name, writes it, a picture or a page to `out`, and gives what a screen
+    shows.
 
     Raises
     ------
@@ -49,31 +50,62 @@ def reduction(
         For components that are not there, several methods where one mixture is written, and as
         `gmr_gym.replay.reduction_page`.
     """
-    n, page = len(p.w), out.suffix.lower() == PAGE
-    if components is not None and not 1 <= components <= n:
-        raise ValueError(f"--components must be from 1 to the {n} of {name}, got {components}")
-    if not page and axes:
-        raise ValueError(f"--axes is for a page, and {out.name} is a mixture")
-    if not page and len(methods) != 1:
+    left, ending = _left(name, p, components), out.suffix.lower()
+    if ending in FORMATS and axes:
+        raise ValueError(f"--axes is for a page or a picture, and {out.name} is a mixture")
+    if ending in FORMATS and len(methods) != 1:
         raise ValueError(
             f"{out.name} takes the mixture of one --method, got {len(methods)}; a page takes more"
         )
-    left = components or max(n // 2, 1)
-    functions = {method: partial(method_named(method), components=left) for method in methods}
-    if page:
-        drawn = _axes(axes, p.m.shape[1]) if axes else (0, 1)
+    if len(methods) > MOST_METHODS:
+        raise ValueError(f"--method is given {len(methods)} times, and {out.name} takes {MOST_METHODS}")
+    drawn = _axes(axes, p.m.shape[1]) if axes else (0, 1)
+    functions = {method: method_named(method) for method in methods}
+    if ending == PAGE:
         with progress("reducing") as tell:
-            text = reduction_page(p, methods, components or 1, axes=drawn, title=name, progress=tell)
+            text = reduction_page(p, functions, components or 1, axes=drawn, title=name, progress=tell)
         with whole(out) as file:
             file.write_text(text, encoding="utf-8")
+    elif ending in PICTURES:
+        from gmr_gym.experiments.drawings import save
+        from gmr_gym.experiments.reduction_pictures import picture
+
+        results = {
+            method: reduced(p, partial(function, components=left)) for method, function in functions.items()
+        }
+        save(picture(p, results, drawn), out)
     else:
-        write_mixture(out, *reduced(p, functions[methods[0]]))
-    rows = [_row(method, cost(p, function)) for method, function in functions.items()]
-    table = [HEADINGS, *rows]
-    if not any(row[STANDARD_ERROR] for row in rows):
-        table = [[*row[:STANDARD_ERROR], *row[STANDARD_ERROR + 1 :]] for row in table]
-    yield Sheet(f"{name}: {n} components to {left}", table[0], table[1:])
+        write_mixture(out, *reduced(p, partial(functions[methods[0]], components=left)))
+    yield _table(name, p, left, {method: _cost(p, function, left) for method, function in functions.items()})
     yield f"written to {out}"
+
+
+def comparison(name: str, p: Mixture, components: int | None) -> Iterator[Any]:
+    """The mixture of that name reduced by every method there is: a table, the least integral squared error
+    first, and a line for each that cannot reduce it."""
+    left, refused, found = _left(name, p, components), [], {}
+    methods = reductions()
+    with progress("reducing") as tell:
+        for i, method in enumerate(methods):
+            try:
+                found[method] = _cost(p, method_named(method), left)
+            except ValueError as error:
+                refused.append(f"{method} cannot: {error}")
+            tell(i + 1, len(methods))
+    yield _table(name, p, left, dict(sorted(found.items(), key=lambda item: item[1].ise)))
+    yield from refused
+
+
+def _left(name: str, p: Mixture, components: int | None) -> int:
+    """How many components are to remain; half of them unless that is said."""
+    n = len(p.w)
+    if components is not None and not 1 <= components <= n:
+        raise ValueError(f"--components must be from 1 to the {n} of {name}, got {components}")
+    return components or max(n // 2, 1)
+
+
+def _cost(p: Mixture, method: Method, components: int) -> Cost:
+    return cost(p, partial(method, components=components))
 
 
 def _axes(text: str, d: int) -> tuple[int, int]:
@@ -85,9 +117,19 @@ def _axes(text: str, d: int) -> tuple[int, int]:
     return int(numbers[0]) - 1, int(numbers[1]) - 1
 
 
+def _table(name: str, p: Mixture, left: int, costs: dict[str, Cost]) -> Sheet:
+    title = f"{name}: {len(p.w)} components to {left}"
+    return Sheet(title, HEADINGS, [_row(method, found) for method, found in costs.items()])
+
+
 def _row(method: str, found: Cost) -> list[str]:
-    error = f"{found.standard_error:.2g}" if found.standard_error else ""
     return [
-        method, str(found.components), f"{found.ise:.4g}", f"{found.nise:.3g}", f"{found.divergence:.4g}",
-        error, f"{1000 * found.seconds:.3g}",
+        method, str(found.components), f"{found.ise:.4g}", f"{found.nise:.3g}",
+        _estimated(found.divergence, found.standard_error),
+        _estimated(found.reverse_divergence, found.reverse_standard_error),
+        f"{1000 * found.seconds:.3g}",
     ]  # fmt: skip
+
+
+def _estimated(value: float, standard_error: float) -> str:
+    return f"{value:.4g} ± {standard_error:.2g}" if standard_error else f"{value:.4g}"

@@ -1,17 +1,15 @@
 """A paper's tables and maps, run, and the files they leave."""
 
-from collections.abc import Collection, Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from gmr_gym.envs.lookup import scenario_of, tracker_of
 from gmr_gym.experiments.figures import legend
 from gmr_gym.experiments.output import write_csv, write_json, write_runs
 from gmr_gym.experiments.records import answered
 from gmr_gym.experiments.sheets import VERDICTS, claims_table, comparison, notes
-from gmr_gym.experiments.sweeps import Sweep, Work, runs_shown
-from gmr_gym.experiments.tables import Paper, SettingsGrid, Table, plainly, table_record
+from gmr_gym.experiments.sweeps import Sweep, runs_shown
+from gmr_gym.experiments.tables import Paper, SettingsGrid, Table, table_record
 
 
 def rerun(
@@ -32,10 +30,10 @@ def rerun(
     for entry in entries:
         title = f"{name}, {_label(entry)}: {entry.title}"
         if isinstance(entry, SettingsGrid):
-            found = [mapped(paper, entry, sweep, out)]
+            found = [mapped(paper, entry, _sweep(entry, sweep), out)]
         else:
-            found, kept = reproduced(paper, entry, sweep, out)
-            title += f"; {sweep.runs} runs"
+            found, kept = reproduced(paper, entry, _sweep(entry, sweep), out)
+            title += "" if entry.exact else f"; {sweep.runs} runs"
             if kept is not None:
                 evidence[entry.name] = kept
         tables += found
@@ -56,17 +54,6 @@ def rerun(
     yield f"tables, figures and runs are in {out}"
 
 
-def with_trackers(entry: Table | SettingsGrid, specs: Collection[str]) -> Table | SettingsGrid:
-    """A table with a row more for each tracker; maps stay as they are. Raises ValueError for one that is
-    there."""
-    if isinstance(entry, SettingsGrid):
-        return entry
-    for spec in specs:
-        if spec in entry.trackers:
-            raise ValueError(f"tracker {spec!r} has its row in table {entry.name} already")
-    return replace(entry, trackers=entry.trackers | plainly(specs))
-
-
 def _keep(stem: Path, copy: Path | None, record: dict[str, Any]) -> None:
     for file in filter(None, (stem.with_name(f"{stem.name}.json"), copy)):
         write_json(file, record)
@@ -76,24 +63,26 @@ def _keep(stem: Path, copy: Path | None, record: dict[str, Any]) -> None:
 def reproduced(paper: Paper, entry: Table, sweep: Sweep, out: Path) -> tuple[list[dict[str, Any]], Any]:
     """Runs a table and leaves its files; the records of it, and the evidence its paper's claims need. The
     results are gone by then: a table of a thousand runs is a hundred megabytes."""
-    work = _work(entry)
+    work = entry.work()
     (results,) = runs_shown(_label(entry), work, sweep)
     ((scenario, _),) = work
     rows = entry.summarise(scenario, results)
     write_runs(out / f"runs-{entry.name}.csv", scenario, results)
     paper.figures(entry, scenario, results, rows, out)
     evidence = paper.evidence(entry, scenario, results)
-    said = {"env": entry.env_id, "trackers": entry.trackers, "notes": notes(rows, sweep.runs)}
+    remarks = [] if entry.exact else notes(rows, sweep.runs)
+    said = {"env": entry.env_id, "trackers": entry.trackers, "notes": remarks}
     records = [table_record(entry.name, entry.settings, rows, entry, sweep.runs) | said]
     if entry.paired:
         name = f"{entry.name}, paired differences"
         records.append(table_record(name, entry.settings, entry.paired(scenario, results)))
+    records = [record | {"of": entry.of} for record in records]
     return records, evidence
 
 
 def mapped(paper: Paper, entry: SettingsGrid, sweep: Sweep, out: Path) -> dict[str, Any]:
     """Runs every cell of a map and leaves its drawing; the record of it."""
-    work, sweep = _work(entry), _share(entry, sweep)
+    work = entry.work()
     results = runs_shown(_label(entry), work, sweep)
     rows = {
         name: entry.summarise(scenario, found)
@@ -109,7 +98,7 @@ def sharded(entries: Iterable[Table | SettingsGrid], sweep: Sweep) -> tuple[int,
     """Runs a shard of tables and maps: how many blocks of runs are in the folder then, and of how many."""
     found: list = []
     for entry in entries:
-        found += runs_shown(_label(entry), _work(entry), _share(entry, sweep))
+        found += runs_shown(_label(entry), entry.work(), _sweep(entry, sweep))
     there, total = map(sum, zip(*found, strict=True))
     return there, total
 
@@ -118,17 +107,6 @@ def _label(entry: Table | SettingsGrid) -> str:
     return entry.name if isinstance(entry, SettingsGrid) else f"table {entry.name}"
 
 
-def _share(entry: Table | SettingsGrid, sweep: Sweep) -> Sweep:
-    return (
-        sweep._replace(runs=max(2, sweep.runs // entry.share)) if isinstance(entry, SettingsGrid) else sweep
-    )
-
-
-def _work(entry: Table | SettingsGrid) -> list[Work]:
-    """The scenario of a table, or those of a map's cells, with the trackers."""
-    every = entry.cells().values() if isinstance(entry, SettingsGrid) else [entry.settings]
-    scenarios = [scenario_of(entry.env_id, settings) for settings in every]
-    return [
-        (scenario, {spec: tracker_of(spec, scenario, **told) for spec, told in entry.trackers.items()})
-        for scenario in scenarios
-    ]
+def _sweep(entry: Table | SettingsGrid, sweep: Sweep) -> Sweep:
+    """What is asked of a table or map, of all that is asked."""
+    return sweep._replace(runs=entry.runs_of(sweep.runs))

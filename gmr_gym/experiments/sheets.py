@@ -15,7 +15,7 @@ from rich.text import Text
 from gmr_gym.evaluation.summary import FEWEST, Estimate
 from gmr_gym.experiments.figures import METRICS, heading
 
-RAISED = str.maketrans({"²": "^2", "³": "^3", "–": "-", "×": "x", "°": " degrees"})
+RAISED = str.maketrans({"²": "^2", "³": "^3", "–": "-", "×": "x", "°": " degrees", "±": "+-"})
 VERDICTS = (
     "paper: as printed; agrees: the two differ by no more than chance allows 99 times in a hundred; "
     "[ ]: 95 % intervals of ours"

@@ -11,9 +11,8 @@ from rich.console import Console
 from gmr_gym.evaluation import blocks
 from gmr_gym.evaluation.montecarlo import Runs, run, run_shard
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
+from gmr_gym.evaluation.reduction_runs import ReductionRuns
 from gmr_gym.experiments.screen import console, progress
-from gmr_gym.simulation.multi_target import MultiTargetScenario
-from gmr_gym.simulation.single_target import Scenario
 
 BLOCKS = "blocks"  # the folder, in a folder of results, that finished blocks of runs are kept in
 
@@ -58,7 +57,8 @@ def merge_results(folders: Sequence[Path], into: Path) -> None:
     for folder in folders:
         if not (folder / BLOCKS).is_dir():
             raise ValueError(f"{folder} is no folder of results: it has no {BLOCKS}")
-    merged = blocks.merge([folder / BLOCKS for folder in folders], into / BLOCKS, Runs, MultiTargetRuns)
+    kinds = Runs, MultiTargetRuns, ReductionRuns
+    merged = blocks.merge([folder / BLOCKS for folder in folders], into / BLOCKS, *kinds)
     screen = console()
     screen.print(f"{len(merged.copied)} blocks of runs copied to {into / BLOCKS}", highlight=False)
     for what, files in (
@@ -72,7 +72,7 @@ def merge_results(folders: Sequence[Path], into: Path) -> None:
         raise ValueError(f"{len(merged.refused)} refused, all else is merged: {'; '.join(merged.refused)}")
 
 
-Work = tuple[Scenario | MultiTargetScenario, Mapping[str, Any]]  # a scenario and the trackers in it
+Work = tuple[Any, Mapping[str, Any]]  # a scenario and the trackers in it, or mixtures and reductions
 
 
 def runs_shown(label: str, work: Iterable[Work], sweep: Sweep) -> Iterator[Any]:

@@ -1,19 +1,24 @@
 """Papers as data, and published tables run again: the paper's figures beside ours, with a verdict on each."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from csv import DictReader
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from scipy.special import ndtri
 
+from gmr_gym.envs.lookup import scenario_of, tracker_of
+from gmr_gym.evaluation.mixture_problems import MixtureProblem
 from gmr_gym.evaluation.summary import CONFIDENCE, FEWEST, Estimate, summary
 from gmr_gym.experiments.claims import TOO_FEW, Asked, ByTracker, claim_records, plain
 from gmr_gym.experiments.evidence import Evidence, Quantities, all_measured
+from gmr_gym.experiments.sweeps import Work
+from gmr_gym.reduction.registry import reducer
 
+CLOCKS = ("time_per_scan", "time_per_reduction")  # another machine's is no better or worse
 COLUMNS = ("track_loss", "components", "rmse_own", "error_common", "time_per_scan", "gate_area")
 
 
@@ -21,9 +26,10 @@ COLUMNS = ("track_loss", "components", "rmse_own", "error_common", "time_per_sca
 class Table:
     """One published table: where it was run, what was run, and what was printed."""
 
+    of: ClassVar[str] = "tracker"  # what its rows are
     name: str
     title: str
-    env_id: str
+    env_id: str = ""
     settings: dict[str, Any] = field(default_factory=dict)  # of the environment
     trackers: dict[str, dict[str, Any]] = field(default_factory=dict)  # name -> parameters
     published: dict[str, dict[str, float]] = field(default_factory=dict)  # tracker -> metric -> figure
@@ -32,6 +38,50 @@ class Table:
     columns: tuple[str, ...] = COLUMNS  # the metrics shown on a screen
     roles: tuple[str, ...] | None = None  # what claims call the first trackers, unless by their names
     paired: Callable | None = None  # (scenario, results) -> rows of differences from the first tracker
+
+    def work(self) -> list[Work]:
+        """The scenario and its trackers."""
+        return [_work(self.env_id, self.settings, self.trackers)]
+
+    @property
+    def exact(self) -> bool:
+        """Whether its figures are the same in every run, so that it has one."""
+        return False
+
+    def runs_of(self, asked: int) -> int:
+        """How many runs it has when so many are asked for."""
+        return 1 if self.exact else asked
+
+    def with_rows(self, specs: Collection[str]) -> Self:
+        """The same with a row more for each tracker; ValueError for one that is there."""
+        for spec in specs:
+            if spec in self.trackers:
+                raise ValueError(f"tracker {spec!r} has its row in table {self.name} already")
+        return replace(self, trackers=self.trackers | plainly(specs))
+
+
+@dataclass(frozen=True)
+class MixtureTable(Table):
+    """One published table of reductions, which stand in the place of trackers: a run is a mixture, reduced by
+    each. Trackers that are asked for beside have no rows in it."""
+
+    of: ClassVar[str] = "reduction"
+    problem: MixtureProblem = field(default_factory=MixtureProblem)
+    components: int = 1  # that remain
+
+    def work(self) -> list[Work]:
+        """The mixtures and the reductions."""
+        told = self.trackers.items()
+        return [(self.problem, {spec: reducer(spec, self.components, **given) for spec, given in told})]
+
+    @property
+    def exact(self) -> bool:
+        """Whether the mixture is always the same."""
+        return self.problem.mixture is not None
+
+    def with_rows(self, specs: Collection[str]) -> Self:
+        """The table itself."""
+        return self
 
 
 def plainly(trackers: Iterable[str]) -> dict[str, dict[str, Any]]:
@@ -68,6 +118,23 @@ class SettingsGrid:
         """What the settings of each cell are, by the cell's name."""
         named = [dict(zip(self.axes, values, strict=True)) for values in product(*self.axes.values())]
         return {", ".join(f"{k}={v:g}" for k, v in cell.items()): self.settings | cell for cell in named}
+
+    def work(self) -> list[Work]:
+        """The scenarios of the cells, each with the trackers."""
+        return [_work(self.env_id, settings, self.trackers) for settings in self.cells().values()]
+
+    def runs_of(self, asked: int) -> int:
+        """The runs of a cell when so many are asked for."""
+        return max(2, asked // self.share)
+
+    def with_rows(self, specs: Collection[str]) -> Self:
+        """The grid itself."""
+        return self
+
+
+def _work(env_id: str, settings: Mapping[str, Any], trackers: Mapping[str, Mapping[str, Any]]) -> Work:
+    scenario = scenario_of(env_id, settings)
+    return scenario, {spec: tracker_of(spec, scenario, **told) for spec, told in trackers.items()}
 
 
 @dataclass(frozen=True)
@@ -146,7 +213,7 @@ def table_record(
             printed = table.published.get(tracker, {}).get(metric) if table else None
             if table and printed is not None:
                 cell["paper"] = printed
-                if metric != "time_per_scan":  # another machine's clock
+                if metric not in CLOCKS:
                     cell["verdict"] = verdict(figure, runs, printed, table.runs, share=metric == "track_loss")
             metrics[metric] = cell
         records.append({"tracker": tracker, "metrics": metrics})

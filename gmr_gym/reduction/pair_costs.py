@@ -30,7 +30,6 @@ from gmr_gym.reduction.barycentres import barycentre_within
 from gmr_gym.reduction.chi_square import chi_square_costs
 from gmr_gym.reduction.distances import eliminate
 from gmr_gym.reduction.measures import (
-    CAUCHY_SCHWARZ,
     ISD,
     KL,
     LOG_2,

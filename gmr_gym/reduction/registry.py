@@ -13,16 +13,21 @@ from typing import Any
 
 from gmr_gym.catalogue import reduction_entry_points, reductions
 from gmr_gym.checks import check_not_negative
+from gmr_gym.literals import name_and_parameters
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.agglomeration import greedy_isd
 from gmr_gym.reduction.clustering import LINKAGES, hierarchical, k_means, k_medoids
 from gmr_gym.reduction.dissimilarity import MEASURES
 from gmr_gym.reduction.ise import integral_squared_error
+from gmr_gym.reduction.oracles import brute_force, transportation_optimum
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.pruning import capping
+from gmr_gym.reduction.refinement import gmrc, refine
 from gmr_gym.reduction.runnalls import adaptive, runnalls
 from gmr_gym.reduction.salmond_west import salmond, west
+from gmr_gym.reduction.transportation import dphem, transportation
 from gmr_gym.reduction.vo_ma import vo_ma
+from gmr_gym.reduction.weight_fit import cowa, refit
 
 REDUCERS: dict[str, Callable] = {
     "runnalls": runnalls,
@@ -40,6 +45,14 @@ REDUCERS: dict[str, Callable] = {
         for linkage in LINKAGES
         for measure in MEASURES
     },
+    "transportation": transportation,
+    "dphem": dphem,
+    "brute-force": brute_force,
+    "transportation-optimum": transportation_optimum,
+    "refine": refine,
+    "gmrc": gmrc,
+    "refit": refit,
+    "cowa": cowa,
 }
 
 
@@ -50,7 +63,7 @@ def reducer(name: str, components: int, **parameters: Any) -> partial:
     ----------
     name : str
         A key of `REDUCERS`, the name that an installed package gives one, or "module:function". Each of these
-        is a function of (mixture, components).
+        is a function of (mixture, components). Parameters may follow, as in "adaptive:loss_bound=0.1".
     components : int
         Upper limit of the number of components that remain.
     **parameters
@@ -60,7 +73,7 @@ def reducer(name: str, components: int, **parameters: Any) -> partial:
     ------
     ValueError
         For an unknown name, suggesting the nearest one, for a function that cannot be imported, and for a
-        parameter that it does not take.
+        parameter that it does not take, or that is given twice.
 
     Examples
     --------
@@ -70,13 +83,16 @@ def reducer(name: str, components: int, **parameters: Any) -> partial:
     >>> len(q.w)
     2
     """
+    name, given = name_and_parameters(name) if isinstance(name, str) else (name, {})
     reduction = REDUCERS[name] if name in REDUCERS else _imported(name)
-    for parameter in parameters:
+    for parameter in (*given, *parameters):
         _, *accepted = (key for key in signature(reduction).parameters if key != "components")
+        if parameter in given and parameter in parameters:
+            raise ValueError(f"{parameter} is given twice, once in the name of the reduction {name!r}")
         if parameter not in accepted:
             takes = ", ".join(accepted) or "none"
             raise ValueError(f"reduction {name!r} takes no parameter {parameter!r}; it takes {takes}")
-    return partial(reduction, components=components, **parameters)
+    return partial(reduction, components=components, **given, **parameters)
 
 
 def _imported(name: str) -> Callable:
@@ -91,6 +107,8 @@ def _imported(name: str) -> Callable:
             f"unknown reduction {name!r}{hint} (there are {', '.join(known)}; "
             "one of your own is MODULE:FUNCTION)"
         )
+    if module in REDUCERS:
+        raise ValueError(f"expected key=value after the reduction {module!r}, got {function!r}")
     try:
         return partial(getattr(import_module(module), function))
     except (ImportError, AttributeError, ValueError, TypeError) as error:
@@ -103,11 +121,11 @@ def reduction_named(name: str, components: int, merging: float) -> Callable[[Mix
     Parameters
     ----------
     name : str
-        "vo-ma", or a name that `reducer` takes.
+        "vo-ma", or a name, with parameters or not, that `reducer` takes.
     components : int
         Upper limit of the number of components that remain.
     merging : float
-        Merge distance of "vo-ma"; the other reductions ignore it.
+        Merge distance of "vo-ma"; the other reductions, with parameters of their own, ignore it.
 
     Raises
     ------

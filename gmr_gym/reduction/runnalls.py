@@ -6,7 +6,10 @@ lower the total weight and leave rescaling to `normalised`. Components of weight
 an empty mixture stays empty. A mixture that fails `checked` raises ValueError.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from numbers import Real
 
 import numpy as np
 
@@ -118,9 +121,16 @@ class Greedy:
 def greedy(components: int | None, loss_bound: float) -> Greedy:
     """Checked Greedy of `adaptive`; ValueError for a loss bound outside [0, 1] and for `components` below
     1."""
-    if not 0 <= loss_bound <= 1:
-        raise ValueError(f"loss_bound must lie in [0, 1], got {loss_bound}")
+    if not isinstance(loss_bound, Real) or not 0 <= loss_bound <= 1:
+        raise ValueError(f"loss_bound must lie in [0, 1], got {loss_bound!r}")
     return Greedy(UNLIMITED if components is None else check_count(components), float(loss_bound))
+
+
+def compilable(reduce: partial) -> Callable[[Mixture], Reduced]:
+    """The Greedy of `runnalls` or `adaptive` with its parameters; another reduction as it is."""
+    if reduce.func is runnalls:
+        return Greedy(check_count(reduce.keywords["components"]))
+    return greedy(**reduce.keywords) if reduce.func is adaptive else reduce
 
 
 def total_merge_cost(p: Mixture) -> float:

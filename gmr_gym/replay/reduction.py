@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from gmr_gym.checks import check_count
-from gmr_gym.envs.lookup import key_values
 from gmr_gym.evaluation.reductions import Step, steps
+from gmr_gym.literals import name_and_parameters
 from gmr_gym.mixture import Mixture, checked
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reducer
@@ -55,18 +55,13 @@ def method_named(spec: str) -> Method:
     >>> method_named("adaptive:loss_bound=0.5")(p, 3)[1].tolist()
     [0, 0, 1]
     """
-    name, _, rest = spec.partition(":")
-    function, _, others = rest.partition(":")
-    if function and "=" not in function:  # MODULE:FUNCTION
-        name, rest = f"{name}:{function}", others
-    parameters = key_values(filter(None, rest.split(",")))
-    if "components" in parameters:
+    if "components" in name_and_parameters(spec)[1]:
         raise ValueError(f"reduction {spec!r} names components, which are given for all reductions together")
-    reducer(name, 1, **parameters)
+    reducer(spec, 1)
 
     def method(p: Mixture, components: int) -> Reduced:
         try:
-            return reducer(name, components, **parameters)(p)
+            return reducer(spec, components)(p)
         except TypeError as error:  # for example a string for a number
             raise ValueError(f"reduction {spec!r} cannot be made: {error}") from None
 

@@ -23,6 +23,7 @@ from gmr_gym.filters.joint_gating import Limits, expected_false_alarms
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.mixture import gaussian, moments
 from gmr_gym.models.kalman import Motion
+from gmr_gym.reduction.properties import MOMENTS, PROPERTIES
 from gmr_gym.reduction.pruning import capping
 from gmr_gym.reduction.registry import REDUCERS
 from gmr_gym.reduction.runnalls import runnalls
@@ -446,7 +447,7 @@ def acquisition():
 
 
 @pytest.mark.parametrize("name", ["mmg", "imm-mht"])
-@pytest.mark.parametrize("how", REDUCERS)
+@pytest.mark.parametrize("how", [name for name in REDUCERS if PROPERTIES[name].most is None])
 def test_every_named_reduction_serves(name, how, acquisition):
     told, scans = acquisition
     # pruned harder than it would be in earnest, for the slow ones' sake
@@ -462,7 +463,9 @@ def test_every_named_reduction_serves(name, how, acquisition):
 
 
 @pytest.mark.parametrize("name", ["mmg", "imm-mht"])
-@pytest.mark.parametrize("how", sorted(set(REDUCERS) - {"capping", "ise", "ise-unscaled"}))
+@pytest.mark.parametrize(
+    "how", [name for name in REDUCERS if PROPERTIES[name].keeps == MOMENTS and PROPERTIES[name].most is None]
+)
 def test_reductions_that_only_merge_leave_the_first_estimate_exact(name, how):
     told = reference.jumping_model(11, 3, detection_probability=0.8)
     z = reference.flown(told, 1, np.random.default_rng(11), clutter=4)

@@ -41,8 +41,10 @@ def test_errors_in_one_dimension_are_the_integrals_that_they_stand_for(name):
     square = integral(lambda x: (density(p, x) - density(q, x)) ** 2)
     sums = integral(lambda x: density(p, x) ** 2 + density(q, x) ** 2)
     kl = integral(lambda x: density(p, x) * np.log(density(p, x) / density(q, x)))
-    assert found.components == 4 and found.standard_error == 0.0
-    assert [found.ise, found.nise, found.divergence] == pytest.approx([square, square / sums, kl], rel=1e-7)
+    back = integral(lambda x: density(q, x) * np.log(density(q, x) / density(p, x)))
+    assert found.components == 4 and found.standard_error == found.reverse_standard_error == 0.0
+    assert [found.ise, found.nise] == pytest.approx([square, square / sums], rel=1e-7)
+    assert [found.divergence, found.reverse_divergence] == pytest.approx([kl, back], rel=1e-7)
 
 
 @pytest.mark.parametrize("d", [2, 5])
@@ -56,6 +58,8 @@ def test_a_sampled_divergence_is_that_of_two_gaussians_within_its_error(d):
     found, error = divergence(gaussian(np.zeros(d), np.eye(d)), gaussian(shift, S))
     assert 0 < error < 0.02 and abs(found - exact) < 4 * error
     assert divergence(gaussian(np.zeros(d), np.eye(d)), gaussian(shift, S)) == (found, error)
+    fewer, wider = divergence(gaussian(np.zeros(d), np.eye(d)), gaussian(shift, S), samples=500)
+    assert wider == pytest.approx(10 * error, rel=0.2) and abs(fewer - exact) < 4 * wider
 
 
 def test_weights_do_not_count_in_a_divergence_but_do_in_the_integral_squared_error():

@@ -61,7 +61,7 @@ def test_a_paper_is_found_by_its_name(name):
 
 
 def test_an_unknown_paper_is_named_beside_those_there_are():
-    with pytest.raises(ValueError, match="unknown paper 'kalman'; choose one of dortenzio, li"):
+    with pytest.raises(ValueError, match="unknown paper 'kalman'; choose one of crouse, dortenzio, li"):
         paper_named("kalman")
 
 
@@ -69,6 +69,6 @@ def test_to_list_papers_imports_none():
     code = (
         "import sys; from gmr_gym.experiments.papers.registry import PAPERS;"
         "loaded = [m for m in sys.modules if m.startswith('gmr_gym.experiments.papers.')];"
-        "assert loaded == ['gmr_gym.experiments.papers.registry'], loaded; assert len(PAPERS) == 6"
+        "assert loaded == ['gmr_gym.experiments.papers.registry'], loaded; assert len(PAPERS) == 7"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

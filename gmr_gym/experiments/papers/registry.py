@@ -47,6 +47,7 @@ def paper_named(name: str) -> "Paper":
 
 
 for _name, _about in {
+    "crouse": "reductions of a mixture compared: Fig. 1, random mixtures, a tracker of three hypotheses",
     "dortenzio": "adaptive reduction of a single target's hypotheses: Tables 1-4, Fig. 1",
     "li": "a radar's converted measurements, models and data association: Figs. 1-4, three regimes, a map",
     "lv": "several targets in clutter fitted as a finite mixture: Figs. 1-9, what the trackers score",
