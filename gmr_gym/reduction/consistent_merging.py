@@ -6,13 +6,13 @@ from gmr_gym.checks import check_choice, check_count
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, half_log_determinant
 from gmr_gym.mixture import Mixture, mean_and_covariance
-from gmr_gym.reduction.agglomeration import absorb, cheapest_pair, nearest_others, relabelled
+from gmr_gym.reduction.agglomeration import absorb, nearest_others, relabelled
 from gmr_gym.reduction.barycentres import barycentre_of
 from gmr_gym.reduction.greedy_merging import first_least
 from gmr_gym.reduction.measures import KL, MEASURES, REVERSE_KL, WASSERSTEIN
 from gmr_gym.reduction.merge_cost import components_last
 from gmr_gym.reduction.overlap_descent import STEPS
-from gmr_gym.reduction.pair_costs import UNWEIGHTED, least_costs, pair_cost, pair_of
+from gmr_gym.reduction.pair_costs import CHI_SQUARE, UNWEIGHTED, least_costs, pair_cost, pair_of
 from gmr_gym.reduction.protocol import TOO_FAR, Reduced, definite, through, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
 
@@ -20,6 +20,10 @@ from gmr_gym.reduction.pruning import weighing
 def consistent(p: Mixture, components: int, measure: str) -> Reduced:
     check_choice("measure", measure, MEASURES)
     return _merged(p, components, MEASURES.index(measure))
+
+
+def greedy_chi_square(p: Mixture, components: int) -> Reduced:
+    return _merged(p, components, CHI_SQUARE)
 
 
 def greedy_wasserstein(p: Mixture, components: int) -> Reduced:
@@ -42,7 +46,7 @@ def _merged(p: Mixture, components: int, code: int) -> Reduced:
 def merge_by_measure(code, w, m, P, components):
     """Groups (n,) of greedy merging by the measure, the means and covariances of their barycentres, and the most
     steps of an iteration."""
-    n, exact = len(w), code == KL or code == REVERSE_KL
+    n, exact = len(w), code == KL or code == REVERSE_KL or code == CHI_SQUARE
     w, m, P, group, alive, longest = w.copy(), m.copy(), P.copy(), np.arange(n), np.arange(n), 0
     columns, room = components_last(w, m, P)
     table, known, row = np.empty((n, n)), np.full((n, n), exact), np.empty(columns.shape[1])
@@ -53,8 +57,11 @@ def merge_by_measure(code, w, m, P, components):
     nearest, least = nearest_others(table)
     left = n
     while left > components:
-        i, j = cheapest_pair(nearest, least)
-        if not known[i, j]:
+        i = first_least(least, n)
+        j = nearest[i]
+        if least[i] == np.inf:
+            i, j = _cheapest_by_kl(left, alive, columns, room, row)
+        elif not known[i, j]:
             cost, steps = pair_cost(code, i, j, w, m, P)
             longest = max(longest, steps)
             known[i, j] = known[j, i] = True
@@ -79,9 +86,25 @@ def merge_by_measure(code, w, m, P, components):
 @kernel
 def _merge(code, i, j, w, m, P):
     """Merges j into i; returns the steps of the barycentre."""
-    m[i], P[i], steps = barycentre_of(WASSERSTEIN if code == UNWEIGHTED else code, *pair_of(i, j, w, m, P))
+    if code == UNWEIGHTED or code == CHI_SQUARE:
+        code = WASSERSTEIN if code == UNWEIGHTED else KL
+    m[i], P[i], steps = barycentre_of(code, *pair_of(i, j, w, m, P))
     w[i] += w[j]
     return steps
+
+
+@kernel
+def _cheapest_by_kl(left, alive, columns, room, row):
+    """The pair i < j that costs least by the Kullback-Leibler divergence."""
+    best, first, second = np.inf, -1, -1
+    for i in range(1, left):
+        least_costs(KL, i, i, columns, room, row)
+        j = first_least(row, i)
+        if row[j] < best:
+            best, first, second = row[j], j, i
+    if first < 0:
+        raise ValueError(TOO_FAR)
+    return alive[first], alive[second]
 
 
 @kernel

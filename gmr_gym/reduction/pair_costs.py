@@ -27,6 +27,7 @@ import numpy as np
 from gmr_gym.kernels import ZERO, kernel
 from gmr_gym.linalg import LOG_2PI
 from gmr_gym.reduction.barycentres import barycentre_within
+from gmr_gym.reduction.chi_square import chi_square_costs
 from gmr_gym.reduction.distances import eliminate
 from gmr_gym.reduction.measures import (
     ISD,
@@ -39,6 +40,7 @@ from gmr_gym.reduction.measures import (
 )
 from gmr_gym.reduction.merge_cost import cost_row, logarithm, whole
 
+CHI_SQUARE = 7
 UNWEIGHTED = 6  # the squared Wasserstein distance of the two, whatever their weights
 CLOSE = 1.0 - 1e-9  # factor of the bounds, for rounding
 ENOUGH = 1e-5  # relative change that ends the computation of a barycentre: its cost is then known to 1e-10
@@ -49,6 +51,9 @@ ROUNDING = 1e-14  # and what is taken from them, relative to the terms that canc
 def least_costs(code, i, k, columns, room, row):
     """Writes lower bounds of the costs of merging component i with each of the first k to row; `columns` and
     `room` are those of `components_last`. For `KL` and `REVERSE_KL` they are exact."""
+    if code == CHI_SQUARE:
+        chi_square_costs(i, k, len(columns) - 1 - len(room), columns, row)
+        return
     if code == KL or code == SYMMETRISED_KL:
         cost_row(i, ZERO, whole(k), columns, room, row)
     if code == WASSERSTEIN or code == UNWEIGHTED:
