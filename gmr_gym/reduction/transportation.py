@@ -201,7 +201,8 @@ def descent(p: Mixture, group: np.ndarray, cost: str, temperature: float, weight
     weighted : bool
         Whether parts are proportional to the weights of the Gaussians, too, as in `dphem`.
     """
-    step, w, objective = stepping(cost, p), at_unit(p.w), []
+    step, w = stepping(cost, p), at_unit(p.w)
+    objective: list[float] = []
     share = shares(w, group)
     v, c, S, table, exact = step(share)
     while len(objective) < SWEEPS:
