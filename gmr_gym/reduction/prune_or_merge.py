@@ -44,7 +44,8 @@ def prune_or_merge(p: Mixture, components: int, sharpened: bool = False) -> Redu
 
     Notes
     -----
-    With weights of sum 1, and q the moment match of i and j, the costs of pruning i and of merging i and j are
+    With weights of sum 1, and q the moment match of i and j, the costs of pruning i and of merging i and j
+    are
 
     .. math::
 
@@ -121,7 +122,7 @@ def _reduce(w, m, P, components, sharpened):
 
 @leaf_kernel
 def _cheapest_pruning(w, saved, total):
-    """The component whose pruning costs least, and that cost; `saved` (n,) is what others take over, negative."""
+    """What to prune for the least cost, and that cost; `saved` (n,), below 0, is what others take over."""
     at, least = 0, np.inf
     for k in range(len(w)):
         rest, given_up = total - w[k], np.log1p(-w[k] / total)
