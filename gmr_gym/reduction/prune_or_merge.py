@@ -76,12 +76,14 @@ def prune_or_merge(p: Mixture, components: int, sharpened: bool = False) -> Redu
     ([0, 1, -1], 1.0)
     """
     components = check_count(components)
+    if sharpened not in (False, True):
+        raise ValueError(f"sharpened must be True or False, got {sharpened!r}")
     q, place = weighing(p)
     if len(q.w) <= components:
         return q, place
     mean, _ = mean_and_covariance(q)
     total = q.w.sum()
-    w, m, P, group = _reduce(q.w / total, q.m - mean, q.P, components, sharpened)
+    w, m, P, group = _reduce(q.w / total, q.m - mean, q.P, components, bool(sharpened))
     return definite(Mixture(w * (total / w.sum()), mean + m, P)), through(place, group)
 
 
