@@ -1,5 +1,5 @@
-r"""What it costs to merge one component with each of many, by a measure D: the least of w_i D(i, q) + w_j D(j, q)
-over all Gaussians q, or a lower bound of it.
+r"""What it costs to merge one component with each of many, by a measure D: the least of w_i D(i, q) + w_j
+D(j, q) over all Gaussians q, or a lower bound of it.
 
 Notes
 -----
@@ -14,12 +14,13 @@ With the shares a and b of the weights, their sum W, and the difference of the m
 and for KL it is Runnalls' cost B. Lower bounds, in a fraction of the time of the barycentre, are:
 
 - symmetrised KL: the mean of the two divergences.
-- Wasserstein: the trace of the root of Pi Pj is at most the root of tr Pi Pj + sqrt((tr^2 Pi - tr Pi^2) (tr^2 Pj -
-  tr Pj^2)), exact in one and two dimensions (Miszczak et al. 2009, of fidelities).
-- ISD: W a b times the integral squared difference of i and j, which is what the whole adds to the integral squared
-  difference of the pair from q.
-- Cauchy-Schwarz: q is one of all unit vectors of the space of functions, of which the best lies between the two;
-  and, along the line that tells them apart best, it is a Gaussian in one dimension, of the wider one's scale.
+- Wasserstein: the trace of the root of Pi Pj is at most the root of tr Pi Pj + sqrt((tr^2 Pi - tr Pi^2) (tr^2
+  Pj - tr Pj^2)), exact in one and two dimensions (Miszczak et al. 2009, of fidelities).
+- ISD: W a b times the integral squared difference of i and j, which is what the whole adds to the integral
+  squared difference of the pair from q.
+- Cauchy-Schwarz: q is one of all unit vectors of the space of functions, of which the best lies between the
+  two; and, along the line that tells them apart best, it is a Gaussian in one dimension, of the wider one's
+  scale.
 """
 
 import numpy as np

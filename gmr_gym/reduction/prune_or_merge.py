@@ -44,7 +44,8 @@ def prune_or_merge(p: Mixture, components: int, sharpened: bool = False) -> Redu
 
     Notes
     -----
-    With weights of sum 1, and q the moment match of i and j, the costs of pruning i and of merging i and j are
+    With weights of sum 1, and q the moment match of i and j, the costs of pruning i and of merging i and j
+    are
 
     .. math::
 
@@ -75,12 +76,14 @@ def prune_or_merge(p: Mixture, components: int, sharpened: bool = False) -> Redu
     ([0, 1, -1], 1.0)
     """
     components = check_count(components)
+    if sharpened not in (False, True):
+        raise ValueError(f"sharpened must be True or False, got {sharpened!r}")
     q, place = weighing(p)
     if len(q.w) <= components:
         return q, place
     mean, _ = mean_and_covariance(q)
     total = q.w.sum()
-    w, m, P, group = _reduce(q.w / total, q.m - mean, q.P, components, sharpened)
+    w, m, P, group = _reduce(q.w / total, q.m - mean, q.P, components, bool(sharpened))
     return definite(Mixture(w * (total / w.sum()), mean + m, P)), through(place, group)
 
 
@@ -121,7 +124,7 @@ def _reduce(w, m, P, components, sharpened):
 
 @leaf_kernel
 def _cheapest_pruning(w, saved, total):
-    """The component whose pruning costs least, and that cost; `saved` (n,) is what others take over, negative."""
+    """What to prune for the least cost, and that cost; `saved` (n,), below 0, is what others take over."""
     at, least = 0, np.inf
     for k in range(len(w)):
         rest, given_up = total - w[k], np.log1p(-w[k] / total)
