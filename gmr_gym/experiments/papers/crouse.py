@@ -113,7 +113,7 @@ TABLES: tuple[Table, ...] = (
 MAPS = (
     SettingsGrid(
         name="sweep",
-        title="what Runnalls' algorithm loses over manoeuvre index and clutter; reconstructed, not the paper's",
+        title="what Runnalls' algorithm loses by manoeuvre index and clutter; reconstructed",
         env_id=ENV_ID,
         settings={},
         axes={"acceleration": (0.1, 0.3, 1.0), "clutter": (0.005, 0.01, 0.02, 0.04)},
