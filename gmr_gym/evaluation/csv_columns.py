@@ -27,6 +27,7 @@ class Columns(NamedTuple):
     names: tuple[str, ...]  # all of them
     values: dict[str, Any]  # an array or a list of each
     line: np.ndarray  # (n,) int, from 1
+    remarks: tuple[str, ...] = ()  # what was left out
 
 
 def read_columns(
@@ -107,6 +108,17 @@ def file_bytes(path: Path | str) -> bytes:
         return gzip.decompress(data)
     except (OSError, EOFError, zlib.error) as error:
         raise ValueError(f"{path}: a damaged gzip file: {error}") from None
+
+
+def file_head(path: Path | str, size: int) -> bytes:
+    """The first bytes that a file holds, decompressed where it is a gzip file."""
+    with Path(path).open("rb") as file:
+        if file.peek(2)[:2] != GZIP:
+            return file.read(size)
+        try:
+            return gzip.GzipFile(fileobj=file).read(size)
+        except (OSError, EOFError, zlib.error) as error:
+            raise ValueError(f"{path}: a damaged gzip file: {error}") from None
 
 
 def numbers(

@@ -72,7 +72,9 @@ def assembled(
     seen, unplaced = _with_empty(seen, *looks)
     remarks += [f"{unplaced} rows without a position dropped"] if unplaced else []
     fast = check_speeds(source_of(table), seen)
-    return seen._replace(remarks=(*_as_read(rows, convention), *remarks, *([fast] if fast else [])))
+    return seen._replace(
+        remarks=(*_as_read(rows, convention), *table.remarks, *remarks, *([fast] if fast else []))
+    )
 
 
 def row_name(table: Columns) -> str:
