@@ -8,7 +8,7 @@ import numpy as np
 from gmr_gym.evaluation.csv_columns import Columns
 from gmr_gym.recorded.columns import Layout, option, unit_of
 from gmr_gym.recorded.configuration import SensorSettings
-from gmr_gym.recorded.detections import CARTESIAN, POLAR, Detections, SensorSpec, chosen, named, objects
+from gmr_gym.recorded.detections import CARTESIAN, POLAR, Detections, SensorSpec, chosen, numbered, objects
 from gmr_gym.recorded.geodesy import to_local
 from gmr_gym.recorded.measured import COMPASS, Positions, azimuths, to_axes
 from gmr_gym.recorded.plausibility import check_speeds
@@ -16,6 +16,7 @@ from gmr_gym.recorded.times import Times
 
 Layouts = Mapping[str | None, Layout]
 Reference = Any  # latitude deg, longitude deg, altitude m; None for none
+MIXED = np.uint64(0x9E3779B97F4A7C15)  # what bits of a row are spread with: odd
 TEXTS = ("scan", "sensor", "id", "truth")
 
 
@@ -58,7 +59,7 @@ def assembled(
     metadata = {name: list(values) for name, values in table.values.items() if name not in taken}
     start = rows[0].times._replace(ns=ns).start
     seen = Detections(
-        (ns - ns.min()) / 1e9, z, rate, origin, sensor, _scans(text["scan"]), text["id"], text["truth"],
+        (ns - ns.min()) / 1e9, z, rate, origin, sensor, numbered(text["scan"]), text["id"], text["truth"],
         table.line, metadata, np.empty(0), np.empty(0, int), tuple(specs), _coordinates(rows), start,
         reference, ns.min() / 1e9,
     )  # fmt: skip
@@ -155,12 +156,16 @@ def _order(table: Columns, ns: np.ndarray, strict: bool) -> tuple[np.ndarray, li
 def _repeats(seen: Detections) -> np.ndarray:
     """Mask (n,) of the rows that repeat an earlier one."""
     repeated = np.zeros(len(seen.time), bool)
-    same = np.diff(seen.time) == 0
-    rows = np.flatnonzero(np.append(same, False) | np.append(False, same))
+    each = [seen.time, seen.sensor, numbered(seen.identity), numbered(seen.truth), seen.range_rate, *seen.z.T]
+    digest = np.zeros(len(seen.time), np.uint64)
+    for column in each:
+        digest = (digest ^ column.astype(float).view(np.uint64)) * MIXED
+        digest ^= digest >> np.uint64(32)
+    order = np.argsort(digest, kind="stable")
+    same = np.diff(digest[order]) == 0
     known: set = set()
-    each = (seen.time, seen.sensor, seen.identity, seen.truth, seen.range_rate.astype(str))
-    for i, *key in zip(rows.tolist(), *(column[rows].tolist() for column in each), strict=True):
-        entry = (*key, seen.z[i].tobytes())
+    for i in np.sort(order[np.append(same, False) | np.append(False, same)]).tolist():
+        entry = tuple(column[i].tobytes() for column in each)
         repeated[i] = entry in known
         known.add(entry)
     return repeated
@@ -192,14 +197,6 @@ def _text(table: Columns, found: Layouts, role: str) -> np.ndarray:
             f"{table.where}, column {name}: empty in all {len(cells)} rows; leave {option(role)} out"
         )
     return objects([cell or None for cell in cells])
-
-
-def _scans(cells: np.ndarray) -> np.ndarray:
-    """Scans (n,), numbered in order of their first row; -1 where there are none."""
-    if not named(cells).any():
-        return np.full(len(cells), -1)
-    numbers = {None: -1}
-    return np.array([numbers.setdefault(cell, len(numbers) - 1) for cell in cells.tolist()], int)
 
 
 def _coordinates(rows: list[SensorRows]) -> tuple[str, ...]:

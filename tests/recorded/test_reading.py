@@ -231,7 +231,7 @@ def test_a_large_file_is_read_in_blocks_and_one_too_large_is_refused_with_its_me
     assert len(found.time) == n and found.z[-1].tolist() == [n - 0.5, 2] and found.row[-1] == n + 1
     monkeypatch.setattr(csv_columns, "_free_memory", lambda: 1e5)
     with pytest.raises(
-        MemoryError, match=r"some 6.3e.03 rows need 0.0 GB, and 0.0 GB are free; keep fewer columns"
+        MemoryError, match=r"some 6.1e.03 rows need 0.0 GB, and 0.0 GB are free; keep fewer columns"
     ):
         read(file)
 
