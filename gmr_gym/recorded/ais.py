@@ -25,7 +25,7 @@ OTHERS = {"sog_kn": ("speed", 102.3), "cog_deg": ("course", 360.0), "heading_deg
 class _Line(NamedTuple):
     number: int
     sentence: bytes
-    times: tuple[str, str, str]  # of the tag block, before the sentence, and after it; blank for none
+    times: list[str]  # of the tag block, before the sentence, and after it; blank for none
 
 
 def is_ais(head: bytes) -> bool:
@@ -93,14 +93,14 @@ def _rows(data: bytes, which: int, dropped: Counter[str]) -> Iterator[tuple]:
 
 
 def _lines(data: bytes) -> Iterator[_Line]:
-    before = ("", "", "")
+    before = [""] * 3
     for number, content in enumerate(data.splitlines(), 1):
         found = SENTENCE.match(content)
         if not found or content.startswith(b"#"):
             continue
         tag = TAGGED.search(found["tag"] or b"")
         texts = tag[1] if tag else b"", found["log"], found["after"].rpartition(b",")[2]
-        times = tuple(text.strip(EDGES).decode("latin-1") for text in texts)
+        times = [text.strip(EDGES).decode("latin-1") for text in texts]
         follows = found["sentence"].split(b",", 3)[2] != b"1"
         before = before if follows and not any(times) else times  # a tag block may stand for a whole group
         yield _Line(number, found["sentence"], before)

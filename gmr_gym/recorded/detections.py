@@ -144,7 +144,7 @@ def chosen(found: Detections, rows: np.ndarray) -> Detections:
 
 def named(values: np.ndarray) -> np.ndarray:
     """Mask (n,) of the identities that are there."""
-    return np.not_equal(values, None).astype(bool)
+    return np.array(values != np.array(None), bool)
 
 
 def numbered(values: np.ndarray) -> np.ndarray:

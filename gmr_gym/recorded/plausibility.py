@@ -1,7 +1,8 @@
 """Speeds that no target has: the sign of a unit that was mistaken."""
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gmr_gym.recorded.detections import Detections, numbered
 from gmr_gym.recorded.positions import local_positions
@@ -68,6 +69,6 @@ def _steps(found: Detections) -> tuple[np.ndarray, np.ndarray]:
     return np.array(first, int), np.array(second, int)
 
 
-def _distances(points: np.ndarray, first: ArrayLike, second: ArrayLike) -> np.ndarray:
+def _distances(points: np.ndarray, first: Any, second: np.ndarray) -> np.ndarray:
     """Distances (k,) on the ground of points (n, p), m."""
     return np.hypot(points[second, 0] - points[first, 0], points[second, 1] - points[first, 1])
