@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmr_gym.evaluation.csv_columns import Columns
-from gmr_gym.recorded.columns import Layout, option, unit_of
+from gmr_gym.recorded.columns import OWN, Layout, family_of, option, unit_of
 from gmr_gym.recorded.configuration import SensorSettings
 from gmr_gym.recorded.detections import CARTESIAN, POLAR, Detections, SensorSpec, chosen, numbered, objects
 from gmr_gym.recorded.geodesy import to_local
-from gmr_gym.recorded.measured import COMPASS, Positions, azimuths, to_axes
+from gmr_gym.recorded.measured import COMPASS, Positions, azimuths, to_axes, turned_to
 from gmr_gym.recorded.plausibility import check_speeds
 from gmr_gym.recorded.times import Times
 
@@ -48,7 +48,7 @@ def assembled(
     specs = []
     for i, each in enumerate(rows):
         place = _place(each, reference)
-        own = np.where(np.isnan(each.positions.own), place, each.positions.own)
+        own = _own(each, place, reference)
         measured = _measured(each, own, reference, convention)
         ns[each.at], sensor[each.at], origin[each.at] = each.times.ns, i, own
         z[each.at, : measured.shape[1]], rate[each.at] = measured, each.positions.range_rate
@@ -88,13 +88,15 @@ def source_of(table: Columns) -> str:
 
 
 def _reference(rows: list[SensorRows]) -> Reference:
-    """Where the first sensor is, or else latitude and longitude of the first row, at height 0."""
+    """Where the first sensor is, or else latitude and longitude of the first row that has one of a moving
+    sensor or of a detection, at height 0."""
     for each in rows:
         if each.settings.geodetic is not None:
             return each.settings.geodetic
     for each in rows:
-        there = each.positions.z[~np.isnan(each.positions.z[:, 0])]
-        if each.positions.family[0] == "lat" and len(there):
+        places = each.positions.own if "own_lat" in each.layout else each.positions.z
+        there = places[~np.isnan(places[:, 0])]
+        if len(there) and ("own_lat" in each.layout or each.positions.family[0] == "lat"):
             return float(there[0, 0]), float(there[0, 1]), 0.0
     return None
 
@@ -106,6 +108,13 @@ def _place(each: SensorRows, reference: Reference) -> np.ndarray:
     return np.array(each.settings.position or (0.0, 0.0, 0.0))
 
 
+def _own(each: SensorRows, place: np.ndarray, reference: Reference) -> np.ndarray:
+    """Where the sensor is at each row (k, 3), m."""
+    own = each.positions.own
+    own = to_local(own, reference) if "own_lat" in each.layout else own
+    return np.where(np.isnan(own), place, own)
+
+
 def _measured(each: SensorRows, own: np.ndarray, reference: Reference, convention: str) -> np.ndarray:
     """Measurements (k, p) in local coordinates or polar ones, from what the file has."""
     z, p = each.positions.z, each.positions.z.shape[1]
@@ -115,10 +124,13 @@ def _measured(each: SensorRows, own: np.ndarray, reference: Reference, conventio
     if each.positions.family[0] == "range":
         z = z.copy()
         z[:, 1] = azimuths(z[:, 1], convention, each.settings.north_offset)
+        if "own_lat" in each.layout:
+            return to_axes(z, each.positions.own, reference)
         there = each.settings.geodetic
         return z if there is None or there == reference else to_axes(z, there, reference)
-    moving = "own_x" in each.layout  # what it measures is relative to itself
-    return z + own[:, :p] if moving else z
+    if "own_lat" in each.layout:  # what it measures is relative to itself
+        z = turned_to(np.column_stack([z, np.zeros((len(z), 3 - p))]), each.positions.own, reference)[:, :p]
+    return z + own[:, :p] if family_of(each.layout, OWN) else z
 
 
 def _spec(each: SensorRows, place: np.ndarray) -> SensorSpec:
