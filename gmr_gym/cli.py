@@ -448,7 +448,7 @@ def record(
 @command("track")
 @takes(*ALL_GROUPS)
 def track_(
-    file: Annotated[Path, typer.Argument(help="CSV, text or JSON, also compressed with gzip")],
+    file: Annotated[Path, typer.Argument(help="CSV, text, JSON, Parquet, AIS or ASTERIX, also in gzip")],
     *,
     targets: Annotated[
         str, typer.Option(metavar="|".join(TARGETS), help="in the file", **choice("targets", TARGETS))
@@ -506,7 +506,7 @@ def track_(
 @command()
 @takes(*INPUT_GROUPS)
 def inspect(
-    file: Annotated[Path, typer.Argument(help="CSV, text or JSON, also compressed with gzip")],
+    file: Annotated[Path, typer.Argument(help="CSV, text, JSON, Parquet, AIS or ASTERIX, also in gzip")],
     *,
     write: Annotated[
         Path | None,

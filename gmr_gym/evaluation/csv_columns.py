@@ -6,7 +6,7 @@ import io
 import sys
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ import numpy as np
 
 BLOCK = 2_000  # lines read together; larger ones keep the garbage collector busy
 GZIP = b"\x1f\x8b"  # how a gzip file begins
+QUOTED = '"\r\0'  # signs in what a reader of CSV takes for more than itself
 BLANK = frozenset({""})  # cells that stand for no value
 
 # cells of a column and where each of them stands -> their values
@@ -27,6 +28,7 @@ class Columns(NamedTuple):
     names: tuple[str, ...]  # all of them
     values: dict[str, Any]  # an array or a list of each
     line: np.ndarray  # (n,) int, from 1
+    remarks: tuple[str, ...] = ()  # what was left out
 
 
 def read_columns(
@@ -65,36 +67,27 @@ def read_columns(
     MemoryError
         Where the columns would not fit.
     """
-    data = file_bytes(path)
-    try:
-        file = io.StringIO(data.decode(encoding).removeprefix("\ufeff"), newline="\n")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        kind = "UTF-8" if encoding == "utf-8" else encoding
-        raise ValueError(f"{path}, line {line}: not text in {kind}; save it as CSV in UTF-8") from None
-    blocks = _blocks(path, file, delimiter)
-    lines, rows = next(blocks, ([1], [[""]]))
-    where = f"{path}, line {lines[0]}"
-    names = [cell.strip() for cell in rows[0]]
-    if header:
-        lines, rows = lines[1:], rows[1:]
-    else:
-        names = [str(i + 1) for i in range(max(map(len, rows)))]
-    wanted = choose(where, names)
-    parts: dict[str, list] = {name: [] for name in wanted}
-    numbers: list[np.ndarray] = []
-    while True:
-        columns = [*zip(*_even(path, names, lines, rows, header), strict=True)] or [()] * len(names)
-        for name, convert in wanted.items():
-            parts[name].append(convert(columns[names.index(name)], _place(path, name, lines)))
-        numbers.append(np.array(lines, int))
-        if len(numbers) == 1:
-            _check_memory(path, parts, len(rows), file.tell() / max(len(data), 1))
-        following = next(blocks, None)
-        if following is None:
-            break
-        lines, rows = following
-    values = {name: _joined(some) for name, some in parts.items()}
+    with Path(path).open("rb") as raw:
+        blocks = _blocks(path, raw, encoding)
+        at, first = next(blocks, ([1], [""]))
+        delimiter = delimiter or delimiter_of(first[0])
+        names = [cell.strip() for cell in _rows(path, at[:1], first[:1], delimiter)[0]] or [""]
+        where = f"{path}, line {at[0]}"
+        if header:
+            at, first = at[1:], first[1:]
+        else:
+            names = [str(i + 1) for i in range(max(map(len, _rows(path, at, first, delimiter))))]
+        wanted = choose(where, names)
+        parts: dict[str, list] = {name: [] for name in wanted}
+        numbers: list[np.ndarray] = []
+        for lines, contents in chain([(at, first)], blocks):
+            columns = _columns(path, names, lines, contents, delimiter, header)
+            for name, convert in wanted.items():
+                parts[name].append(convert(columns[names.index(name)], _place(path, name, lines)))
+            numbers.append(np.array(lines, int))
+            if len(numbers) == 1:
+                _check_memory(path, parts, len(lines), raw.tell() / max(Path(path).stat().st_size, 1))
+    values = {name: _joined(parts.pop(name)) for name in wanted}
     return Columns(where, tuple(names), values, np.concatenate(numbers))
 
 
@@ -107,6 +100,17 @@ def file_bytes(path: Path | str) -> bytes:
         return gzip.decompress(data)
     except (OSError, EOFError, zlib.error) as error:
         raise ValueError(f"{path}: a damaged gzip file: {error}") from None
+
+
+def file_head(path: Path | str, size: int) -> bytes:
+    """The first bytes that a file holds, decompressed where it is a gzip file."""
+    with Path(path).open("rb") as file:
+        if file.peek(2)[:2] != GZIP:
+            return file.read(size)
+        try:
+            return gzip.GzipFile(fileobj=file).read(size)
+        except (OSError, EOFError, zlib.error) as error:
+            raise ValueError(f"{path}: a damaged gzip file: {error}") from None
 
 
 def numbers(
@@ -145,8 +149,11 @@ def numbers(
 
 
 def texts(cells: Sequence[str], at: Callable[[int], str]) -> list[str]:
-    """Cells as they are, without blanks around; equal ones are one object."""
-    return list(map(sys.intern, map(str.strip, cells)))
+    """Cells as they are, without blanks around; equal ones are one object, where most have an equal."""
+    kinds = set(cells)
+    if len(kinds) > len(cells) / 2:
+        return list(map(str.strip, cells))
+    return list(map({cell: sys.intern(cell.strip()) for cell in kinds}.__getitem__, cells))
 
 
 def _number(cell: str, absent: frozenset[str], at: Callable[[int], str], i: int) -> float:
@@ -167,26 +174,68 @@ def _place(path: Path | str, name: str, lines: Sequence[int]) -> Callable[[int],
 
 
 def _blocks(
-    path: Path | str, file: io.StringIO, delimiter: str | None
-) -> Iterator[tuple[list[int], list[list[str]]]]:
-    """Numbers and cells of the lines that are neither blank nor comments."""
-    line = 1
-    while block := list(islice(file, BLOCK)):
-        lines = [*range(line, line + len(block))]
+    path: Path | str, raw: io.BufferedReader, encoding: str
+) -> Iterator[tuple[Sequence[int], list[str]]]:
+    """Numbers and contents of the lines that are neither blank nor comments."""
+    packed = raw.peek(2)[:2] == GZIP
+    file = io.TextIOWrapper(gzip.GzipFile(fileobj=raw) if packed else raw, encoding, newline="\n")
+    line, mark = 1, "\ufeff"
+    while block := _lines(path, file, encoding, packed):
+        block[0] = block[0].removeprefix(mark) or "\n"
+        lines: Sequence[int] = range(line, line + len(block))
         contents = [content for content in block if content[0] != "#" and not content.isspace()]
         if len(contents) < len(block):
             lines = [i for i, s in zip(lines, block, strict=True) if s[0] != "#" and not s.isspace()]
-        line += len(block)
-        if not contents:
-            continue
-        delimiter = delimiter or delimiter_of(contents[0])
-        if delimiter == " ":
-            contents = [content.strip() for content in contents]
-        yield lines, _cells(path, lines, contents, delimiter)
+        line, mark = line + len(block), ""
+        if contents:
+            yield lines, contents
 
 
-def _cells(path: Path | str, lines: list[int], contents: list[str], delimiter: str) -> list[list[str]]:
+def _lines(path: Path | str, file: io.TextIOWrapper, encoding: str, packed: bool) -> list[str]:
+    """The next lines of a file."""
+    try:
+        return list(islice(file, BLOCK))
+    except UnicodeDecodeError:
+        data = file_bytes(path)
+    except (OSError, EOFError, zlib.error) as error:
+        if not packed:
+            raise
+        raise ValueError(f"{path}: a damaged gzip file: {error}") from None
+    try:
+        data.decode(encoding)
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        kind = "UTF-8" if encoding == "utf-8" else encoding
+        raise ValueError(f"{path}, line {line}: not text in {kind}; save it as CSV in UTF-8") from None
+    raise ValueError(f"{path}: changed while it was read")
+
+
+def _columns(
+    path: Path | str,
+    names: Sequence[str],
+    lines: Sequence[int],
+    contents: list[str],
+    delimiter: str,
+    header: bool,
+) -> Sequence[Sequence[str]]:
+    """Cells of each column."""
+    n = len(names)
+    ended = [*contents[:-1], *(content.rstrip("\n") + "\n" for content in contents[-1:])]
+    text = delimiter.join(ended)
+    if delimiter != " " and not any(sign in text for sign in QUOTED):
+        cells = text.split(delimiter)
+        # where each n-th cell ends a line, all lines have n
+        if len(cells) == n * len(lines) and "".join(cells[n - 1 :: n]).count("\n") == len(lines):
+            return [cells[i::n] for i in range(n)]
+    rows = _even(path, names, lines, _rows(path, lines, contents, delimiter), header)
+    return [*zip(*rows, strict=True)] or [()] * n
+
+
+def _rows(path: Path | str, lines: Sequence[int], contents: list[str], delimiter: str) -> list[list[str]]:
+    """Cells of each line."""
     form: dict[str, Any] = {"delimiter": delimiter, "strict": True, "skipinitialspace": delimiter == " "}
+    if delimiter == " ":
+        contents = [content.strip() for content in contents]
     try:
         rows = [*csv.reader(contents, **form)]
     except csv.Error:
@@ -209,7 +258,7 @@ def delimiter_of(content: str) -> str:
 
 
 def _even(
-    path: Path | str, names: list[str], lines: list[int], rows: list[list[str]], header: bool
+    path: Path | str, names: Sequence[str], lines: Sequence[int], rows: list[list[str]], header: bool
 ) -> list[list[str]]:
     """Rows of as many cells as there are names."""
     n = len(names)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from gmr_gym.models.positions import Look
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.model import TrackingModel, as_text, from_text, polar
+from gmr_gym.recorded.report_runs import LONGEST, SHORTEST, reports_of, run
 from gmr_gym.recorded.scans import Scan
 from gmr_gym.recorded.track_state import initial_state, leaves, rebuilt
 from gmr_gym.recorded.track_update import assumed, report, scan
@@ -187,15 +188,23 @@ def track(
     Tracks
         `detection` is an index into the detections.
     """
-    tracker = LiveTracker(model)
-    parts, joined = [no_rows(model.axes, len(model.modes))], []
-    for one in scans:
-        rows = tracker.update(**_arguments(detections, one, model, reports))
-        index = np.append(one.rows, -1)[rows.detection]  # the last is of no detection
-        parts.append(rows._replace(detection=index))
+    tracker, scans, none = LiveTracker(model), list(scans), no_rows(model.axes, len(model.modes))
+    alone = reports_of(detections, scans, model) if reports else None
+    parts, joined, i, most = [none], [], 0, SHORTEST
+    while i < len(scans):
+        rows = none
+        if alone is not None:
+            tracker.state, rows = run(tracker.state, tracker._of, detections, alone, i, most)
+            most = min(max(4 * len(rows.time), SHORTEST), LONGEST)
+        i += max(len(rows.time), 1)
+        if not len(rows.time):
+            one = scans[i - 1]
+            rows = tracker.update(**_arguments(detections, one, model, reports))
+            rows = rows._replace(detection=np.append(one.rows, -1)[rows.detection])  # the last is of none
+        parts.append(rows)
         if len(parts) > TOGETHER:
             joined.append(joined_rows(parts))
-            parts = []
+            parts = [none]
     return joined_rows([*joined, *parts])
 
 
