@@ -121,7 +121,7 @@ class LiveTracker:
         Parameters
         ----------
         lag : int, optional
-            By how many scans it is before the last, at most the tracker's own `lag`, which it is unless given.
+            By how many scans it is before the last; the tracker's own `lag` unless given, and at most that.
 
         Returns
         -------

@@ -145,7 +145,5 @@ def test_a_lag_that_is_not_kept_is_refused():
     model = tracking_model([RADAR], (-1e3, -1e3), (1e3, 1e3))
     with pytest.raises(ValueError, match="lag must be a number of scans, 0 or more, got -1"):
         LiveTracker(model, lag=-1)
-    with pytest.raises(
-        ValueError, match=r"lag must be in 0\.\.2, got 3; give LiveTracker\(model, lag=\.\.\.\)"
-    ):
+    with pytest.raises(ValueError, match=r"lag must be in 0\.\.2, got 3; give LiveTracker\(model, lag="):
         LiveTracker(model, lag=2).smoothed(3)
