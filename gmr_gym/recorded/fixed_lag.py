@@ -5,7 +5,7 @@ import numpy as np
 from gmr_gym.filters import imm_smoothing
 from gmr_gym.models.positions import Look
 from gmr_gym.recorded.model import TrackingModel
-from gmr_gym.recorded.smoothing import continued, detection_of, one_after_another, own_detection
+from gmr_gym.recorded.smoothing import continued, detection_of, one_after_another, own_share
 from gmr_gym.recorded.track_state import LastScans, chosen, joined
 from gmr_gym.recorded.tracks import Tracks
 
@@ -17,8 +17,9 @@ def with_scan(last: LastScans, rows: Tracks, look: Look, model: TrackingModel) -
     latest = {one: i for i, one in enumerate(label)}
     for row, one in enumerate(rows.track.tolist()):
         before = chosen(last.banks, [latest[one]]) if one in latest else None
-        j = own_detection(rows, row, first=before is None)
-        new = continued(before, rows.time[row], detection_of(look, j) if j >= 0 else None, model, modes)
+        share = own_share(rows, row) if before else 1.0
+        seen = detection_of(look, rows.detection[row]) if share else None
+        new = continued(before, rows.time[row], seen, share, model, modes)
         banks += new
         label += [one] * len(new)
         of_row += [False] * (len(new) - 1) + [True]

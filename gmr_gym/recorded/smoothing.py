@@ -13,7 +13,7 @@ from gmr_gym.recorded.model import TrackingModel, polar
 from gmr_gym.recorded.track_update import NO_OTHER
 from gmr_gym.recorded.tracks import Tracks
 
-OWN = 0.5  # share of the weight from which a detection is taken for the track's own
+UNSURE = 1e-3  # least probability that a detection is, and that it is not, the track's own
 
 
 def smooth(tracks: Tracks, detections: Detections, model: TrackingModel) -> Tracks:
@@ -33,9 +33,10 @@ def smooth(tracks: Tracks, detections: Detections, model: TrackingModel) -> Trac
 
     Notes
     -----
-    Each track is filtered once more with the detection of most weight of each row, where the track exists
-    and it is this one's with probability of at least a half, taken as certain; then the backward pass of
-    `imm_smoothing` follows. A detection before the row of the last one counts as of that row's time.
+    Each track, taken to exist, is filtered once more with the detection of most weight of each row alone, at
+    its own time, by probabilistic data association (see `mht.pda_update`) with the probability that the
+    tracker gave it; then the backward pass of `imm_smoothing` follows. A detection before the row of the last
+    one counts as of that row's time.
     """
     x, P, w = (np.array(column) for column in (tracks.x, tracks.P, tracks.modes))
     modes, d = model.bank(), 2 * model.axes
@@ -45,26 +46,28 @@ def smooth(tracks: Tracks, detections: Detections, model: TrackingModel) -> Trac
         banks: list[Banks] = []
         at = []
         for row in rows:
-            j = own_detection(tracks, row, first=not banks)
-            look = None if j < 0 else _look(detections, model, j)
-            banks += continued(banks[-1] if banks else None, tracks.time[row], look, model, modes)
+            share = own_share(tracks, row) if banks else 1.0
+            look = _look(detections, model, tracks.detection[row]) if share else None
+            banks += continued(banks[-1] if banks else None, tracks.time[row], look, share, model, modes)
             at.append(len(banks) - 1)
         mode, mean, covariance = imm_smoothing.smoothed(one_after_another(banks), modes, model.axes)
         w[rows], x[rows], P[rows] = mode[at], mean[at, :d], covariance[at, :d, :d]
     return tracks._replace(x=x, P=P, modes=w, nis=np.full(len(x), np.nan))
 
 
-def own_detection(tracks: Tracks, row: int, first: bool) -> int:
-    """The detection that is taken for the track's own in a row, -1 for none; with the first it began."""
-    own = first or tracks.weight[row] >= OWN * tracks.existence[row]
-    return int(tracks.detection[row]) if own else -1
+def own_share(tracks: Tracks, row: int) -> float:
+    """The probability that the detection of a row is the track's own, if it exists."""
+    if tracks.detection[row] < 0 or tracks.weight[row] < UNSURE * tracks.existence[row]:
+        return 0.0
+    share = float(tracks.weight[row] / tracks.existence[row])
+    return share if share <= 1.0 - UNSURE else 1.0
 
 
 def continued(
-    bank: Banks | None, time: float, look: Look | None, model: TrackingModel, modes: Modes
+    bank: Banks | None, time: float, look: Look | None, share: float, model: TrackingModel, modes: Modes
 ) -> list[Banks]:
-    """The filtered banks of one track that follow `bank`: after its detection, the one of `look`, and at
-    `time`. A track without a bank begins with the detection."""
+    """The filtered banks of one track that follow `bank`: after the detection of `look`, which is its own
+    with probability `share`, and at `time`. A track without a bank begins with the detection."""
     banks = []
     if bank is None:
         assert look is not None
@@ -73,7 +76,8 @@ def continued(
         banks.append(bank)
     elif look is not None:
         seen = min(max(look.at[0], bank.time[0]), time)
-        bank = _advanced(bank, modes, look._replace(time=float(seen), at=np.array([seen])))
+        hit = _advanced(bank, modes, look._replace(time=float(seen), at=np.array([seen])))
+        bank = hit if share == 1.0 else _either(share, hit, _advanced(bank, modes, _nothing(seen, model)))
         banks.append(bank)
     if time > bank.time[0] or not banks:
         banks.append(_advanced(bank, modes, _nothing(time, model)))
@@ -99,6 +103,17 @@ def _advanced(bank: Banks, modes: Modes, look: Look) -> Banks:
     sure = Origins(1.0, np.repeat(NO_OTHER, k), np.full(k, -1), np.zeros(k, bool), np.full(2, np.inf))
     engine.update(Bernoullis(bank, np.ones(1), np.full(1, -1), np.zeros(1)), modes, look, sure)
     return bank
+
+
+def _either(share: float, hit: Banks, missed: Banks) -> Banks:
+    """The moment match of every mode of two banks, of which the first is the true one with probability
+    `share`."""
+    w = np.stack([share * hit.w, (1.0 - share) * missed.w])
+    part = w / np.maximum(w.sum(axis=0), 1e-300)
+    m = (part[..., None] * [hit.m, missed.m]).sum(axis=0)
+    off = np.stack([hit.m, missed.m]) - m
+    P = np.stack([hit.P, missed.P]) + off[..., :, None] * off[..., None, :]
+    return Banks(w.sum(axis=0), m, (part[..., None, None] * P).sum(axis=0), hit.time)
 
 
 def _look(detections: Detections, model: TrackingModel, j: int) -> Look:
