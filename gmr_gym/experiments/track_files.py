@@ -149,10 +149,10 @@ def write_all(tracks: Tracks, run: Run, asked: Mapping[str, Any], truth: Truth |
     if asked["report"]:
         write_report(asked["report"], groups, over_time, command=run.command, remarks=run.detections.remarks)
     yield from run.detections.remarks
-    first, *others = groups.values()
+    (_, first), *others = groups.items()
     yield from in_short(first)
-    for figures in others:
-        yield from in_lines(figures)
+    for title, figures in others:
+        yield from (f"{title}:", *in_lines(figures))
     yield f"{len(run.scans)} scans, {len(np.unique(kept.track))} tracks; written to {_named(asked)}"
 
 

@@ -46,7 +46,7 @@ def _check(given: Mapping[str, Any], own: Mapping[str, Any]) -> None:
     """ValueError for what one target's track does not have, and for a prior or speed that is none."""
     for name, option in OUTPUT.items():
         if given[name] != option.default and name != "smooth":
-            raise ValueError(f"--{name.replace('_', '-')} is of many targets, and --targets is one")
+            raise ValueError(f"--{name.replace('_', '-')} is of many targets; give --targets many")
     if bool(own["prior"]) != bool(own["prior_deviations"]):
         raise ValueError("give --prior and --prior-deviations together, or neither")
     if not 0 < own["speed"] < float("inf"):
