@@ -129,7 +129,9 @@ def test_one_target_is_tracked_in_a_file_of_any_units(call):
 def test_how_many_targets_there_are_may_stand_in_the_settings(call):
     Path("z.csv").write_text("time_s,x_m,y_m\n0,1,1\n1,1,1\n")
     Path("s.toml").write_text('[tracks]\ntargets = "one"\n')
-    assert "2 scans tracked; written to track.csv" in call("track", "z.csv", *ASSUMED, "--config", "s.toml")[1]
+    assert (
+        "2 scans tracked; written to track.csv" in call("track", "z.csv", *ASSUMED, "--config", "s.toml")[1]
+    )
     words = "track", "z.csv", *ASSUMED, "--config", "s.toml", "--targets", "many"
     assert "tracks; written to tracks.csv" in call(*words)[1]
     Path("s.toml").write_text('[tracks]\ntargets = "few"\n')
