@@ -4,13 +4,11 @@ import numpy as np
 
 from gmr_gym.filters import bernoulli_tracks as engine
 from gmr_gym.filters import imm_smoothing
-from gmr_gym.filters.bernoulli_tracks import Bernoullis, Origins
 from gmr_gym.filters.imm_tracks import Banks
 from gmr_gym.models.intervals import Modes
 from gmr_gym.models.positions import Look
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.model import TrackingModel, polar
-from gmr_gym.recorded.track_update import NO_OTHER
 from gmr_gym.recorded.tracks import Tracks
 
 UNSURE = 1e-3  # least probability that a detection is, and that it is not, the track's own
@@ -98,11 +96,7 @@ def detection_of(look: Look, j: int) -> Look:
 
 def _advanced(bank: Banks, modes: Modes, look: Look) -> Banks:
     """The bank after the look, whose detection, if there is one, is certain."""
-    k = len(look.at)
-    bank = Banks(*(column.copy() for column in bank))
-    sure = Origins(1.0, np.repeat(NO_OTHER, k), np.full(k, -1), np.zeros(k, bool), np.full(2, np.inf))
-    engine.update(Bernoullis(bank, np.ones(1), np.full(1, -1), np.zeros(1)), modes, look, sure)
-    return bank
+    return Banks(*imm_smoothing.advanced(Banks(*(column.copy() for column in bank)), modes, look))
 
 
 def _either(share: float, hit: Banks, missed: Banks) -> Banks:
