@@ -90,6 +90,9 @@ TRACKS = {
     ),
 }
 OUTPUT = {
+    "smooth": Option(
+        bool, "also smoothed tracks, from later detections too, in NAME-smoothed.csv", False, ("--smooth",)
+    ),
     "geojson": Option(Path | None, "GeoJSON of many targets' tracks", None),
     "html": Option(Path | None, "page to look at them, scan by scan", None),
     "mot": Option(Path | None, "the ten columns of the MOTChallenge, .txt", None),

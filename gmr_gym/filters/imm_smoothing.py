@@ -1,11 +1,32 @@
-"""Backward pass over the filtered banks of one track."""
+"""Forward and backward pass over the banks of one track."""
 
 import numpy as np
 
-from gmr_gym.kernels import ONE, kernel
+from gmr_gym.filters.imm_tracks import carried, conditioned, mix
+from gmr_gym.kernels import ONE, ZERO, kernel
 from gmr_gym.mixture import match
 from gmr_gym.models.intervals import switching_over, transition
 from gmr_gym.models.kalman import predict_all
+from gmr_gym.models.positions import compared
+
+
+@kernel
+def advanced(banks, modes, look):
+    """The bank of one track at the time of the look, updated with its detection, if there is one, as certainly
+    its own; in place but for what is returned."""
+    mix(banks, modes, look.time)
+    after = carried(banks, modes, look.time, look.z.shape[1])
+    if len(look.at) == 0:
+        return after
+    r = banks.w.shape[1]
+    log_likelihood = np.empty(r)
+    for q in range(r):
+        m, P = after.m[0, q].copy(), after.P[0, q].copy()
+        log_likelihood[q] = compared(m, P, look, ZERO)[6]
+        after.m[0, q], after.P[0, q] = conditioned(m, P, modes, look, (ZERO, q, ZERO))
+    w = banks.w[0] * np.exp(log_likelihood - log_likelihood.max())
+    after.w[0] = w / w.sum()
+    return after
 
 
 @kernel
