@@ -36,9 +36,9 @@ def smoothed(banks, modes, axes):
 
     Notes
     -----
-    The state before and the one after are taken as jointly Gaussian, with the first two moments that the bank
-    gives them (Sarkka 2013, sec. 10.1): with :math:`w_{ij} = \pi_{ij} \mu_j`, the probability of mode j
-    before and i after,
+    Let x be the state before and :math:`x_+` the one after, taken as jointly Gaussian with the first two
+    moments that the bank gives them: with :math:`w_{ij} = \pi_{ij} \mu_j`, the probability of mode j before
+    and i after,
 
     .. math::
 
@@ -46,9 +46,13 @@ def smoothed(banks, modes, axes):
         P^- = \sum w_{ij} \left( F_i P_j F_i^T + Q_i + (F_i m_j - m^-) (\cdot)^T \right), \qquad
         C = \sum w_{ij} \left( P_j F_i^T + (m_j - m) (F_i m_j - m^-)^T \right)
 
-    .. math::
+    as :math:`x_+ = F_i x + q_i` has the covariance :math:`P_j F_i^T` with x in each pair, and
+    :math:`\mathrm{cov}(x, x_+) = \mathrm{E}\,\mathrm{cov} + \mathrm{cov}\,\mathrm{E}`. Given :math:`x_+`, x
+    has the mean :math:`m + G (x_+ - m^-)` and the covariance :math:`P - G P^- G^T`, :math:`G = C (P^-)^{-1}`,
+    whatever comes later. Over :math:`x_+` given all detections, of mean :math:`m^s_+` and covariance
+    :math:`P^s_+`, these are
 
-        G = C (P^-)^{-1}, \qquad m^s = m + G (m^s_+ - m^-), \qquad P^s = P + G (P^s_+ - P^-) G^T
+    .. math:: m^s = m + G (m^s_+ - m^-), \qquad P^s = P + G (P^s_+ - P^-) G^T
 
     With one mode this is the smoother of Rauch, Tung and Striebel (1965), exact for a linear model. That of
     each pair of modes (Kim 1994) drifts off with a quiet mode, which is certain of straight motion; its mode
@@ -58,7 +62,7 @@ def smoothed(banks, modes, axes):
 
     References
     ----------
-    Sarkka 2013; Rauch, Tung and Striebel 1965; Kim 1994.
+    Rauch, Tung and Striebel 1965; Kim 1994.
     """
     steps, r, d = banks.m.shape
     w_out, m_out, P_out = banks.w.copy(), np.empty((steps, d)), np.empty((steps, d, d))

@@ -12,6 +12,7 @@ from gmr_gym.recorded.figures import Figure, wilson
 from gmr_gym.recorded.positions import local_positions
 from gmr_gym.recorded.scans import Scan
 from gmr_gym.recorded.tracks import COASTED, CONFIRMED, Tracks, rows_of_each
+from gmr_gym.recorded.unused_cells import unused_by_cell
 
 LIKELY = 0.5  # weight from which a track took a detection
 SHORT = 10  # detections below which a confirmed track is short
@@ -159,7 +160,10 @@ def _unused(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> It
     """Detections of no confirmed track: a scan, an area, and how they scatter from scan to scan."""
     left = unused(tracks, len(detections.time))
     points = local_positions(detections)[:, :2]
-    points = points[np.isfinite(points).all(axis=1)]
+    known = np.isfinite(points).all(axis=1)
+    points, area = points[known], 0.0
+    if len(np.unique(points, axis=0)) > 2:
+        area = _area(points)
     for i, spec in enumerate(detections.sensors):
         counts = np.array([left[scan.rows].sum() for scan in scans if scan.sensor == i])
         if not len(counts):
@@ -169,7 +173,7 @@ def _unused(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> It
         low, high = max(spec.clutter_per_scan - half, 0.0), spec.clutter_per_scan + half
         mean = float(counts.mean())
         yield Figure(f"unused detections a scan{of}", mean, "", len(counts), low, high)
-        if len(np.unique(points, axis=0)) > 2 and (area := _area(points)):
+        if area:
             yield Figure(f"unused detections a scan and km2{of}", mean / area * 1e6, "1/km2", len(counts))
         if counts.sum() >= FEWEST and len(counts) > 1:
             half = 2 * np.sqrt(2 / (len(counts) - 1))
@@ -182,6 +186,8 @@ def _unused(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> It
                 max(1 - half, 0.0),
                 1 + half,
             )
+    if area and left.sum() >= FEWEST:
+        yield from unused_by_cell(points, left[known], len(scans))
 
 
 def unused(tracks: Tracks, n: int) -> np.ndarray:

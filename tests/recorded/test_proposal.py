@@ -76,7 +76,7 @@ def test_two_long_tracks_are_enough_and_their_number_is_said():
 @pytest.mark.parametrize(
     "kind, message",
     [
-        ({"scans": 12, "targets": 1}, r"to propose from: .*needed are 100 measured coordinates"),
+        ({"scans": 12, "targets": 1}, r"to propose from: .*needed are 50 measured coordinates"),
         ({"speed": 0.0}, r"nothing to propose from: of \d+ confirmed tracks none moves"),
     ],
 )
