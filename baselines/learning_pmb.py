@@ -89,7 +89,7 @@ class Pmb(KnownClutterTracker):
 
     def init(self) -> MultiBernoulli:
         """Belief one period before the first scan."""
-        return multi_bernoulli.no_targets(self.model)
+        return multi_bernoulli.untracked(self.model)
 
     def update(
         self, belief: MultiBernoulli, z: np.ndarray, clutter: Clutter

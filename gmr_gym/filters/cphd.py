@@ -59,6 +59,26 @@ def cardinality_transition(
     return out
 
 
+def poisson(expected: float, max_targets: int) -> np.ndarray:
+    """Poisson distribution of up to N targets, normalised.
+
+    Parameters
+    ----------
+    expected : float
+        Expected number, before it is truncated.
+    max_targets : int
+        N.
+
+    Returns
+    -------
+    ndarray, shape (N + 1,)
+    """
+    from scipy.stats import poisson
+
+    p = poisson.pmf(np.arange(max_targets + 1), expected)
+    return p / p.sum()
+
+
 def update(
     predicted: LabelledIntensity,
     cardinality: np.ndarray,

@@ -49,7 +49,7 @@ class GmPhd(KnownClutterTracker):
 
     def init(self) -> LabelledIntensity:
         """Belief one period before the first scan."""
-        return phd.no_targets(self.model)
+        return phd.initial(self.model)
 
     def update(
         self, belief: LabelledIntensity, z: np.ndarray, clutter: Clutter

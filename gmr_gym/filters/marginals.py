@@ -13,6 +13,7 @@ from gmr_gym.kernels import kernel, leaf_kernel
 
 MOST_STEPS = 100_000  # of one cluster, from set to set of detections; a cluster that takes more is propagated
 BITS = 62  # detections that a set can hold
+LEAST = 1e-200  # sum of the weights of all events, each track's greatest 1, below which logarithms are added
 
 
 @kernel
@@ -36,8 +37,7 @@ def marginals(track, detection, log_psi, n, k):
         \beta_{i-1}(U) = \sum_{j \notin U} \psi_{ij} \beta_i(U'), \qquad
         \bar p_{ij} \propto \sum_{U \not\ni j} \alpha_{i-1}(U) \psi_{ij} \beta_i(U')
 
-    All terms are positive and are added as logarithms, since :math:`\psi` may overflow. A detection of one
-    track alone stands in no set.
+    All terms are positive. A detection of one track alone stands in no set.
     """
     e = len(track)
     by_track, first_track = grouped(track, n)
@@ -62,7 +62,7 @@ def marginals(track, detection, log_psi, n, k):
             _alone(tracks[0], pairs, assigned, missed, unassigned)
             continue
         order, last = _ordered(tracks, pairs, first_detection)
-        if not _enumerate(order, last, pairs, first_detection, room, assigned, missed, unassigned):
+        if not _enumerate(order, last, pairs, first_detection, room, (assigned, missed, unassigned)):
             for i in tracks:
                 approximated[i] = True
                 for b in range(first_track[i], first_track[i + 1]):
@@ -151,106 +151,138 @@ def _ordered(tracks, pairs, first_detection):
 
 
 @kernel
-def _enumerate(order, last, pairs, first_detection, room, assigned, missed, unassigned):
-    """The marginals of the tracks of a cluster, written to assigned (e,), missed (n,) and unassigned (k,);
-    False where that takes more than `MOST_STEPS`."""
-    by_track, first_track, detection, log_psi = pairs
-    sets, forward, _, following = room
-    count = len(order)
+def _enumerate(order, last, pairs, first_detection, room, marginal):
+    """The marginals of the tracks of a cluster, written to `marginal`; False where that takes more than
+    `MOST_STEPS`. Weights are relative to the greatest of each track; where all events are then too unlikely
+    for a float, they are added once more as logarithms."""
+    by_track, first_track, detection, _ = pairs
+    count, sets, following = len(order), room[0], room[3]
     slot, taken = np.full(len(last), -1), 0
     layer, step = np.zeros(count + 2, np.int64), np.zeros(count + 1, np.int64)
-    free, keep = np.empty(count), np.empty(count, np.int64)
-    found = np.full(64, -1)
-    sets[0], forward[0], layer[1] = 0, 0.0, 1
+    keep, found = np.empty(count, np.int64), np.full(64, -1)
+    for t in range(count):
+        for b in range(first_track[order[t]], first_track[order[t] + 1]):
+            j = detection[by_track[b]]
+            if first_detection[j + 1] - first_detection[j] > 1:
+                if slot[j] < 0:
+                    slot[j] = _unused(taken)
+                    if slot[j] == BITS:
+                        return False
+                    taken |= 1 << slot[j]
+        keep[t] = -1
+        for b in range(first_track[order[t]], first_track[order[t] + 1]):
+            j = detection[by_track[b]]
+            if last[j] == t and slot[j] >= 0:
+                keep[t] ^= 1 << slot[j]
+        taken &= keep[t]
+    sets[0], layer[1] = 0, 1
     for t in range(count):
         own = by_track[first_track[order[t]] : first_track[order[t] + 1]]
-        free[t], closed = 0.0, 0
-        for a in own:
-            j = detection[a]
-            if first_detection[j + 1] - first_detection[j] == 1:
-                free[t] = log_sum(free[t], log_psi[a])
-                continue
-            if slot[j] < 0:
-                slot[j] = _unused(taken)
-                if slot[j] == BITS:
-                    return False
-                taken |= 1 << slot[j]
-            if last[j] == t:
-                closed |= 1 << slot[j]
-        keep[t] = ~closed
-        begin, end, top = layer[t], layer[t + 1], layer[t + 1]
-        at = step[t]
-        if at + (end - begin) * (len(own) + 1) > MOST_STEPS:
+        steps = (layer[t + 1] - layer[t]) * (len(own) + 1)
+        if step[t] + steps > MOST_STEPS:
             return False
-        while 2 * (end - begin) * (len(own) + 1) > len(found) and len(found) < 2 * MOST_STEPS:
-            found = np.full(2 * len(found), -1)
+        if 2 * steps > len(found):
+            found = np.empty(4 * _power_of_two(steps), np.int64)
         found[:] = -1
-        for s in range(begin, end):
-            for o in range(len(own) + 1):
-                following[at] = -1
-                used, log_w, possible = sets[s], free[t], True
-                if o > 0:
-                    j = detection[own[o - 1]]
-                    log_w = log_psi[own[o - 1]]
-                    bit = 1 << slot[j] if slot[j] >= 0 else 0
-                    possible = slot[j] >= 0 and not used & bit
-                    used |= bit
-                if possible:
-                    target = _place(used & keep[t], found, sets, top)
-                    if target == top:
-                        if top == MOST_STEPS:
-                            return False
-                        sets[top], forward[top] = used & keep[t], -np.inf
-                        top += 1
-                    forward[target] = log_sum(forward[target], forward[s] + log_w)
-                    following[at] = target
-                at += 1
+        at, top = step[t], layer[t + 1]
+        for s in range(layer[t], layer[t + 1]):
+            following[at] = _place(sets[s] & keep[t], found, sets, top)
+            top += following[at] == top
+            for o in range(len(own)):
+                following[at + o + 1] = -1
+                bit = slot[detection[own[o]]]
+                if bit >= 0 and not sets[s] & (1 << bit):
+                    target = _place((sets[s] | (1 << bit)) & keep[t], found, sets, top)
+                    following[at + o + 1] = target
+                    top += target == top
+            at += len(own) + 1
         layer[t + 2], step[t + 1] = top, at
-        taken &= keep[t]
-    _gather(order, last, pairs, (slot, layer, step, free), room, assigned, missed, unassigned)
+    searched = slot, layer, step
+    if not _sweep(order, last, pairs, searched, room, marginal, False):
+        _sweep(order, last, pairs, searched, room, marginal, True)
     return True
 
 
 @kernel
-def _gather(order, last, pairs, found, room, assigned, missed, unassigned):
-    """The backward sweep of `_enumerate`, and the marginals."""
+def _sweep(order, last, pairs, searched, room, marginal, logarithms):
+    """Both sweeps over the sets that `_enumerate` found; False where the sum of all events is no float."""
     by_track, first_track, detection, log_psi = pairs
-    (slot, layer, step, free), (sets, forward, backward, following) = found, room
+    (slot, layer, step), (_, forward, _, following) = searched, room
     count = len(order)
-    whole = forward[layer[count]]
-    backward[layer[count]] = 0.0
+    free, top, w = np.zeros(count), np.zeros(count), np.empty(len(log_psi))
+    for t in range(count):  # of no shared detection, the greatest, and each pair over it
+        own = by_track[first_track[order[t]] : first_track[order[t] + 1]]
+        for a in own:
+            free[t] = log_sum(free[t], log_psi[a]) if slot[detection[a]] < 0 else free[t]
+        top[t] = free[t]
+        for a in own:
+            top[t] = max(top[t], log_psi[a])
+        free[t] = free[t] - top[t] if logarithms else np.exp(free[t] - top[t])
+        for a in own:
+            w[a] = log_psi[a] - top[t] if logarithms else np.exp(log_psi[a] - top[t])
+    forward[: layer[count + 1]] = -np.inf if logarithms else 0.0
+    forward[0] = 0.0 if logarithms else 1.0
+    for t in range(count):
+        own = by_track[first_track[order[t]] : first_track[order[t] + 1]]
+        at = step[t]
+        for s in range(layer[t], layer[t + 1]):
+            for o in range(len(own) + 1):
+                target = following[at + o]
+                if target >= 0:
+                    weight = w[own[o - 1]] if o else free[t]
+                    if logarithms:
+                        forward[target] = log_sum(forward[target], forward[s] + weight)
+                    else:
+                        forward[target] += forward[s] * weight
+            at += len(own) + 1
+    if not logarithms and not forward[layer[count]] > LEAST:
+        return False
+    _sweep_back(order, last, pairs, searched, room, marginal, (free, top, w), logarithms)
+    return True
+
+
+@kernel(inline="always")
+def _sweep_back(order, last, pairs, searched, room, marginal, weights, logarithms):
+    """The backward sweep, and the marginals from both."""
+    by_track, first_track, detection, log_psi = pairs
+    (slot, layer, step), (_, forward, backward, following) = searched, room
+    (assigned, missed, unassigned), (free, top, w) = marginal, weights
+    count = len(order)
+    whole, backward[layer[count]] = forward[layer[count]], 0.0 if logarithms else 1.0
     for t in range(count - 1, -1, -1):
-        i = order[t]
-        own = by_track[first_track[i] : first_track[i + 1]]
+        own = by_track[first_track[order[t]] : first_track[order[t] + 1]]
         for a in own:
             assigned[a] = 0.0
             unassigned[detection[a]] = 0.0 if last[detection[a]] == t else unassigned[detection[a]]
-        without, at = 0.0, step[t]
+        through, none, at = np.empty(len(own) + 1), 0.0, step[t]
         for s in range(layer[t], layer[t + 1]):
-            backward[s] = -np.inf
+            backward[s] = -np.inf if logarithms else 0.0
             for o in range(len(own) + 1):
-                target = following[at]
-                at += 1
+                target, through[o] = following[at + o], 0.0
                 if target < 0:
                     continue
-                onward = backward[target] + (log_psi[own[o - 1]] if o > 0 else free[t])
-                backward[s] = log_sum(backward[s], onward)
-                p = np.exp(forward[s] + onward - whole)
-                if o > 0:
-                    assigned[own[o - 1]] += p
+                weight = w[own[o - 1]] if o else free[t]
+                if logarithms:
+                    backward[s] = log_sum(backward[s], backward[target] + weight)
+                    through[o] = np.exp(forward[s] + backward[target] + weight - whole)
                 else:
-                    without += p
-                for b in range(len(own)):
-                    j = detection[own[b]]
-                    if last[j] == t and slot[j] >= 0 and o != b + 1 and not sets[s] & (1 << slot[j]):
-                        unassigned[j] += p
-        missed[i] = without * np.exp(-free[t])
+                    backward[s] += backward[target] * weight
+                    through[o] = forward[s] * backward[target] * weight / whole
+            none += through[0]
+            for c in range(1, len(own) + 1):
+                assigned[own[c - 1]] += through[c]
+                if last[detection[own[c - 1]]] == t and following[at + c] >= 0:  # of no later track
+                    for o in range(len(own) + 1):
+                        unassigned[detection[own[c - 1]]] += through[o] if o != c else 0.0
+            at += len(own) + 1
+        alone = top[t] + (free[t] if logarithms else np.log(free[t]))
+        missed[order[t]] = none * np.exp(-alone)
         for a in own:
             if slot[detection[a]] < 0:
-                assigned[a] = without * np.exp(log_psi[a] - free[t])
+                assigned[a] = none * np.exp(log_psi[a] - alone)
         for a in own:
             if slot[detection[a]] < 0:
-                unassigned[detection[a]] = _without(a, own, assigned, missed[i])
+                unassigned[detection[a]] = _without(a, own, assigned, missed[order[t]])
 
 
 @leaf_kernel
@@ -263,8 +295,17 @@ def _unused(taken):
 
 
 @leaf_kernel
+def _power_of_two(n):
+    """The least power of two that is at least n."""
+    power = 1
+    while power < n:
+        power *= 2
+    return power
+
+
+@leaf_kernel
 def _place(used, found, sets, top):
-    """Where the set stands; `top` where it is new and goes there. found is an open-addressing table."""
+    """Where the set stands; `top` where it is new, and written there. found is an open-addressing table."""
     size = len(found)
     h = used
     h ^= h >> 31
@@ -275,7 +316,7 @@ def _place(used, found, sets, top):
         if sets[found[at]] == used:
             return found[at]
         at = (at + 1) & (size - 1)
-    found[at] = top
+    found[at], sets[top] = top, used
     return top
 
 

@@ -46,8 +46,8 @@ class MultiBernoulli(NamedTuple):
     next_label: int
 
 
-def no_targets(model: MultiTargetModel) -> MultiBernoulli:
-    """The belief without tracks and without undetected targets.
+def untracked(model: MultiTargetModel) -> MultiBernoulli:
+    """The belief before the first scan: no tracks; the targets that are there are undetected.
 
     Parameters
     ----------
@@ -57,8 +57,7 @@ def no_targets(model: MultiTargetModel) -> MultiBernoulli:
     -------
     MultiBernoulli
     """
-    d = len(model.motion.F)
-    return MultiBernoulli(no_components(d), np.empty(0, np.int64), no_components(d), 0)
+    return MultiBernoulli(no_components(len(model.motion.F)), np.empty(0, np.int64), model.initial, 0)
 
 
 def predict(belief: MultiBernoulli, model: MultiTargetModel) -> MultiBernoulli:
