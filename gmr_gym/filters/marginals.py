@@ -9,6 +9,7 @@ tracks, form a cluster; clusters are independent.
 import numpy as np
 
 from gmr_gym.filters.belief_propagation import grouped, propagate
+from gmr_gym.filters.intensity_update import log_sum
 from gmr_gym.kernels import kernel, leaf_kernel
 
 MOST_STEPS = 100_000  # of one cluster, from set to set of detections; a cluster that takes more is propagated
@@ -318,11 +319,3 @@ def _place(used, found, sets, top):
         at = (at + 1) & (size - 1)
     found[at], sets[top] = top, used
     return top
-
-
-@leaf_kernel
-def log_sum(a, b):
-    """log(exp a + exp b)."""
-    top = a if a > b else b
-    least = b if a > b else a
-    return top + np.log1p(np.exp(least - top)) if least > -np.inf else top

@@ -1,6 +1,6 @@
-"""Poisson multi-Bernoulli filter: Bernoulli tracks, and a Poisson intensity of undetected targets.
+"""Poisson multi-Bernoulli filter: Bernoulli tracks, and a Poisson intensity of undetected targets (Williams
+2015).
 
-Marginal association probabilities are found by belief propagation (Williams 2015; Williams and Lau 2014).
 A track is one Gaussian and a probability of existence in [0, 1]; existences do not sum to 1.
 """
 
@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gmr_gym.filters.belief_propagation import propagate
 from gmr_gym.filters.intensity_update import log_ratios, posteriors
 from gmr_gym.filters.marginals import marginals
 from gmr_gym.filters.tracker import MultiTargetReport
@@ -23,6 +24,7 @@ from gmr_gym.reduction.pruning import capping
 
 # probability of a miss where P_D = 1 and a track is certain to exist: an empty gate needs an explanation
 LEAST_MISS = 1e-100
+MARGINALS = {"exact": lambda *pairs: marginals(*pairs)[:3], "belief-propagation": propagate}
 
 
 class MultiBernoulli(NamedTuple):
@@ -102,6 +104,7 @@ def update(
     detection_probability: float,
     kappa: np.ndarray,
     least: float = 0.0,
+    association: str = "exact",
 ) -> tuple[MultiBernoulli, np.ndarray]:
     r"""Update the tracks and the undetected intensity with a scan (TOMB/P).
 
@@ -117,6 +120,9 @@ def update(
         Intensity of clutter at the detections.
     least : float
         New tracks of less existence are dropped.
+    association : {"exact", "belief-propagation"}
+        How marginal probabilities are found: "exact" enumerates the association events of each cluster of
+        tracks, up to a size.
 
     Returns
     -------
@@ -139,7 +145,7 @@ def update(
 
     .. math:: \rho_j = P_D \sum_l w^u_l \mathcal{N}(z_j; H m^u_l, S^u_l)
 
-    over the undetected intensity, marginal probabilities follow by belief propagation from the ratios
+    over the undetected intensity, marginal probabilities follow from the ratios
 
     .. math:: \psi_{ij} = \frac{w_{ij}}{w_{i0} (\kappa_j + \rho_j)}
 
@@ -148,7 +154,7 @@ def update(
 
     References
     ----------
-    Williams 2015.
+    Williams 2015, with belief propagation; exact marginals by Maskell, Briers and Wright 2004.
     """
     tracks, undetected = predicted.tracks, predicted.undetected
     d = tracks.m.shape[1]
@@ -162,7 +168,7 @@ def update(
     miss = np.maximum(1.0 - tracks.w * detection_probability, LEAST_MISS)
     track, detection = np.nonzero(seen > -np.inf)
     log_psi = seen[track, detection] - np.log(miss[track]) - log_new_ratio[detection]
-    assigned, missed, unassigned, _ = marginals(track, detection, log_psi, len(tracks.w), len(z))
+    assigned, missed, unassigned = MARGINALS[association](track, detection, log_psi, len(tracks.w), len(z))
     found = np.zeros(seen.shape)
     found[track, detection] = assigned
     absent = tracks._replace(w=missed * tracks.w * (1.0 - detection_probability) / miss)

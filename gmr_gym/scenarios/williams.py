@@ -10,7 +10,7 @@ import numpy as np
 
 from gmr_gym.checks import check_density, check_probability
 from gmr_gym.mixture import Mixture
-from gmr_gym.models.clutter import uniform_clutter
+from gmr_gym.models.clutter import Clutter, uniform_clutter
 from gmr_gym.models.kalman import Motion, motion, position_sensor
 from gmr_gym.models.multi_target import multi_target_model
 from gmr_gym.scenarios.paths import shortened
@@ -132,5 +132,5 @@ def _paths(
     return x[:scans]
 
 
-def _same(clutter, t: int):
+def _same(clutter: Clutter, t: int) -> Clutter:
     return clutter

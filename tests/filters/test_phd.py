@@ -141,9 +141,7 @@ def test_a_detection_is_false_by_the_share_of_clutter_where_it_lies(seed):
     _, false = phd.update(labelled(p), people.sensor, z, 0.9, kappa, 1e-5)
     np.testing.assert_allclose(false, kappa / (kappa + targets), rtol=1e-9)
     assert phd.update(labelled(p), people.sensor, z[:0], 0.9, kappa[:0], 1e-5)[1].shape == (0,)
-    np.testing.assert_array_equal(
-        phd.update(phd.initial(people), people.sensor, z, 0.9, kappa, 1e-5)[1], 1.0
-    )
+    np.testing.assert_array_equal(phd.update(phd.initial(people), people.sensor, z, 0.9, kappa, 1e-5)[1], 1.0)
 
 
 def test_a_sure_lone_target_is_followed_as_by_a_kalman_filter():
