@@ -58,6 +58,7 @@ def multi_target_model(
     clutter: Clutter,
     spawn_weight: float = 0.0,
     spawn_covariance=None,
+    *,
     initial: Mixture | None = None,
 ) -> MultiTargetModel:
     """Checked MultiTargetModel.
