@@ -281,10 +281,16 @@ def _check_memory(path: Path | str, parts: dict[str, list], rows: int, share: fl
     """Refuse a file of which the first rows, a share of it, say that the whole does not fit."""
     sizes = (p.nbytes if isinstance(p, np.ndarray) else 64 * len(p) for some in parts.values() for p in some)
     needed = 2 * sum(sizes) / max(share, 1e-9)  # parts, and what is joined of them
-    if share < 1 and needed > (free := _free_memory()):
+    if share < 1:
+        check_memory(f"{path}: some {rows / share:.2g} rows", needed, "keep fewer columns")
+
+
+def check_memory(what: str, needed: float, way: str) -> None:
+    """Refuse what needs more bytes than are free; MemoryError, with a way out."""
+    if needed > (free := _free_memory()):
         raise MemoryError(
-            f"{path}: some {rows / share:.2g} rows need {needed / 1e9:.1f} GB, and {free / 1e9:.1f} GB "
-            "are free; keep fewer columns, or cut the file in parts"
+            f"{what} need {needed / 1e9:.1f} GB, and {free / 1e9:.1f} GB are free; {way}, or cut the file in "
+            "parts"
         )
 
 
