@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gmr_gym.evaluation.csv_columns import delimiter_of, file_bytes
+from gmr_gym.evaluation.csv_columns import delimiter_of
+from gmr_gym.evaluation.text_files import file_bytes
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.formats import TEXT, form_of
