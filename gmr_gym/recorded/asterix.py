@@ -64,13 +64,8 @@ def surveillance(path: Path | str, data: bytes) -> Decoded:
     """
     blocks, foreign = _blocks(path, data)
     known = [block for block in blocks if block[0] in (SERVICE, REPORTS)]
-    read = _reader()
-    seen: list[Any] = []  # reports and north markers, in their order
-    broken = 0
-    for block in known:
-        records = read(block)
-        broken += records is None
-        seen += records or ()
+    parts = [*map(_reader(), known)]
+    seen = [each for part in parts for each in part or ()]  # reports and north markers, in their order
     reports = [each for each in seen if isinstance(each, Report)]
     placed = np.array([None not in (each.time, each.range, each.azimuth) for each in reports], bool)
     if not placed.any():
@@ -89,7 +84,7 @@ def surveillance(path: Path | str, data: bytes) -> Decoded:
     counted = (
         (foreign, "datagrams that are not ASTERIX left out"),
         (len(blocks) - len(known), "data blocks of other categories left out"),
-        (broken, "data blocks not understood left out"),
+        (parts.count(None), "data blocks not understood left out"),
         (len(placed) - len(kept), "reports without time, range or azimuth dropped"),
         (markers, "north markers cut scans"),
     )
