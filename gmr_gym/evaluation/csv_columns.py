@@ -1,19 +1,17 @@
 """CSV files as columns: read block by block, each column converted as it is wanted."""
 
 import csv
-import gzip
-import io
 import sys
-import zlib
-from collections.abc import Callable, Iterator, Sequence
-from itertools import chain, islice
+from collections.abc import Callable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from gmr_gym.evaluation.text_files import line_blocks
+
 BLOCK = 2_000  # lines read together; larger ones keep the garbage collector busy
-GZIP = b"\x1f\x8b"  # how a gzip file begins
 QUOTED = '"\r\0'  # signs in what a reader of CSV takes for more than itself
 BLANK = frozenset({""})  # cells that stand for no value
 
@@ -68,7 +66,7 @@ def read_columns(
         Where the columns would not fit.
     """
     with Path(path).open("rb") as raw:
-        blocks = _blocks(path, raw, encoding)
+        blocks = line_blocks(path, raw, encoding, BLOCK)
         at, first = next(blocks, ([1], [""]))
         delimiter = delimiter or delimiter_of(first[0])
         names = [cell.strip() for cell in _rows(path, at[:1], first[:1], delimiter)[0]] or [""]
@@ -89,28 +87,6 @@ def read_columns(
                 _check_memory(path, parts, len(lines), raw.tell() / max(Path(path).stat().st_size, 1))
     values = {name: _joined(parts.pop(name)) for name in wanted}
     return Columns(where, tuple(names), values, np.concatenate(numbers))
-
-
-def file_bytes(path: Path | str) -> bytes:
-    """What a file holds, decompressed where it is a gzip file."""
-    data = Path(path).read_bytes()
-    if not data.startswith(GZIP):
-        return data
-    try:
-        return gzip.decompress(data)
-    except (OSError, EOFError, zlib.error) as error:
-        raise ValueError(f"{path}: a damaged gzip file: {error}") from None
-
-
-def file_head(path: Path | str, size: int) -> bytes:
-    """The first bytes that a file holds, decompressed where it is a gzip file."""
-    with Path(path).open("rb") as file:
-        if file.peek(2)[:2] != GZIP:
-            return file.read(size)
-        try:
-            return gzip.GzipFile(fileobj=file).read(size)
-        except (OSError, EOFError, zlib.error) as error:
-            raise ValueError(f"{path}: a damaged gzip file: {error}") from None
 
 
 def numbers(
@@ -171,43 +147,6 @@ def _number(cell: str, absent: frozenset[str], at: Callable[[int], str], i: int)
 
 def _place(path: Path | str, name: str, lines: Sequence[int]) -> Callable[[int], str]:
     return lambda i: f"{path}, line {lines[i]}, column {name}"
-
-
-def _blocks(
-    path: Path | str, raw: io.BufferedReader, encoding: str
-) -> Iterator[tuple[Sequence[int], list[str]]]:
-    """Numbers and contents of the lines that are neither blank nor comments."""
-    packed = raw.peek(2)[:2] == GZIP
-    file = io.TextIOWrapper(gzip.GzipFile(fileobj=raw) if packed else raw, encoding, newline="\n")
-    line, mark = 1, "\ufeff"
-    while block := _lines(path, file, encoding, packed):
-        block[0] = block[0].removeprefix(mark) or "\n"
-        lines: Sequence[int] = range(line, line + len(block))
-        contents = [content for content in block if content[0] != "#" and not content.isspace()]
-        if len(contents) < len(block):
-            lines = [i for i, s in zip(lines, block, strict=True) if s[0] != "#" and not s.isspace()]
-        line, mark = line + len(block), ""
-        if contents:
-            yield lines, contents
-
-
-def _lines(path: Path | str, file: io.TextIOWrapper, encoding: str, packed: bool) -> list[str]:
-    """The next lines of a file."""
-    try:
-        return list(islice(file, BLOCK))
-    except UnicodeDecodeError:
-        data = file_bytes(path)
-    except (OSError, EOFError, zlib.error) as error:
-        if not packed:
-            raise
-        raise ValueError(f"{path}: a damaged gzip file: {error}") from None
-    try:
-        data.decode(encoding)
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        kind = "UTF-8" if encoding == "utf-8" else encoding
-        raise ValueError(f"{path}, line {line}: not text in {kind}; save it as CSV in UTF-8") from None
-    raise ValueError(f"{path}: changed while it was read")
 
 
 def _columns(
@@ -281,10 +220,16 @@ def _check_memory(path: Path | str, parts: dict[str, list], rows: int, share: fl
     """Refuse a file of which the first rows, a share of it, say that the whole does not fit."""
     sizes = (p.nbytes if isinstance(p, np.ndarray) else 64 * len(p) for some in parts.values() for p in some)
     needed = 2 * sum(sizes) / max(share, 1e-9)  # parts, and what is joined of them
-    if share < 1 and needed > (free := _free_memory()):
+    if share < 1:
+        check_memory(f"{path}: some {rows / share:.2g} rows", needed, "keep fewer columns")
+
+
+def check_memory(what: str, needed: float, way: str) -> None:
+    """Refuse what needs more bytes than are free; MemoryError, with a way out."""
+    if needed > (free := _free_memory()):
         raise MemoryError(
-            f"{path}: some {rows / share:.2g} rows need {needed / 1e9:.1f} GB, and {free / 1e9:.1f} GB "
-            "are free; keep fewer columns, or cut the file in parts"
+            f"{what} need {needed / 1e9:.1f} GB, and {free / 1e9:.1f} GB are free; {way}, or cut the file in "
+            "parts"
         )
 
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmr_gym.checks import _check_positive, check_choice
+from gmr_gym.evaluation.csv_columns import check_memory
 from gmr_gym.experiments import specs
 from gmr_gym.experiments.detection_options import OUTPUT, typed
 from gmr_gym.experiments.options import TARGETS
@@ -33,6 +34,7 @@ from gmr_gym.recorded.truth import Truth, at_times, truth_of
 from gmr_gym.replay.page import write_page
 from gmr_gym.replay.tracked import recording_of
 
+BYTES = 1200  # of a detection's scan, row of a track and figures, at least
 KINDS = {
     "out": (".csv",), "smooth": (".csv",), "geojson": (".geojson", ".json"), "html": (".html",),
     "mot": (".txt",), "labelled": (".csv", ".txt", ".tsv"), "report": ENDINGS,
@@ -48,6 +50,8 @@ def track_many(
         raise ValueError(f"--{name.replace('_', '-')} is of one target; give --targets one")
     asked = outputs(out, file, settings, given)
     found = detections_of(file, settings)
+    n = len(found.time)
+    check_memory(f"{file}: tracks of {n} detections", n * BYTES, "choose rows with --where")
     scans = cut(found, window=given["scan_window"])
     if asks(settings):
         settings, proposal = proposed(found, scans, settings)

@@ -115,7 +115,7 @@ def _time_of(path: Path | str, data: bytes) -> tuple[str, int]:
                 return ("time" if which else "time_ms" if len(whole) > 11 else "time_s"), which
     raise ValueError(
         f"{path}: AIS sentences hold no time of reception, only the second of the minute; have the receiver "
-        r"write tag blocks, as in \c:1714557600*5E\!AIVDM,..., or put a time before each sentence, as in "
+        r"write tag blocks, as in \c:1714557600*5B\!AIVDM,..., or put a time before each sentence, as in "
         "2024-05-01T10:00:00Z !AIVDM,..., or give the receiver's CSV"
     )
 

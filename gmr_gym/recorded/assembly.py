@@ -174,9 +174,9 @@ def _repeats(seen: Detections) -> np.ndarray:
         digest = (digest ^ column.astype(float).view(np.uint64)) * MIXED
         digest ^= digest >> np.uint64(32)
     order = np.argsort(digest, kind="stable")
-    same = np.diff(digest[order]) == 0
+    same = digest[order[1:]] == digest[order[:-1]]
     known: set = set()
-    for i in np.sort(order[np.append(same, False) | np.append(False, same)]).tolist():
+    for i in np.unique(np.append(order[:-1][same], order[1:][same])).tolist():
         entry = tuple(column[i].tobytes() for column in each)
         repeated[i] = entry in known
         known.add(entry)

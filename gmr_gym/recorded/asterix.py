@@ -1,6 +1,6 @@
 """Surveillance data in ASTERIX: target reports (category 48) and north markers (34), as columns."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -62,18 +62,10 @@ def surveillance(path: Path | str, data: bytes) -> Decoded:
     ImportError
         Without the extra `asterix`.
     """
-    network = data.startswith((*PCAP, PCAPNG))
-    blocks = [
-        b for datagram in (payloads(path, data) if network else [data]) for b in _blocks(path, datagram)
-    ]
+    blocks, foreign = _blocks(path, data)
     known = [block for block in blocks if block[0] in (SERVICE, REPORTS)]
-    read = _reader()
-    seen: list[Any] = []  # reports and north markers, in their order
-    broken = 0
-    for block in known:
-        records = read(block)
-        broken += records is None
-        seen += records or ()
+    parts = [*map(_reader(), known)]
+    seen = [each for part in parts for each in part or ()]  # reports and north markers, in their order
     reports = [each for each in seen if isinstance(each, Report)]
     placed = np.array([None not in (each.time, each.range, each.azimuth) for each in reports], bool)
     if not placed.any():
@@ -90,8 +82,9 @@ def surveillance(path: Path | str, data: bytes) -> Decoded:
         *map(list, zip(*(each.cells for each in kept), strict=True)),
     ]  # fmt: skip
     counted = (
+        (foreign, "datagrams that are not ASTERIX left out"),
         (len(blocks) - len(known), "data blocks of other categories left out"),
-        (broken, "data blocks not understood left out"),
+        (parts.count(None), "data blocks not understood left out"),
         (len(placed) - len(kept), "reports without time, range or azimuth dropped"),
         (markers, "north markers cut scans"),
     )
@@ -101,14 +94,31 @@ def surveillance(path: Path | str, data: bytes) -> Decoded:
     return Decoded(f"{path}", values, np.flatnonzero(placed) + 1, remarks, usual)
 
 
-def _blocks(path: Path | str, data: bytes) -> Iterator[bytes]:
-    at = 0
+def _blocks(path: Path | str, data: bytes) -> tuple[list[bytes], int]:
+    """Data blocks, and the number of datagrams that are others."""
+    if not data.startswith((*PCAP, PCAPNG)):
+        blocks, end = _whole_blocks(data)
+        if end < len(data):
+            raise ValueError(f"{path}: byte {end + 1} begins no whole data block of ASTERIX")
+        return blocks, 0
+    blocks, foreign = [], 0
+    for datagram in payloads(path, data):
+        found, end = _whole_blocks(datagram)
+        foreign += end < len(datagram)
+        blocks += found if end == len(datagram) else []
+    return blocks, foreign
+
+
+def _whole_blocks(data: bytes) -> tuple[list[bytes], int]:
+    """Data blocks up to the first byte that begins none, and its index."""
+    blocks, at = [], 0
     while at < len(data):
         length = int.from_bytes(data[at + 1 : at + HEAD], "big")
         if length < HEAD or at + length > len(data):
-            raise ValueError(f"{path}: byte {at + 1} begins no whole data block of ASTERIX")
-        yield data[at : at + length]
+            break
+        blocks.append(data[at : at + length])
         at += length
+    return blocks, at
 
 
 def _reader() -> Any:

@@ -10,15 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gmr_gym.evaluation.csv_columns import (
-    Columns,
-    Convert,
-    file_bytes,
-    file_head,
-    numbers,
-    read_columns,
-    texts,
-)
+from gmr_gym.evaluation.csv_columns import Columns, Convert, numbers, read_columns, texts
+from gmr_gym.evaluation.text_files import file_bytes
 from gmr_gym.recorded import ais, asterix
 from gmr_gym.recorded.extras import Decoded, module_of
 from gmr_gym.recorded.times import is_number
@@ -89,7 +82,7 @@ def columns_of(source: Any, choose: Choose, form: TextForm, kept: Callable[[Mapp
 
 def form_of(path: Path | str) -> str:
     """`text`, `JSON`, `Parquet`, `AIS` or `ASTERIX`, by how a file begins."""
-    data = file_head(path, HEAD)
+    data = file_bytes(path, HEAD)
     head = data.lstrip(b"\xef\xbb\xbf \t\r\n")
     if ais.is_ais(head) and not RECORDS.match(head):
         return AIS

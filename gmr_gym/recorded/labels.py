@@ -7,13 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from gmr_gym.evaluation.csv_columns import delimiter_of, file_bytes
+from gmr_gym.evaluation.csv_columns import delimiter_of
+from gmr_gym.evaluation.text_files import file_bytes
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.formats import TEXT, form_of
+from gmr_gym.recorded.positions import geodetic, local_positions
 from gmr_gym.recorded.tracks import Tracks
 
-DECIMALS = 6  # of a weight
+DECIMALS, DEGREES = 6, 9  # decimals of a weight, and of latitude and longitude
 APPENDED = "track_id", "weight"
 
 
@@ -103,9 +105,13 @@ def _labelled(
 
 
 def _table(detections: Detections, cells: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Detections as lines of CSV."""
+    """Detections as lines of CSV, in local coordinates and on Earth."""
+    points = local_positions(detections)
     columns = {"record": detections.row.tolist(), "time": detections.time.tolist()}
-    columns |= dict(zip(detections.coordinates, detections.z.T.tolist(), strict=True))
+    columns |= dict(zip(("x_m", "y_m", "z_m"), points.T.tolist(), strict=False))
+    if detections.reference:
+        latitude, longitude, _ = geodetic(points, detections.reference).T
+        columns |= {"lat": latitude.round(DEGREES).tolist(), "lon": longitude.round(DEGREES).tolist()}
     columns |= {"identity": [one or "" for one in detections.identity]} | detections.metadata
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")

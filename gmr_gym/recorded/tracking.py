@@ -227,7 +227,7 @@ def track(
         `detection` is an index into the detections.
     """
     tracker, scans, none = LiveTracker(model), list(scans), no_rows(model.axes, len(model.modes))
-    alone = reports_of(detections, scans, model) if reports else None
+    alone = reports_of(detections, scans, model) if reports and len(detections.time) else None
     parts, joined, i, most = [none], [], 0, SHORTEST
     while i < len(scans):
         rows = none

@@ -17,7 +17,7 @@ from gmr_gym.recorded.geodesy import to_local
 SHIP = {"mmsi": 211000001, "speed": 12.3, "course": 90.0}
 FERRY = {"mmsi": 211000002, "speed": 102.3, "course": 360.0}  # neither of them available
 AT = 1_714_557_600  # 2024-05-01 10:00:00 UTC
-TEN = datetime(2024, 5, 1, 10, tzinfo=UTC)
+DAY, TEN = date(2024, 5, 1), datetime(2024, 5, 1, 10, tzinfo=UTC)
 
 
 def refused(message, *args, error=ValueError, **kwargs):
@@ -162,8 +162,10 @@ def test_plots_of_asterix_are_cut_into_scans_at_north_markers(tmp_path):
     ]  # fmt: skip
     (tmp_path / "raw.ast").write_bytes(b"".join(blocks))
     (tmp_path / "net.pcap").write_bytes(pcap(*blocks))
+    (tmp_path / "busy.pcap").write_bytes(pcap(b"GET / HTTP/1.1", *blocks))
+    assert "1 datagrams that are not ASTERIX left out" in read(tmp_path / "busy.pcap", day=DAY).remarks
     for name in ("raw.ast", "net.pcap"):
-        found = read(tmp_path / name, day=date(2024, 5, 1))
+        found = read(tmp_path / name, day=DAY)
         assert form_of(tmp_path / name) == "ASTERIX" and found.kind == "polar"
         assert [found.sensors[i].name for i in found.sensor] == ["100/19", "100/19", "100/19", "100/1"]
         assert found.start == datetime(2024, 5, 1, 23, 59, 57, tzinfo=UTC) and found.time.tolist()[:3] == [

@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gmr_gym import cli
+from gmr_gym.evaluation import csv_columns
 
 
 @pytest.fixture
@@ -91,6 +92,13 @@ def test_track_of_many_follows_the_ships_of_a_polar_file(call):
     places = np.array([[float(row["x_m"]), float(row["y_m"])] for row in last])
     for ship in ((-1500 + 15 * 47.5, 900), (800, -900 + 12 * 47.5)):
         assert np.linalg.norm(places - ship, axis=1).min() < 25
+
+
+def test_what_would_not_fit_in_memory_is_refused_before_it_is_tracked(call, monkeypatch):
+    Path("z.csv").write_text(radar(4))
+    monkeypatch.setattr(csv_columns, "_free_memory", lambda: 1.6e4)
+    code, _, errors = call("track", *READ, "--targets", "many")
+    assert code == 2 and "z.csv: tracks of 16 detections need 0.0 GB, and 0.0 GB are free; choose" in errors
 
 
 def test_settings_in_a_file_are_overridden_by_options(call):

@@ -202,6 +202,8 @@ def test_arrays_and_data_frames_are_read_by_their_columns():
     assert (read(Frame()).z == found.z).all()
     timed = read({**arrays, "time_s": moments}, {"time": "time_s"})
     assert timed.time.tolist() == [0, 0.25] and timed.start == datetime(2024, 1, 1, tzinfo=UTC)
+    moments[1] = "NaT"
+    refused("dict, record 2, column time_s: no time", {**arrays, "time_s": moments}, {"time": "time_s"})
 
 
 # rows
