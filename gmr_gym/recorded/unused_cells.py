@@ -36,7 +36,7 @@ def unused_by_cell(points: np.ndarray, left: np.ndarray, scans: int) -> Iterator
     cell = np.floor((points - low) / side).astype(int)
     counts = np.zeros(cell.max(axis=0) + 1)
     np.add.at(counts, tuple(cell.T), left)
-    middle = low + side * (np.stack(np.indices(counts.shape), axis=-1).reshape(-1, 2) + 0.5)
+    middle = low + side * (np.indices(counts.shape).reshape(2, -1).T + 0.5)
     within = (middle @ hull.equations[:, :2].T + hull.equations[:, 2] <= 0).all(axis=1)
     middle, count = middle[within], counts.ravel()[within]
     n = len(count)
