@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from scipy.spatial import ConvexHull
-from scipy.stats import poisson
+from scipy.special import pdtrik
 
 from gmr_gym.recorded.figures import Figure
 
@@ -45,7 +45,7 @@ def unused_by_cell(points: np.ndarray, left: np.ndarray, scans: int) -> Iterator
     mean, half = float(count.mean()), 2 * np.sqrt(2 / (n - 1))
     name = f"index of dispersion of unused detections over cells of {side:.3g} m"
     yield Figure(name, float(count.var(ddof=1) / mean), "", n, max(1 - half, 0.0), 1 + half)
-    most, digits = float(poisson.ppf(1 - ERROR / n, mean)) / scans, max(0, int(np.ceil(1 - np.log10(side))))
+    most, digits = np.ceil(pdtrik(1 - ERROR / n, mean)) / scans, max(0, int(np.ceil(1 - np.log10(side))))
     for i in np.argsort(-count, kind="stable")[:FULLEST]:
         about = ", ".join(f"{one:.{digits}f}" for one in middle[i])
         yield Figure(
