@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
+from gmr_gym.models.gating import gate_threshold
 from gmr_gym.recorded.configuration import Configuration, SensorSettings
 from gmr_gym.recorded.detections import POLAR, Detections, SensorSpec
 from gmr_gym.recorded.evidence import (
@@ -234,7 +234,7 @@ def _noise(run: Evidence, found: Detections, points: np.ndarray) -> tuple[float,
         f"acceleration deviation: {NOISES[k]:g} m/s in a second ({likely[0]:g} to {likely[-1]:g} of {grid}), "
         f"{n} innovations"
     )
-    beyond = float((of.nis[i * len(NOISES) + k] > chi2.ppf(BEYOND, of.dof)).mean())
+    beyond = float((of.nis[i * len(NOISES) + k] > gate_threshold(BEYOND, of.dof)).mean())
     if beyond <= 1 - BEYOND + 3 * np.sqrt(BEYOND * (1 - BEYOND) / n):
         return FACTORS[i], {"motion": "constant-velocity", "acceleration_deviation": (NOISES[k],)}, lines
     quiet = min(max(k - 1, 0), len(NOISES) - 1 - MANOEUVRE)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from scipy.spatial import ConvexHull
-from scipy.stats import poisson
+from scipy.special import pdtrik
 
 from gmr_gym.recorded.figures import Figure
 
@@ -36,7 +36,7 @@ def unused_by_cell(points: np.ndarray, left: np.ndarray, scans: int) -> Iterator
     cell = np.floor((points - low) / side).astype(int)
     counts = np.zeros(cell.max(axis=0) + 1)
     np.add.at(counts, tuple(cell.T), left)
-    middle = low + side * (np.stack(np.indices(counts.shape), axis=-1).reshape(-1, 2) + 0.5)
+    middle = low + side * (np.indices(counts.shape).reshape(2, -1).T + 0.5)
     within = (middle @ hull.equations[:, :2].T + hull.equations[:, 2] <= 0).all(axis=1)
     middle, count = middle[within], counts.ravel()[within]
     n = len(count)
@@ -45,7 +45,7 @@ def unused_by_cell(points: np.ndarray, left: np.ndarray, scans: int) -> Iterator
     mean, half = float(count.mean()), 2 * np.sqrt(2 / (n - 1))
     name = f"index of dispersion of unused detections over cells of {side:.3g} m"
     yield Figure(name, float(count.var(ddof=1) / mean), "", n, max(1 - half, 0.0), 1 + half)
-    most, digits = float(poisson.ppf(1 - ERROR / n, mean)) / scans, max(0, int(np.ceil(1 - np.log10(side))))
+    most, digits = np.ceil(pdtrik(1 - ERROR / n, mean)) / scans, max(0, int(np.ceil(1 - np.log10(side))))
     for i in np.argsort(-count, kind="stable")[:FULLEST]:
         about = ", ".join(f"{one:.{digits}f}" for one in middle[i])
         yield Figure(
