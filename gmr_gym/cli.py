@@ -529,11 +529,13 @@ def warm(
     ] = [],  # noqa: B006
     jobs: Jobs = -1,
 ) -> None:
-    """Compile now what environments and trackers need, so that no later start waits for it."""
+    """Compile now what environments and trackers need, and unless some are chosen what `track` needs, so that
+    no later start waits for it."""
     from gmr_gym.experiments.warming import warm
 
     with progress("compiled") as tell:
-        pairs = warm(environments or [*READY, TUNING], tracker, jobs, tell)
+        chosen = environments or [*READY, TUNING]
+        pairs = warm(chosen, tracker, jobs, tell, files=not (environments or tracker))
     _show([f"pairs of an environment and a tracker compiled: {pairs}"])
 
 

@@ -12,8 +12,8 @@ from gmr_gym.models.positions import compared
 
 @kernel
 def advanced(banks, modes, look):
-    """The bank of one track at the time of the look, updated with its detection, if there is one, as certainly
-    its own; in place but for what is returned."""
+    """The bank of one track at the time of the look, updated with its detection, if there is one, as its own
+    for certain; the bank given is mixed in place."""
     mix(banks, modes, look.time)
     after = carried(banks, modes, look.time, look.z.shape[1])
     if len(look.at) == 0:
