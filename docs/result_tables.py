@@ -25,10 +25,8 @@ def figures_table(tables: Sequence[Mapping[str, Any]], columns: Sequence[str]) -
         for table in tables
         for row in table["rows"]
     ]
-    return piped(
-        ["table"] * (len(tables) > 1) + ["tracker", *(HEADINGS.get(metric, metric) for metric in columns)],
-        rows,
-    )
+    of, names = tables[0].get("of", "tracker"), [HEADINGS.get(metric, metric) for metric in columns]
+    return piped(["table"] * (len(tables) > 1) + [of, *names], rows)
 
 
 def figure(metric: str, cell: Mapping[str, Any]) -> str:

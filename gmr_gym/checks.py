@@ -213,11 +213,25 @@ def check_count(count: int, name: str = "components") -> int:
     return min(int(count), UNLIMITED)
 
 
+def check_flag(name: str, value: bool) -> bool:
+    """The value; ValueError naming the argument unless it is True or False."""
+    if not isinstance(value, bool):
+        raise ValueError(f"{name} must be True or False, got {value!r}")
+    return value
+
+
 def check_not_negative(name: str, value: float) -> float:
     """The threshold as a float; ValueError naming the argument unless it is a number of at least 0."""
     if not isinstance(value, Real) or not value >= 0:
         raise ValueError(f"{name} must be a number, at least 0, got {value!r}")
     return float(value)
+
+
+def check_loss_bound(bound: float) -> float:
+    """The bound of a relative loss as a float; ValueError unless it lies in [0, 1]."""
+    if not isinstance(bound, Real) or not 0 <= bound <= 1:
+        raise ValueError(f"loss_bound must lie in [0, 1], got {bound!r}")
+    return float(bound)
 
 
 def check_limits(prune_weight: float, max_hypotheses: int, give_up_ratio: float = np.inf) -> None:

@@ -13,7 +13,7 @@ import typer
 
 from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described, described_reductions
 from gmr_gym.data.loader import flight_names
-from gmr_gym.envs.registry import ABOUT, READY, TUNING
+from gmr_gym.envs.registry import ABOUT, READY, TRACKING, TUNING
 from gmr_gym.experiments.detection_options import ALL_GROUPS, INPUT_GROUPS, takes
 from gmr_gym.experiments.options import (
     TARGETS,
@@ -39,6 +39,7 @@ from gmr_gym.experiments.options import (
     Tables,
     TrackerNames,
     choice,
+    choices,
     completing,
     tracker_option,
 )
@@ -229,6 +230,90 @@ def leaderboard(
         return
     records.check_free(out / "leaderboard.json", asked)
     _show(leaderboard.leaderboard(asked, work, unfit, shared, out, json_file))
+
+
+@command()
+def compare_reductions(
+    reduction: Annotated[
+        list[str],
+        typer.Option(
+            "--reduction",
+            help="NAME, beside runnalls; repeatable; all unless given",
+            autocompletion=completing(described_reductions()),
+        ),
+    ] = [],  # noqa: B006
+    *,
+    tracking: Annotated[
+        list[str],
+        typer.Option(
+            "--track",
+            help="of these only NAME tracks, beside runnalls; repeatable; all unless given",
+            autocompletion=completing(described_reductions()),
+        ),
+    ] = [],  # noqa: B006
+    env_ids: Annotated[
+        list[str],
+        typer.Option(
+            "--env",
+            help="tracking in this environment of one target; repeatable",
+            **choices("environment", {env_id: ABOUT[env_id] for env_id in TRACKING}),
+        ),
+    ] = ["gmr_gym/TurningTarget-v0", "gmr_gym/JumpMarkov-v0"],  # noqa: B006
+    components: Annotated[
+        list[int], typer.Option("--components", min=1, help="hypotheses kept in tracking; repeatable")
+    ] = [2, 3, 5, 10, 20],  # noqa: B006
+    mixtures: Annotated[
+        int, typer.Option("--mixtures", min=1, help="posteriors of every environment that are reduced")
+    ] = 20,
+    slowest: Annotated[
+        float,
+        typer.Option(
+            "--slowest", min=1, help="a reduction that takes so many times as long as runnalls does not track"
+        ),
+    ] = 40.0,
+    runs: RunCount = 100,
+    seed: Seed = 0,
+    jobs: Jobs = -1,
+    backend: Backend = "loky",
+    scheduler: Scheduler = None,
+    shard: Shard = None,
+    out: Annotated[Path, typer.Option("--out", help="folder of results")] = Path(
+        "results/compare-reductions"
+    ),
+    json_file: Json = None,
+    form: Format = "table",
+) -> None:
+    """Reductions against the time they take: what they lose of mixtures, and what that does to tracking."""
+    from gmr_gym.envs.lookup import scenario_of
+    from gmr_gym.experiments import formats, records, reductions_compared, specs, sweeps
+    from gmr_gym.reduction.registry import reducer
+
+    part = sweeps.shard_of(shard, out)
+    specs.check_once("--reduction", reduction)
+    specs.check_once("--env", env_ids)
+    specs.check_once("--components", [*map(str, components)])
+    specs.check_once("--track", tracking)
+    names = [*dict.fromkeys(("runnalls", *(reduction or described_reductions())))]
+    for name in names:
+        reducer(name, 1)
+    for name in tracking:
+        if name not in names:
+            raise ValueError(f"--track {name} is not compared; choose from {', '.join(names)}")
+    asked = records.question(
+        reductions=names, tracking=tracking or names, environments=env_ids, components=sorted(components),
+        mixtures=mixtures, slowest=slowest, runs=runs, seed=seed,
+    )  # fmt: skip
+    again = records.command(
+        "compare-reductions", reduction=reduction, track=tracking, env=env_ids, components=components,
+        mixtures=[mixtures], slowest=[slowest], runs=[runs], seed=[seed],
+    )  # fmt: skip
+    specs.check_writable(out / "compare-reductions.json", json_file)
+    sweep = sweeps.Sweep(runs, seed, jobs, backend, scheduler, part, out / sweeps.BLOCKS, again)
+    if not part:
+        records.check_free(out / "compare-reductions.json", asked)
+    scenarios = {env_id: scenario_of(env_id, {}) for env_id in env_ids}
+    lines = reductions_compared.compared(asked, names, scenarios, sweep, out, json_file)
+    formats.write_out(lines, form, out / "compare-reductions.json")
 
 
 @command()

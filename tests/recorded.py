@@ -72,11 +72,8 @@ def reductions() -> Iterator[tuple[str, Callable[[], list]]]:
         "prune-density": partial(prune_density, density=1e-3),
         "heaviest": partial(prune_and_cap, weight=1e-3, max_components=7),
     }
-    named = {
-        name: partial(reduce, components=5)
-        for name, reduce in REDUCERS.items()
-        if PROPERTIES[name].most is None
-    }
+    known = [name for name in REDUCERS if PROPERTIES[name].most is None]
+    named = {name: partial(REDUCERS[name], components=5) for name in known}
     for label, p in examples():
         for name, reduce in {**named, **own}.items():
             yield f"reduction {name} {label}", partial(reduced, reduce, p)

@@ -451,11 +451,17 @@ def test_reduce_compares_every_reduction_and_says_which_cannot(call, monkeypatch
     def never(p, components):
         raise ValueError("not this one")
 
-    monkeypatch.setattr("gmr_gym.experiments.reducing.reductions", lambda: ("west", "never", "ise"))
+    def tired(p, components):
+        warnings.warn("stopped at its limit", UserWarning, stacklevel=1)
+        return REDUCERS["ise"](p, components)
+
+    monkeypatch.setattr("gmr_gym.experiments.reducing.reductions", lambda: ("west", "never", "tired"))
     monkeypatch.setitem(REDUCERS, "never", never)
+    monkeypatch.setitem(REDUCERS, "tired", tired)
     code, printed, errors = call(*CROUSE, "--compare", "all", "--components", 4)
     _, *rows = (line.split("|")[1:3] for line in printed.splitlines() if line.startswith("|"))
-    assert code == 0 and [[cell.strip() for cell in row] for row in rows] == [["ise", "4"], ["west", "4"]]
+    assert code == 0 and [[cell.strip() for cell in row] for row in rows] == [["tired", "4"], ["west", "4"]]
+    assert printed.count("tired: stopped at its limit") == 1
     assert "never cannot: not this one" in printed and "reducing: 3 of 3" in errors
     assert not Path("reduction.html").exists()
 

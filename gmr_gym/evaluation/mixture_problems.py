@@ -13,13 +13,18 @@ SCALE = 1 / 50  # of the Wishart distribution of the covariances
 
 @dataclass(frozen=True)
 class MixtureProblem:
-    """Mixtures to reduce, one a run: a given one, or each drawn by `random_mixture`."""
+    """Mixtures to reduce, one a run: a given one, the recorded ones in turn, or each drawn by
+    `random_mixture`."""
 
     mixture: Mixture | None = None
     samples: int = 4000  # that estimate a divergence in more than one dimension
+    recorded: tuple[Mixture, ...] = ()
 
     def draw(self, seed: int | np.random.SeedSequence) -> Mixture:
         """The mixture of a run."""
+        if self.recorded:
+            run = seed if isinstance(seed, int) else (0, *seed.spawn_key)[-1]
+            return self.recorded[run % len(self.recorded)]
         return random_mixture(seed) if self.mixture is None else self.mixture
 
 

@@ -86,6 +86,11 @@ def errors(scenario: Scenario, runs: Runs) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
+def capped_error(scenario: Scenario, runs: Runs) -> np.ndarray:
+    """Position error (runs,), m, averaged over the scans, each counted at most as the scenario's cutoff."""
+    return np.minimum(errors(scenario, runs)[0], scenario.cutoff).mean(axis=1)
+
+
 def summary(scenario: Scenario, results: Mapping[str, Runs]) -> dict[str, dict[str, Estimate]]:
     """Summarise runs, one row per tracker.
 

@@ -35,9 +35,13 @@ METRICS = {
     **{part: Metric(part, "m^2") for part in ("localisation", "missed", "false")},
     "cardinality_bias": Metric("named less there"), "cardinality_error": Metric("number wrong by"),
     "wasserstein": Metric("Wasserstein", "m"), "wasserstein_printed": Metric("Wasserstein by eq. 41", "m"),
-    "ise": Metric("ISE"), "ise_median": Metric("median ISE"), "nise": Metric("NISE"),
-    "divergence": Metric("KL(f||g)"), "reverse_divergence": Metric("KL(g||f)"),
+    **{f"{measure}{key}": Metric(f"{words}{name}")
+       for measure, name in (("ise", "ISE"), ("nise", "NISE"), ("divergence", "KL(f||g)"),
+                             ("reverse_divergence", "KL(g||f)"))
+       for key, words in (("", ""), ("_median", "median "))},
     "time_per_reduction": Metric("time a call", *TIME),
+    "track_loss_difference": Metric("lost, difference", *SHARE),
+    "error_difference": Metric("capped error, difference", "m"),
     "wasserstein_undefined": Metric("without one", *SHARE), "density_error": Metric("clutter wrong by"),
 }  # fmt: skip
 HEADINGS = {

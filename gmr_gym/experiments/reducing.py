@@ -1,5 +1,6 @@
 """A mixture reduced by several methods: what each costs, and the reduced mixture, a picture or a page."""
 
+import warnings
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -82,18 +83,22 @@ def reduction(
 
 def comparison(name: str, p: Mixture, components: int | None) -> Iterator[Any]:
     """The mixture of that name reduced by every method there is: a table, the least integral squared error
-    first, and a line for each that cannot reduce it."""
-    left, refused, found = _left(name, p, components), [], {}
+    first, and a line for each that cannot reduce it, or warns."""
+    left, found = _left(name, p, components), {}
+    remarks: list[str] = []
     methods = reductions()
     with progress("reducing") as tell:
         for i, method in enumerate(methods):
-            try:
-                found[method] = _cost(p, method_named(method), left)
-            except ValueError as error:
-                refused.append(f"{method} cannot: {error}")
+            with warnings.catch_warnings(record=True) as said:
+                warnings.simplefilter("always", UserWarning)
+                try:
+                    found[method] = _cost(p, method_named(method), left)
+                except ValueError as error:
+                    remarks.append(f"{method} cannot: {error}")
+            remarks += dict.fromkeys(f"{method}: {each.message}" for each in said)  # once of many calls
             tell(i + 1, len(methods))
     yield _table(name, p, left, dict(sorted(found.items(), key=lambda item: item[1].ise)))
-    yield from refused
+    yield from remarks
 
 
 def _left(name: str, p: Mixture, components: int | None) -> int:

@@ -76,6 +76,7 @@ def reproduced(paper: Paper, entry: Table, sweep: Sweep, out: Path) -> tuple[lis
     if entry.paired:
         name = f"{entry.name}, paired differences"
         records.append(table_record(name, entry.settings, entry.paired(scenario, results)))
+    records = [record | {"of": entry.of} for record in records]
     return records, evidence
 
 

@@ -5,7 +5,7 @@ from csv import DictReader
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from scipy.special import ndtri
@@ -26,6 +26,7 @@ COLUMNS = ("track_loss", "components", "rmse_own", "error_common", "time_per_sca
 class Table:
     """One published table: where it was run, what was run, and what was printed."""
 
+    of: ClassVar[str] = "tracker"  # what its rows are
     name: str
     title: str
     env_id: str = ""
@@ -64,6 +65,7 @@ class MixtureTable(Table):
     """One published table of reductions, which stand in the place of trackers: a run is a mixture, reduced by
     each. Trackers that are asked for beside have no rows in it."""
 
+    of: ClassVar[str] = "reduction"
     problem: MixtureProblem = field(default_factory=MixtureProblem)
     components: int = 1  # that remain
 

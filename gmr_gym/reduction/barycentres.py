@@ -101,6 +101,13 @@ def barycentre_of(code, w, m, P):
     """Mean (d,), covariance (d, d) and steps of the barycentre of components of positive weights (n,); `code`
     is the place of the measure in `MEASURES`. At `STEPS` steps the iteration was cut short. The covariance is
     not positive definite where it is lost in rounding."""
+    return barycentre_within(code, w, m, P, EXACT)
+
+
+@kernel
+def barycentre_within(code, w, m, P, exact):
+    """`barycentre_of` where an iteration ends at a relative change of `exact`: the sum is that of the
+    barycentre to the square of it."""
     n, d = m.shape
     a, x, centre = w / w.sum(), np.empty((n, d)), np.zeros(d)
     for i in range(n):
@@ -110,16 +117,16 @@ def barycentre_of(code, w, m, P):
         for r in range(d):
             x[i, r] = m[i, r] - centre[r]
     if code == ISD:
-        mean, S, steps = _best_overlap(a, x, P)
+        mean, S, steps = _best_overlap(a, x, P, exact)
     elif code == CAUCHY_SCHWARZ:
         S = _covariance_about_mean(a, x, P)
-        mean, S, steps, _ = descend(code, a, x, P, np.zeros(d), S)
+        mean, S, steps, _ = descend(code, a, x, P, np.zeros(d), S, exact)
     elif code == WASSERSTEIN:
-        mean, (S, steps) = np.zeros(d), _transported(a, P)
+        mean, (S, steps) = np.zeros(d), _transported(a, P, exact)
     elif code == KL:
         mean, S, steps = np.zeros(d), _covariance_about_mean(a, x, P), 0
     else:
-        mean, S, steps = _intersected(a, x, P, code == SYMMETRISED_KL)
+        mean, S, steps = _intersected(a, x, P, code == SYMMETRISED_KL, exact)
     return centre + mean, S, steps
 
 
@@ -148,7 +155,7 @@ def _square(root):
 
 
 @kernel
-def _intersected(a, x, P, symmetrised):
+def _intersected(a, x, P, symmetrised, exact):
     """Barycentre of the reverse divergence, or of the symmetrised one, about the mean of the whole."""
     n, d = x.shape
     precision, h, R, T = np.zeros((d, d)), np.zeros((d, 1)), np.zeros((d, d)), np.empty((d, d))
@@ -164,7 +171,7 @@ def _intersected(a, x, P, symmetrised):
     root, steps = np.eye(d), 0
     if symmetrised:
         M = _seen_through(R, _covariance_about_mean(a, x, P))
-        root, steps = _geometric(h[:, 0], M)
+        root, steps = _geometric(h[:, 0], M, exact)
     solve_upper(R, h)
     solve_upper(R, root)
     return h[:, 0].copy(), _square(root), steps
@@ -187,7 +194,7 @@ def _seen_through(R, M):
 
 
 @kernel
-def _geometric(y, M):
+def _geometric(y, M, exact):
     """Root of the covariance of the symmetrised barycentre, and steps, in coordinates where the reverse one
     has unit covariance and the mean y (d,), which is overwritten by the mean of the symmetrised one.
 
@@ -221,7 +228,7 @@ def _geometric(y, M):
         moved, size = 0.0, 1.0
         for r in range(d):
             moved, size = moved + (y[r] - before[r]) ** 2, size + y[r] * y[r]
-        moving = moved > EXACT * EXACT * size
+        moving = moved > exact * exact * size
     for r in range(d):
         for k in range(d):
             root[r, k] *= np.sqrt(length[k])
@@ -229,7 +236,7 @@ def _geometric(y, M):
 
 
 @kernel
-def _transported(a, P):
+def _transported(a, P, exact):
     """Covariance of Wasserstein's barycentre, and steps; two components need only one."""
     n, d = len(P), P.shape[1]
     L, roots, root = np.zeros((d, d)), np.zeros((n, d, d)), np.empty((d, d))
@@ -247,24 +254,24 @@ def _transported(a, P):
                 for c in range(d):
                     root[r, c] += a[i] * near[r, c]
         S = _square(root)
-        if n <= 2 or _settled(before, S):
+        if n <= 2 or _settled(before, S, exact):
             break
     return S, step
 
 
 @kernel
-def _settled(before, after):
+def _settled(before, after, exact):
     """Whether no entry of a covariance has moved."""
     for r in range(len(after)):
         for c in range(r + 1):
-            limit = EXACT * np.sqrt(before[r, r]) * np.sqrt(before[c, c])
+            limit = exact * np.sqrt(before[r, r]) * np.sqrt(before[c, c])
             if not abs(after[r, c] - before[r, c]) <= limit:
                 return False
     return True
 
 
 @kernel
-def _best_overlap(a, x, P):
+def _best_overlap(a, x, P, exact):
     """The lower of the minima of the integral squared difference reached from the moment match and from the
     best component."""
     n, d = x.shape
@@ -276,8 +283,8 @@ def _best_overlap(a, x, P):
         if cost < best:
             best, at = cost, k
     S = _covariance_about_mean(a, x, P)
-    mean, S, steps, least = descend(ISD, a, x, P, np.zeros(d), S)
-    mean_k, S_k, steps_k, value = descend(ISD, a, x, P, x[at], P[at])
+    mean, S, steps, least = descend(ISD, a, x, P, np.zeros(d), S, exact)
+    mean_k, S_k, steps_k, value = descend(ISD, a, x, P, x[at], P[at], exact)
     if value < least:
         mean, S = mean_k, S_k
     return mean, S, max(steps, steps_k)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gmr_gym.checks import check_count
+from gmr_gym.checks import check_count, check_flag
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.distances import known, pack, products, unpack
@@ -89,9 +89,7 @@ def integral_squared_error(
     >>> q.m.tolist(), origin.tolist()
     ([[0.5], [9.0]], [0, 0, 1])
     """
-    components = check_count(components)
-    if not isinstance(renormalise, bool):
-        raise ValueError(f"renormalise must be True or False, got {renormalise!r}")
+    components, renormalise = check_count(components), check_flag("renormalise", renormalise)
     p, place = weighing(p)
     if len(p.w) <= components:
         return p, place

@@ -39,10 +39,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.kernels import leaf_kernel
-from gmr_gym.linalg import LOG_2PI, cholesky_into
-from gmr_gym.mixture import Mixture, joined
+from gmr_gym.linalg import LOG_2PI, inverse_into
+from gmr_gym.mixture import Mixture, joined, mean_and_covariance
 from gmr_gym.reduction.distances import pack, products
-from gmr_gym.reduction.kl_clustering import inverse_of_lower
+from gmr_gym.reduction.units import symmetric
 
 SLACK = 10.0  # covariances stay within this factor of the narrowest and the widest of f and of the start
 
@@ -93,20 +93,61 @@ def moved(problem: Problem, x: np.ndarray) -> Mixture:
     return Mixture(*(part[-len(x) :].copy() for part in problem.both))
 
 
+def matched_objective(problem: Problem, x: np.ndarray) -> tuple[float, np.ndarray]:
+    """`objective` after `matched`, for a start of weight 1."""
+    ratio = _move(problem, x)
+    g, slope, gradient = moved(problem, x), problem.slope, np.empty(x.shape)
+    size, axes, T, away = _stretch(g)
+    error = error_of(problem, matched(g))
+    # what J changes by with T = C^(-1/2), and so with the covariance C, and with the mean
+    by_T = away.T @ slope.m + 2 * (g.P @ T @ slope.P).sum(axis=0)
+    root = np.sqrt(size)
+    divided = -1 / (np.outer(root, root) * (root[:, None] + root))  # differences of roots by those of sizes
+    by_C = axes @ (divided * (axes.T @ (0.5 * (by_T + by_T.T)) @ axes)) @ axes.T
+    by_mean = -slope.m.sum(axis=0) @ T
+    slope.w[:] += (g.P * by_C).sum(axis=(1, 2)) + ((away @ by_C) * away).sum(axis=1) + g.m @ by_mean
+    slope.m[:] = slope.m @ T + g.w[:, None] * (by_mean + 2 * away @ by_C)
+    slope.P[:] = T @ slope.P @ T + g.w[:, None, None] * by_C
+    _by_parameters(problem, x, ratio, gradient)
+    return error / problem.square, gradient
+
+
+def matched(g: Mixture) -> Mixture:
+    """The mixture shifted and stretched to weight 1, mean 0 and unit covariance."""
+    _, _, T, away = _stretch(g)
+    return Mixture(g.w / g.w.sum(), away @ T, symmetric(T @ g.P @ T))
+
+
+def _stretch(g):
+    """Eigenvalues and eigenvectors of the covariance C of the mixture, C^(-1/2), and the means relative to
+    the mean (n, d)."""
+    mean, C = mean_and_covariance(g)
+    size, axes = np.linalg.eigh(C)
+    return size, axes, axes / np.sqrt(size) @ axes.T, g.m - mean
+
+
 @leaf_kernel
 def _objective(problem, x, gradient):
     """`objective`; the gradient is written to `gradient`."""
     ratio = _move(problem, x)
-    error = problem.square + _add_overlaps(problem.both, problem.slope, problem.limits, problem.room)
-    slope, w, A, square = problem.slope, problem.both.w, problem.root, problem.square
+    change = _add_overlaps(problem.both, problem.slope, problem.limits, problem.room)
+    _by_parameters(problem, x, ratio, gradient)
+    return (problem.square + change) / problem.square
+
+
+@leaf_kernel
+def _by_parameters(problem, x, ratio, gradient):
+    """Writes the gradient of J / J_ff with respect to x to `gradient`, from that with respect to the mixture,
+    in slope, and what `_move` has returned."""
+    slope, start, A, square = problem.slope, problem.start, problem.root, problem.square
     n, d = slope.m.shape
-    first, weight, common = len(w) - n, 0.0, 0.0
+    weight, common = 0.0, 0.0
     for j in range(n):
-        weight += w[first + j]
-        common += w[first + j] * slope.w[j]
+        weight += start.w[j] * (1.0 + x[j, 0]) ** 2
+        common += start.w[j] * (1.0 + x[j, 0]) ** 2 * slope.w[j]
     for j in range(n):
         by_weight = slope.w[j] - common / weight
-        gradient[j, 0] = 2.0 * ratio * problem.start.w[j] * (1.0 + x[j, 0]) * by_weight / square
+        gradient[j, 0] = 2.0 * ratio * start.w[j] * (1.0 + x[j, 0]) * by_weight / square
         for c in range(d):
             total = 0.0
             for k in range(d):
@@ -117,7 +158,6 @@ def _objective(problem, x, gradient):
         for r in range(d):
             for c in range(d):
                 gradient[j, 1 + d + r * d + c] = (T[r, c] + T[c, r]) / square
-    return error / square
 
 
 @leaf_kernel
@@ -172,7 +212,7 @@ def _add_overlaps(both, slope, limits, room):
     """J_gg - 2 J_fg of f and, after it in `both`, g; infinite where a covariance of g is out of limits. Its
     gradient with respect to g is written to slope."""
     (w, m, P), (n, d) = both, slope.m.shape
-    C, L, X, y = room[0], room[1], room[2], room[3, 0]
+    C, L, inverse, y = room[0], room[1], room[2], room[3, 0]
     first, change = len(w) - n, 0.0
     for j in range(first, len(w)):
         slope.w[j - first], width = 0.0, 0.0
@@ -181,46 +221,30 @@ def _add_overlaps(both, slope, limits, room):
             width += P[j, r, r]
             for c in range(d):
                 slope.P[j - first, r, c] = 0.0
+        if not width <= limits[1]:
+            return np.inf
         for i in range(j + 1):
             for r in range(d):
                 for c in range(r + 1):
                     C[r, c] = P[j, r, c] + P[i, r, c]
-            if not width <= limits[1] or not cholesky_into(L, C):
+            exponent = -0.5 * d * LOG_2PI - inverse_into(inverse, C, L)
+            if np.isnan(exponent):
                 return np.inf
-            inverse_of_lower(X, L)
-            times = (-2.0 if i < first else 2.0 if i < j else 1.0) * _overlap(m[j], m[i], X, y)
             narrowness = 0.0
             for r in range(d):
-                for c in range(r + 1):
-                    C[r, c] = 0.0
-                    for k in range(r, d):
-                        C[r, c] += X[k, r] * X[k, c]
-                narrowness += 2.0 * C[r, r]
+                y[r] = 0.0
+                for c in range(d):
+                    y[r] += inverse[r, c] * (m[j, c] - m[i, c])
+                exponent -= 0.5 * (m[j, r] - m[i, r]) * y[r]
+                narrowness += 2.0 * inverse[r, r]
             if i == j and not narrowness <= limits[0]:
                 return np.inf
+            times = (-2.0 if i < first else 2.0 if i < j else 1.0) * np.exp(exponent)
             change += times * w[i] * w[j]
-            _pull(slope, j - first, times * w[i], w[j], 1.0, C, y)
+            _pull(slope, j - first, times * w[i], w[j], 1.0, inverse, y)
             if i >= first:
-                _pull(slope, i - first, times * w[j], w[i], -1.0, C, y)
+                _pull(slope, i - first, times * w[j], w[i], -1.0, inverse, y)
     return change
-
-
-@leaf_kernel
-def _overlap(m1, m2, X, y):
-    """N(m1; m2, C) with X the inverse of the Cholesky factor of C; writes C^-1 (m1 - m2) to y."""
-    d = len(y)
-    exponent, scale = -0.5 * d * LOG_2PI, 1.0
-    for r in range(d):
-        y[r] = 0.0
-    for r in range(d):
-        across = 0.0
-        for c in range(r + 1):
-            across += X[r, c] * (m1[c] - m2[c])
-        for c in range(r + 1):
-            y[c] += X[r, c] * across
-        exponent -= 0.5 * across * across
-        scale *= X[r, r]
-    return scale * np.exp(exponent)
 
 
 @leaf_kernel

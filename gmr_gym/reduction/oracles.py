@@ -11,7 +11,7 @@ from gmr_gym.reduction.measures import MEASURES
 from gmr_gym.reduction.overlap_descent import STEPS
 from gmr_gym.reduction.protocol import Reduced, at_unit, definite, through, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
-from gmr_gym.reduction.transportation import shares, stepping
+from gmr_gym.reduction.transport_descent import shares, stepping
 
 PARTITIONED = 12  # components of which every partition is tried
 PROGRAMMED = 14  # components whose subsets the dynamic programme goes through

@@ -14,14 +14,14 @@ ROUNDING = 1e-15  # of a sum, relative to log determinants
 
 
 @kernel
-def descend(code, a, x, P, mean, S):
+def descend(code, a, x, P, mean, S, exact):
     """A minimum of the sum of a D(component, N(mean, S)), reached from a start and never above it: mean,
     covariance, steps, and the sum but for terms without N, in a unit that P alone decides.
 
     `code` is that of Cauchy-Schwarz or of the integral squared difference; the shares a (n,) sum to 1. Steps
     are multiples of those of the fixed point, by the rule of Barzilai and Borwein, halved where they lead
     up or to a matrix that is not positive definite. For Cauchy-Schwarz they are of the inverse of the
-    covariance.
+    covariance. They end at a change of `exact` relative to the standard deviations.
     """
     d, inverted = len(mean), code == CAUCHY_SCHWARZ
     room, step, new_step = np.empty((4, d, d)), np.empty((d + 1, d)), np.empty((d + 1, d))
@@ -30,7 +30,7 @@ def descend(code, a, x, P, mean, S):
     point = room[0].copy() if inverted else S.copy()
     value = _overlap_step(inverted, a, x, P, mean, S, half, scale, room, step)
     part, steps = 1.0, 0
-    while steps < STEPS and not _is_small(step, point, inverted):
+    while steps < STEPS and not _is_small(step, point, inverted, exact):
         new_value = np.inf
         rounding = ROUNDING * (1.0 + abs(scale) + abs(half)) * (abs(value) + (1.0 if inverted else 0.0))
         while not new_value <= value + rounding and part > EXACT:
@@ -54,14 +54,14 @@ def descend(code, a, x, P, mean, S):
 
 
 @leaf_kernel
-def _is_small(step, point, inverted):
+def _is_small(step, point, inverted, exact):
     """Whether a step moves no entry of the mean and of the covariance."""
     d = len(point)
     for r in range(d):
         for c in range(r + 1):
-            if not abs(step[r, c]) <= EXACT * np.sqrt(point[r, r]) * np.sqrt(point[c, c]):
+            if not abs(step[r, c]) <= exact * np.sqrt(point[r, r]) * np.sqrt(point[c, c]):
                 return False
-        if not abs(step[d, r]) <= EXACT * (1.0 / np.sqrt(point[r, r]) if inverted else np.sqrt(point[r, r])):
+        if not abs(step[d, r]) <= exact * (1.0 / np.sqrt(point[r, r]) if inverted else np.sqrt(point[r, r])):
             return False
     return True
 

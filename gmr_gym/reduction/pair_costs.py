@@ -1,5 +1,5 @@
-r"""What it costs to merge one component with each of many, by a measure D: the least of w_i D(i, q) + w_j D(j, q)
-over all Gaussians q, or a lower bound of it.
+r"""What it costs to merge one component with each of many, by a measure D: the least of w_i D(i, q) + w_j
+D(j, q) over all Gaussians q, or a lower bound of it.
 
 Notes
 -----
@@ -14,19 +14,21 @@ With the shares a and b of the weights, their sum W, and the difference of the m
 and for KL it is Runnalls' cost B. Lower bounds, in a fraction of the time of the barycentre, are:
 
 - symmetrised KL: the mean of the two divergences.
-- Wasserstein: the trace of the root of Pi Pj is at most the root of tr Pi Pj + sqrt((tr^2 Pi - tr Pi^2) (tr^2 Pj -
-  tr Pj^2)), exact in one and two dimensions (Miszczak et al. 2009, of fidelities).
-- ISD: W a b times the integral squared difference of i and j, which is what the whole adds to the integral squared
-  difference of the pair from q.
-- Cauchy-Schwarz: q is one of all unit vectors of the space of functions, of which the best lies between the two;
-  and, along the line that tells them apart best, it is a Gaussian in one dimension, of the wider one's scale.
+- Wasserstein: the trace of the root of Pi Pj is at most the root of tr Pi Pj + sqrt((tr^2 Pi - tr Pi^2) (tr^2
+  Pj - tr Pj^2)), exact in one and two dimensions (Miszczak et al. 2009, of fidelities).
+- ISD: W a b times the integral squared difference of i and j, which is what the whole adds to the integral
+  squared difference of the pair from q.
+- Cauchy-Schwarz: q is one of all unit vectors of the space of functions, of which the best lies between the
+  two; and, along the line that tells them apart best, it is a Gaussian in one dimension, of the wider one's
+  scale.
 """
 
 import numpy as np
 
 from gmr_gym.kernels import ZERO, kernel
 from gmr_gym.linalg import LOG_2PI
-from gmr_gym.reduction.barycentres import barycentre_of
+from gmr_gym.reduction.barycentres import barycentre_within
+from gmr_gym.reduction.chi_square import chi_square_costs
 from gmr_gym.reduction.distances import eliminate
 from gmr_gym.reduction.measures import (
     ISD,
@@ -39,8 +41,10 @@ from gmr_gym.reduction.measures import (
 )
 from gmr_gym.reduction.merge_cost import cost_row, logarithm, whole
 
+CHI_SQUARE = 7
 UNWEIGHTED = 6  # the squared Wasserstein distance of the two, whatever their weights
 CLOSE = 1.0 - 1e-9  # factor of the bounds, for rounding
+ENOUGH = 1e-5  # relative change that ends the computation of a barycentre: its cost is then known to 1e-10
 ROUNDING = 1e-14  # and what is taken from them, relative to the terms that cancel
 
 
@@ -48,6 +52,9 @@ ROUNDING = 1e-14  # and what is taken from them, relative to the terms that canc
 def least_costs(code, i, k, columns, room, row):
     """Writes lower bounds of the costs of merging component i with each of the first k to row; `columns` and
     `room` are those of `components_last`. For `KL` and `REVERSE_KL` they are exact."""
+    if code == CHI_SQUARE:
+        chi_square_costs(i, k, len(columns) - 1 - len(room), columns, row)
+        return
     if code == KL or code == SYMMETRISED_KL:
         cost_row(i, ZERO, whole(k), columns, room, row)
     if code == WASSERSTEIN or code == UNWEIGHTED:
@@ -63,7 +70,7 @@ def least_costs(code, i, k, columns, room, row):
         elif code == ISD:
             _isd_bounds(i, k, d, columns, bordered[0], root, row)
         else:
-            _overlap_bounds(i, k, d, columns, bordered[0], root, row)
+            _overlap_bounds(i, k, d, columns, bordered, root, row)
 
 
 @kernel
@@ -144,8 +151,9 @@ def _isd_bounds(i, k, d, columns, exponent, root, row):
 
 
 @kernel
-def _overlap_bounds(i, k, d, columns, exponent, root, row):
-    w, log_det = columns[0], columns[1]
+def _overlap_bounds(i, k, d, columns, bordered, root, row):
+    w, log_det, exponent = columns[0], columns[1], bordered[0]
+    part = _parts_along(i, k, d, columns, bordered)
     for j in range(k):
         W = w[i] + w[j]
         a, b = w[i] / W, w[j] / W
@@ -155,12 +163,38 @@ def _overlap_bounds(i, k, d, columns, exponent, root, row):
         cot = np.sqrt((1.0 - rest) / rest)
         nearest = 2.0 / (cot + np.sqrt(cot * cot + 4.0 * a * b))
         between = 0.5 * (a * np.log1p((b * nearest) ** 2) + b * np.log1p((a * nearest) ** 2))
-        x = -2.0 * a * b * exponent[j]
+        x = -2.0 * a * b * exponent[j] / max(part[j], 1.0 - part[j])
         s = x + np.sqrt(x * x + 1.0)
         along = 0.5 * (x / (1.0 + s) + np.log((1.0 + s) / (2.0 * np.sqrt(s))))
         row[j] = max(
             W * (CLOSE * max(between, along) - ROUNDING * (1.0 + abs(log_det[i]) + abs(log_det[j]))), 0.0
         )
+
+
+@kernel
+def _parts_along(i, k, d, columns, bordered):
+    """Part of v' Pi v in v' (Pi + Pj) v along v = (Pi + Pj)^-1 (mj - mi), from what `eliminate` leaves."""
+    v, part = np.empty((d, k)), np.zeros(k)
+    for c in range(d - 1, -1, -1):
+        lead, pivot = d * (d + 1) // 2 + c, c * (c + 3) // 2
+        for j in range(k):
+            # the first pivot has made room for the exponent
+            inverse = bordered[pivot, j] if c > 0 else 1.0 / (columns[2 + d, i] + columns[2 + d, j])
+            v[c, j] = bordered[lead, j]
+            for r in range(c + 1, d):
+                v[c, j] -= bordered[r * (r + 1) // 2 + c, j] * v[r, j]
+            v[c, j] *= inverse
+    q = 2 + d
+    for r in range(d):
+        for c in range(r + 1):
+            entry = columns[q, i] if c == r else 2.0 * columns[q, i]
+            for j in range(k):
+                part[j] += entry * v[r, j] * v[c, j]
+            q += 1
+    for j in range(k):
+        d2 = -2.0 * bordered[0, j]
+        part[j] = min(part[j] / d2, 1.0) if d2 > 0.0 else 1.0
+    return part
 
 
 @kernel
@@ -184,7 +218,7 @@ def pair_cost(code, i, j, w, m, P):
     if code == WASSERSTEIN or code == UNWEIGHTED:
         cost = component_cost(WASSERSTEIN, m2[0], P2[0], m2[1], P2[1])
         return (cost if code == UNWEIGHTED else wi * (wj / (wi + wj)) * cost), 0
-    mean, S, steps = barycentre_of(code, np.array([wi, wj]), m2, P2)
+    mean, S, steps = barycentre_within(code, np.array([wi, wj]), m2, P2, ENOUGH)
     cost = wi * component_cost(code, m2[0], P2[0], mean, S) + wj * component_cost(code, m2[1], P2[1], mean, S)
     # either of the two instead: that has more digits where one is far lighter
     cost = min(cost, wi * component_cost(code, m2[0], P2[0], m2[1], P2[1]))

@@ -19,10 +19,9 @@ class Properties(NamedTuple):
     work : str
         Order of its operations, as a formula.
     matches : bool
-        Whether each component left is the moment match of those that the origin says went into it, but for
-        the weight.
+        Whether each component left has the mean and covariance of those that the origin sends into it.
     bounded : bool
-        Whether it stops at a bound, and goes on where L components are left and the bound allows.
+        Whether it merges as far as a bound allows, though no more than L components are there.
     most : int or None
         The largest N that it takes.
     """
@@ -37,7 +36,6 @@ class Properties(NamedTuple):
 
 _BY_PAIRS = Properties(MOMENTS, AFFINE, "N^2 d^3")
 _FITTED = Properties(("weight",), AFFINE, "N^2 d^3", matches=False)
-_CLUSTERING = dict.fromkeys(("isd", "correlation", "runnalls"), _BY_PAIRS)
 PROPERTIES = {
     "runnalls": _BY_PAIRS,
     "greedy-isd": _BY_PAIRS,
@@ -48,16 +46,16 @@ PROPERTIES = {
     "west": Properties(MOMENTS, AFFINE, "N^2 d"),
     "capping": Properties((), AFFINE, r"N \log N"),
     "k-means": Properties(MOMENTS, AFFINE, "N L d"),
-    **{f"{form}-{measure}": row for form in ("k-medoids", "average", "complete", "single")
-       for measure, row in _CLUSTERING.items()},
+    **{f"{form}-{measure}": _BY_PAIRS for form in ("k-medoids", "average", "complete", "single")
+       for measure in ("isd", "correlation", "runnalls")},
     "transportation": _BY_PAIRS,
     "dphem": _BY_PAIRS._replace(matches=False),
-    "brute-force": Properties(MOMENTS, AFFINE, "S(N, L) L^2 + 4^N d^2", most=12),
+    "brute-force": Properties(MOMENTS, AFFINE, "S(N, L) L + 3^N d^3", most=12),
     "transportation-optimum": Properties(MOMENTS, AFFINE, "3^N L", most=14),
     "refine": _FITTED._replace(work="N L d^3"),
     "gmrc": _FITTED,
     "refit": _FITTED,
-    "cowa": _FITTED._replace(follows=RIGID),
+    "cowa": _FITTED,
     "consistent-reverse-kl": _FITTED,
     "consistent-symmetrised-kl": _FITTED,
     "consistent-wasserstein": Properties(("weight", "mean"), RIGID, "N^2 d^3", matches=False),

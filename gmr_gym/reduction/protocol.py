@@ -8,6 +8,7 @@ from gmr_gym.checks import sound
 from gmr_gym.mixture import Mixture, match_groups
 
 Reduced = tuple[Mixture, np.ndarray]
+_WARNED: dict = {}  # what Python keeps of warnings that are shown once
 
 
 TOO_FAR = (
@@ -45,11 +46,10 @@ def through(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def warn_unfinished(what: str, limit: int) -> None:
-    """Warns, in one line, that an iteration has stopped at its limit."""
+    """Warns, in one line and once, that an iteration has stopped at its limit."""
     # without a file: its source would be printed as a second line
-    warnings.warn_explicit(
-        f"{what} has stopped at its limit of {limit} iterations", UserWarning, "gmr_gym", 1
-    )
+    message = f"{what} has stopped at its limit of {limit} iterations"
+    warnings.warn_explicit(message, UserWarning, "gmr_gym", 1, registry=_WARNED)
 
 
 def definite(q: Mixture) -> Mixture:

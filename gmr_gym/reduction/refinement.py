@@ -1,16 +1,19 @@
 """Refinement: a reduced mixture moved to where its integral squared error from the original is least."""
 
+from functools import partial
+
 import numpy as np
 
-from gmr_gym.checks import check_count, check_whole, sound
-from gmr_gym.mixture import Mixture, match_groups, mean_and_covariance
+from gmr_gym.checks import check_flag, check_whole, sound
+from gmr_gym.mixture import Mixture
+from gmr_gym.reduction.distances import pack
 from gmr_gym.reduction.ise_descent import descend
-from gmr_gym.reduction.ise_gradient import error_of, problem_of
-from gmr_gym.reduction.kl_clustering import cluster_by_divergence, divergences
+from gmr_gym.reduction.ise_gradient import matched, matched_objective, moved, objective, problem_of
 from gmr_gym.reduction.protocol import Reduced, through, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
-from gmr_gym.reduction.runnalls import runnalls
-from gmr_gym.reduction.units import into, out_of, standard, symmetric
+from gmr_gym.reduction.transport_sweeps import divergences, half_log_determinants
+from gmr_gym.reduction.transportation import transportation
+from gmr_gym.reduction.units import into, out_of, standard
 
 STEPS = 500  # of the descent; some 40 are needed from 10 components to 5
 
@@ -32,8 +35,8 @@ def refine(
     reduction : str
         Where the descent starts: a name that `reducer` takes.
     match : bool
-        Whether the refined mixture is shifted and stretched to the mean and covariance of the original, and
-        takes its total weight. Where that leaves more error than the reduction so matched, that is returned.
+        Whether total weight, mean and covariance stay those of the original: the descent is then one over
+        mixtures that are shifted and stretched to them, and ends at more error.
     steps : int
         Limit of the steps of the descent.
 
@@ -58,9 +61,10 @@ def refine(
     -----
     The descent ends where the next step promises less than 1e-7 of the error, or less than 1e-11 of the
     integral of the square of p: the least error is found no closer than that. The error itself, a difference
-    of near equals, is accurate to about 1e-16 of that integral. A component that overlaps with nothing has no
-    slope and stays. Where the covariance of the whole is lost in rounding, the reduction is returned as it
-    is.
+    of near equals, is accurate to about 1e-16 of that integral.
+
+    A component that overlaps with nothing of p stays where it is. Where the covariance of the whole is lost
+    in rounding, the reduction is returned as it is.
 
     References
     ----------
@@ -70,9 +74,10 @@ def refine(
     --------
     >>> from gmr_gym.mixture import mixture
     >>> from gmr_gym.reduction.distances import integral_squared_difference
+    >>> from gmr_gym.reduction.runnalls import runnalls
     >>> p = mixture([0.3, 0.3, 0.4], [[0.0], [1.0], [2.5]], [[[1.0]], [[0.5]], [[1.0]]])
     >>> [round(integral_squared_difference(p, f(p, 2)[0]), 5) for f in (runnalls, refine)]
-    [0.00041, 6e-05]
+    [0.00157, 0.00016]
     """
     from gmr_gym.reduction.registry import reducer  # which knows this reduction by its name
 
@@ -83,7 +88,7 @@ def refine(
 
 def gmrc(p: Mixture, components: int, match: bool = False, steps: int = STEPS) -> Reduced:
     """Gaussian mixture reduction via clustering: `runnalls`, then k-means by the Kullback-Leibler divergence,
-    then a quasi-Newton descent of the integral squared error as in `refine`.
+    which is `transportation`, then a quasi-Newton descent of the integral squared error as in `refine`.
 
     Parameters
     ----------
@@ -118,26 +123,23 @@ def gmrc(p: Mixture, components: int, match: bool = False, steps: int = STEPS) -
     Schieferdecker and Huber 2009; Crouse et al. 2011, section IV.
     """
     p, place = weighing(p)
-    start, group = runnalls(p, check_count(components))
-    if len(start.w) < len(p.w):
-        group = cluster_by_divergence(p, group, len(start.w))
-        start = match_groups(p, group, len(start.w))
+    start, _ = transportation(p, components)
     return _refined(p, place, start, match, steps)
 
 
-def _refined(p, place, start, match, steps):
+def _refined(p: Mixture, place: np.ndarray, start: Mixture, match: bool, steps: int) -> Reduced:
     check_whole("steps", steps, 1)
-    if not isinstance(match, bool):
-        raise ValueError(f"match must be True or False, got {match!r}")
+    check_flag("match", match)
     if len(start.w) == len(p.w):
         return start, place
     g = _descended(p, start, match, steps)
     return g, through(place, _by_responsibility(p, g))
 
 
-def _by_responsibility(p, g):
+def _by_responsibility(p: Mixture, g: Mixture) -> np.ndarray:
     """The j (n,) of the largest v_j exp(-KL(component || j)), with none of g left out."""
-    score = np.log(g.w) - divergences(p.m, p.P, g.m, g.P)
+    columns, half = pack(p.m, p.P), half_log_determinants(p.P)
+    score = (np.log(g.w)[:, None] - divergences(columns, half, *g)).T
     origin = score.argmax(axis=1)
     for j in range(len(g.w)):
         if (origin != j).all():
@@ -146,27 +148,20 @@ def _by_responsibility(p, g):
     return origin
 
 
-def _descended(p, start, match, steps):
+def _descended(p: Mixture, start: Mixture, match: bool, steps: int) -> Mixture:
     """The mixture with the least error from p, near the start."""
     try:
         units, f = standard(p)
-        problem = problem_of(f, into(units, start))
+        g = into(units, start)
+        problem = problem_of(f, matched(g) if match else g)
     except np.linalg.LinAlgError:
         return start
     if not 0.0 < problem.square < np.inf:
         return start
-    g, finished = descend(problem, steps)
+    error = partial(matched_objective if match else objective, problem)
+    x, finished = descend(error, problem.own / problem.square, 1 + p.m.shape[1] * (1 + p.m.shape[1]), steps)
     if not finished:
         warn_unfinished("refinement", steps)
-    if match:
-        g = min((_matched(g), _matched(problem.start)), key=lambda q: error_of(problem, q))
-    found = out_of(units, g)
+    g = moved(problem, x)
+    found = out_of(units, matched(g) if match else g)
     return weighing(found)[0] if sound(*found) else start
-
-
-def _matched(g):
-    """The mixture shifted and stretched to weight 1, mean 0 and unit covariance."""
-    mean, C = mean_and_covariance(g)
-    size, axes = np.linalg.eigh(C)
-    T = axes / np.sqrt(size) @ axes.T
-    return Mixture(g.w / g.w.sum(), (g.m - mean) @ T, symmetric(T @ g.P @ T))

@@ -14,40 +14,21 @@ is least. A sweep makes every g_j the barycentre of what it has been given, of t
 the components out anew. Neither step raises the sum.
 """
 
-from collections.abc import Callable
 from numbers import Real
-from typing import NamedTuple
 
 import numpy as np
 
 from gmr_gym.checks import check_choice, check_count, check_not_negative
-from gmr_gym.mixture import Mixture, mean_and_covariance
+from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.distances import pack
-from gmr_gym.reduction.measures import KL, MEASURES
-from gmr_gym.reduction.overlap_descent import STEPS
-from gmr_gym.reduction.protocol import Reduced, at_unit, definite, grouped, through, warn_unfinished
+from gmr_gym.reduction.measures import MEASURES
+from gmr_gym.reduction.protocol import Reduced, at_unit, grouped, through
 from gmr_gym.reduction.pruning import weighing
 from gmr_gym.reduction.runnalls import runnalls
-from gmr_gym.reduction.transport_sweeps import (
-    barycentres,
-    divergences,
-    half_log_determinants,
-    keep_better,
-    moment_matches,
-    share_out,
-)  # fmt: skip
+from gmr_gym.reduction.transport_descent import Descent, descent, shares, stepping
+from gmr_gym.reduction.transport_sweeps import divergences, half_log_determinants
 
-SWEEPS = 300  # at most; the hard form needs some ten
-CONVERGED = 1e-9  # fall of the objective in the last sweep, relative
 ALIKE = 1e-8  # divergence below which two Gaussians of a soft form have become one
-
-
-class Descent(NamedTuple):
-    """Where the sweeps have ended."""
-
-    reduced: Mixture  # the L Gaussians that components are left with
-    share: np.ndarray  # (L, n) parts of the weights of the components, of any unit
-    objective: np.ndarray  # (sweeps,) after every sweep
 
 
 def transportation(
@@ -102,7 +83,10 @@ def transportation(
     ([[1.0], [9.0]], [0, 0, 1])
     """
     q, place, best = _best(p, components, cost, entropy, starts)
-    return (q, place) if best is None else _reduced(best, place)
+    if best is None:
+        return q, place
+    q, share = _unlike(best) if entropy > 0 else best[:2]
+    return q, through(place, share.argmax(axis=0))
 
 
 def transportation_objective(
@@ -126,7 +110,7 @@ def transportation_objective(
     >>> from gmr_gym.mixture import mixture
     >>> p = mixture([0.25, 0.25, 0.5], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3)
     >>> transportation_objective(p, 2).round(4).tolist()
-    [0.1733, 0.1733]
+    [0.1733]
     """
     _, _, best = _best(p, components, cost, entropy, starts)
     return np.zeros(1) if best is None else best.objective
@@ -183,66 +167,8 @@ def dphem(p: Mixture, components: int, samples: float | None = None) -> Reduced:
     if len(q.w) <= components:
         return q, place
     _, group = runnalls(q, components)
-    return _reduced(descent(q, group, "kl", 1.0 / samples, weighted=True), place)
-
-
-def descent(p: Mixture, group: np.ndarray, cost: str, temperature: float, weighted: bool = False) -> Descent:
-    """Sweeps from groups of the components until the objective falls no further.
-
-    Parameters
-    ----------
-    p : Mixture
-        Checked, without components of weight zero.
-    group : ndarray (n,)
-        Group of each component, from 0.
-    cost : str
-    temperature : float
-        The lambda of the objective, in the unit of the cost.
-    weighted : bool
-        Whether parts are proportional to the weights of the Gaussians, too, as in `dphem`.
-    """
-    step, w, objective = stepping(cost, p), at_unit(p.w), [np.inf]
-    share = shares(w, group)
-    v, c, S, table, exact = step(share)
-    settled = False
-    while not settled and len(objective) <= SWEEPS:
-        share, value = share_out(table, w, v, temperature, weighted)
-        v, *new, new_exact = step(share)
-        if cost == "kl":  # whose barycentre is sure to be the least
-            c, S, table = new
-        else:
-            keep_better(share, c, S, table, *new)
-        settled = not objective[-1] - value > CONVERGED * (abs(value) + temperature * w.sum())
-        exact &= new_exact
-        objective.append(value)
-    if not settled:
-        warn_unfinished("the descent of the transportation divergence", SWEEPS)
-    if not exact:
-        warn_unfinished(f"the barycentre by {cost}", STEPS)
-    unit = p.w.max() / w.max()
-    left = v > 0
-    reduced = definite(Mixture(unit * v[left], c[left], S[left]))
-    return Descent(reduced, share[left], unit * np.array(objective[1:]))
-
-
-def stepping(cost: str, p: Mixture) -> Callable[[np.ndarray], tuple]:
-    """The function of shares (L, n) of the components that gives the weights (L,), means and covariances of
-    the barycentres of the rows, the costs (L, n) from them, and whether no barycentre was cut short."""
-    mean, code = mean_and_covariance(p)[0], MEASURES.index(cost)
-    x = p.m - mean  # no digits are lost far from the origin
-    more = (pack(x, p.P), half_log_determinants(p.P)) if code == KL else None
-
-    def step(share: np.ndarray) -> tuple:
-        of_rows = barycentres(code, share, x, p.P) if more is None else moment_matches(share, x, p.P, *more)
-        v, c, *rest = of_rows
-        return v, c + mean, *rest
-
-    return step
-
-
-def shares(w: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """Shares (L, n) of components of weights w, each whole in its group (n,)."""
-    return np.where(group == np.arange(group.max() + 1)[:, None], w, 0.0)
+    q, share = _unlike(descent(q, group, "kl", 1.0 / samples, weighted=True))
+    return q, through(place, share.argmax(axis=0))
 
 
 def _best(
@@ -258,7 +184,7 @@ def _best(
         return q, place, None
     _, group = runnalls(q, components)
     temperature = entropy * _scale(q, group, cost) if entropy > 0 else 0.0
-    groups = [group, *_random_groups(len(group), components, starts - 1)]
+    groups = [group, *_random_groups(len(group), components, starts - 1)] if starts > 1 else [group]
     return q, place, min((descent(q, g, cost, temperature) for g in groups), key=lambda d: d.objective[-1])
 
 
@@ -276,10 +202,9 @@ def _scale(p: Mixture, group: np.ndarray, cost: str) -> float:
     return float(np.median(table[group, np.arange(len(group))][shared]))
 
 
-def _reduced(best: Descent, place: np.ndarray) -> Reduced:
-    """The Gaussians of a descent that have weight, those merged that have become alike."""
-    q, share = best.reduced, best.share
+def _unlike(found: Descent) -> tuple[Mixture, np.ndarray]:
+    """The Gaussians of a descent, those merged that have become alike, and the shares of what is left."""
+    q, share, _ = found
     same = divergences(pack(q.m, q.P), half_log_determinants(q.P), *q) < ALIKE
-    _, group = np.unique(same.argmax(axis=0), return_inverse=True)
-    share = np.array([share[group == g].sum(axis=0) for g in range(group.max() + 1)])
-    return grouped(q, group, len(share)), through(place, share.argmax(axis=0))
+    first, group = np.unique(same.argmax(axis=0), return_inverse=True)
+    return grouped(q, group, len(first)), np.array([share[group == g].sum(axis=0) for g in range(len(first))])

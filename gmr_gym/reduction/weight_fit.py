@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from gmr_gym.checks import check_choice, check_count
+from gmr_gym.checks import check_choice, check_count, check_flag
 from gmr_gym.kernels import kernel
-from gmr_gym.linalg import cholesky_into
+from gmr_gym.linalg import cholesky_into, solve_lower, solve_upper
 from gmr_gym.mixture import Mixture, match_groups
 from gmr_gym.reduction.distances import pack, products, products_of_columns, products_with
 from gmr_gym.reduction.protocol import TOO_FAR, Reduced, through, warn_unfinished
@@ -14,6 +14,7 @@ from gmr_gym.reduction.units import into, out_of, standard
 WHEN = ("each-merge", "end")
 RIDGE = 1e-12  # beside entries of H of at most 1: components that are nearly equal leave it singular
 FLOOR = 1e-16  # decrease of the error that is lost in its rounding
+DEPENDENT = 1e-9  # relative: rows of `kept` that depend on the others
 CHANGES = 20  # limit of the changes of the components at zero, for each component
 
 
@@ -68,10 +69,11 @@ def refit(p: Mixture, components: int, reduction: str = "runnalls", keep_mean: b
     >>> p = mixture([0.3, 0.3, 0.4], [[0.0], [1.0], [2.5]], [[[1.0]], [[0.5]], [[1.0]]])
     >>> q, origin = refit(p, 2)
     >>> q.w.round(4).tolist(), origin.tolist()
-    ([0.5848, 0.4152], [0, 0, 1])
+    ([0.5958, 0.4042], [0, 0, 1])
     """
     from gmr_gym.reduction.registry import reducer  # which knows this reduction by its name
 
+    check_flag("keep_mean", keep_mean)
     p, place = weighing(p)
     start, group = reducer(reduction, components)(p)
     if len(start.w) == len(p.w):
@@ -89,8 +91,8 @@ def cowa(p: Mixture, components: int, when: str = "each-merge", keep_mean: bool 
     r"""Merges the component of least weight over size with the one of most similar shape and place, until
     `components` remain, and fits the weights as `refit` does.
 
-    Size is the trace of the covariance, and similar is what has the least integral squared difference between
-    the two densities, both of weight 1. Sizes are relative to the covariance of the whole mixture.
+    Size is the trace of the covariance relative to that of the whole mixture. Most similar are the two
+    densities, both of weight 1, of least integral squared difference.
 
     Parameters
     ----------
@@ -122,8 +124,8 @@ def cowa(p: Mixture, components: int, when: str = "each-merge", keep_mean: bool 
     Constraint-optimised weight adaptation. The error may end above that of another order of merging: weights
     fitted early mislead later merges.
 
-    Departs: the trace is that of the covariance as it is, so that the units of the state decide. Merging does
-    not stop at a distance, but at `components` alone.
+    Departs: sizes are taken in coordinates where the whole has unit covariance; else the units of the state
+    would decide. Merging ends at `components` alone, and at no distance.
 
     References
     ----------
@@ -135,9 +137,10 @@ def cowa(p: Mixture, components: int, when: str = "each-merge", keep_mean: bool 
     >>> p = mixture([0.3, 0.3, 0.4], [[0.0], [1.0], [2.5]], [[[1.0]], [[0.5]], [[1.0]]])
     >>> q, origin = cowa(p, 2)
     >>> q.w.round(4).tolist(), origin.tolist()
-    ([0.5848, 0.4152], [0, 0, 1])
+    ([0.5958, 0.4042], [0, 0, 1])
     """
     check_choice("when", when, WHEN)
+    check_flag("keep_mean", keep_mean)
     components = check_count(components)
     p, place = weighing(p)
     if len(p.w) <= components:
@@ -224,25 +227,25 @@ def fit_weights(H: np.ndarray, c: np.ndarray, v: np.ndarray, kept: np.ndarray) -
 def _step(H, slope, kept):
     """The step to the least of the quadratic where `kept` does not change, and the slope per unit of each of
     what is kept (r,)."""
-    against, along = np.split(_solve(H + RIDGE * np.eye(len(H)), np.vstack([slope, kept])), [1])
-    price = np.linalg.pinv(kept @ along.T, rcond=1e-9) @ (kept @ against[0])
-    return price @ along - against[0], price
+    U, size, rows = np.linalg.svd(kept, full_matrices=False)
+    known = size > DEPENDENT * size[0]
+    Q = rows[known]  # an orthonormal basis of what must not change
+    price = U[:, known] / size[known] @ (Q @ slope)
+    QH = Q @ H
+    across = Q.T @ QH
+    # H where nothing kept changes, and the identity beside it
+    within = H + RIDGE * np.eye(len(H)) - across - across.T + Q.T @ (QH @ Q.T + np.eye(len(Q))) @ Q
+    step = _solve(within, Q.T @ (Q @ slope) - slope)
+    return step - Q.T @ (Q @ step), price
 
 
 @kernel
-def _solve(H, rows):
-    """H^-1 times each of the rows (k, n), by Cholesky. LAPACK would share the work among threads, for which
-    small matrices wait longer than it takes."""
-    L, out = np.zeros(H.shape), rows.copy()
+def _solve(H, y):
+    """H^-1 y, by Cholesky; 0 where rounding has left H indefinite. LAPACK would share the work among threads,
+    for which small matrices wait longer than it takes."""
+    L, x = np.zeros(H.shape), y.copy().reshape(-1, 1)
     if not cholesky_into(L, H):
-        raise ValueError("the matrix of a fit of weights is not positive definite")
-    for x in out:
-        for r in range(len(x)):
-            for k in range(r):
-                x[r] -= L[r, k] * x[k]
-            x[r] /= L[r, r]
-        for r in range(len(x) - 1, -1, -1):
-            x[r] /= L[r, r]
-            for k in range(r):
-                x[k] -= L[r, k] * x[r]
-    return out
+        return np.zeros(len(y))
+    solve_lower(L, x)
+    solve_upper(L, x)
+    return x[:, 0]

@@ -74,8 +74,7 @@ def test_the_command_runs_draws_and_writes_tables_of_mixtures_trackers_and_the_s
     short = {name: {} for name in (RUNNALLS, GMRC)}
     few += [replace(table, trackers=short) for table in TABLES if table.name == "tracker"]
     few += [table for table in TABLES if table.name == "1d-5"]
-    grid = replace(MAPS[0], axes={"acceleration": (0.1,), "clutter": (0.005, 0.01)}, trackers=short,
-                   columns=MAPS[0].columns[:2])  # fmt: skip
+    grid = replace(MAPS[0], axes={"acceleration": (0.1,), "clutter": (0.005, 0.01)})
     monkeypatch.setattr(crouse, "PAPER", replace(PAPER, tables=tuple(few), maps=(grid,)))
     cli.app(
         ["reproduce", "crouse", "--runs", "2", "--jobs", "1", "--out", str(tmp_path)], standalone_mode=False

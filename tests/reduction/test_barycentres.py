@@ -140,7 +140,7 @@ def test_barycentres_move_with_affine_maps_or_with_rigid_ones(measure):
 def test_a_descent_never_ends_above_its_start(code):
     for seed in range(20):
         p, start = drawn(seed, 4, 4), drawn(seed + 100, 1, 4, spread=3.0)
-        m, P, steps, _ = descend(code, p.w, p.m, p.P, start.m[0], start.P[0])
+        m, P, steps, _ = descend(code, p.w, p.m, p.P, start.m[0], start.P[0], 1e-10)
         before, after = (total(MEASURES[code], p, *q) for q in ((start.m[0], start.P[0]), (m, P)))
         assert after <= before and steps < STEPS
 

@@ -9,6 +9,7 @@ import pytest
 
 from gmr_gym.evaluation.mixture_problems import random_mixture
 from gmr_gym.mixture import Mixture, checked, mean_and_covariance, mixture, take
+from gmr_gym.reduction import oracles
 from gmr_gym.reduction.distances import normalised_integral_squared_difference
 from gmr_gym.reduction.properties import AFFINE, MOMENTS, PROPERTIES
 from gmr_gym.reduction.registry import REDUCERS, reducer
@@ -47,6 +48,8 @@ def rounding(name):
 
 def test_every_reduction_has_its_row():
     assert PROPERTIES.keys() >= REDUCERS.keys()
+    limits = {name: row.most for name, row in PROPERTIES.items() if row.most}
+    assert limits == {"brute-force": oracles.PARTITIONED, "transportation-optimum": oracles.PROGRAMMED}
 
 
 @each

@@ -117,10 +117,10 @@ MAPS = (
         env_id=ENV_ID,
         settings={},
         axes={"acceleration": (0.1, 0.3, 1.0), "clutter": (0.005, 0.01, 0.02, 0.04)},
-        trackers=dict.fromkeys((RUNNALLS, GMRC, COWA), PRUNING),
+        trackers=dict.fromkeys((RUNNALLS, COWA), PRUNING),
         share=5,
         summarise=_lost,
-        columns=tuple(map(_losses, (RUNNALLS, GMRC, COWA))),
+        columns=tuple(map(_losses, (RUNNALLS, COWA))),
     ),
 )
 

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gmr_gym.evaluation.montecarlo import Runs
-from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, errors, not_lost, summary
+from gmr_gym.evaluation.summary import Estimate, bootstrap_mean, capped_error, not_lost, summary
 from gmr_gym.experiments.claims import Asked, Claim
 from gmr_gym.experiments.drawings import error_against_time, save
 from gmr_gym.experiments.evidence import Evidence, Quantities, Results, Rows, all_measured, differences, mean
@@ -26,12 +25,7 @@ COLUMNS = (
 FLIGHT, JUMP = "gmr_gym/AgileFlight-v0", "gmr_gym/JumpMarkov-v0"
 
 
-def _capped(scenario: Scenario, runs: Runs) -> np.ndarray:
-    """Position error (runs,), m, averaged over the scans, each counted at most as the scenario's cutoff."""
-    return np.minimum(errors(scenario, runs)[0], scenario.cutoff).mean(axis=1)
-
-
-QUANTITIES: Quantities = {"error": _capped, "kept": not_lost}
+QUANTITIES: Quantities = {"error": capped_error, "kept": not_lost}
 
 
 def _rivals(reduction: str, one: int, *mmgs: str) -> dict[str, dict[str, Any]]:
