@@ -162,7 +162,7 @@ def test_the_chi_square_cost_is_its_integral_and_infinite_where_that_diverges():
 
 
 def test_the_chi_square_cost_in_four_dimensions_is_the_mean_of_a_ratio_under_the_match():
-    p = drawn(1, 2, 4, spread=0.3)
+    p = drawn(1, 2, 4, spread=0.7)
     p.P[1] = 0.8 * p.P[0] + 0.1 * np.diag([1.0, 2.0, 3.0, 4.0])  # alike, or the ratio has no variance
     q = collapsed(p)
     x = np.random.default_rng(0).multivariate_normal(q.m[0], q.P[0], 400_000)
