@@ -28,7 +28,7 @@ def track_one(
     own = {name: USUAL[name] if value is None else value for name, value in own.items()}
     smooth = is_smoothed(settings, given)
     files = [out or Path("track.csv")]
-    files += [smoothed_beside(files[0])] * smooth
+    files += [smoothed_beside(files[0])] if smooth else []
     _check(given, own)
     specs.check_writable(*files, beside=file)
     specs.check_ending("--out", files[0], ".csv")

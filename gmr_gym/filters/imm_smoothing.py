@@ -4,6 +4,7 @@ import numpy as np
 
 from gmr_gym.filters.imm_tracks import carried, conditioned, mix
 from gmr_gym.kernels import ONE, ZERO, kernel
+from gmr_gym.linalg import cholesky_into
 from gmr_gym.mixture import match
 from gmr_gym.models.intervals import switching_over, transition
 from gmr_gym.models.kalman import predict_all
@@ -87,6 +88,8 @@ def smoothed(banks, modes, axes):
                 off, ahead = banks.m[t, j] - mean[0], m[i * r + j] - mean[0]  # any centre does: off sums to 0
                 C += before[j] * (banks.P[t, j] @ F.T + off.reshape(d, 1) * ahead)
         _, predicted, S = match(w, m, P, pairs, ONE)
+        if not cholesky_into(np.zeros((d, d)), S[0]):  # to rounding: the filtered state stays
+            continue
         G = np.linalg.solve(S[0], C.T).T
         m_out[t] += G @ (m_out[t + 1] - predicted[0])
         change = G @ (P_out[t + 1] - S[0]) @ G.T

@@ -147,3 +147,28 @@ def test_a_lag_that_is_not_kept_is_refused():
         LiveTracker(model, lag=-1)
     with pytest.raises(ValueError, match=r"lag must be in 0\.\.2, got 3; give LiveTracker\(model, lag="):
         LiveTracker(model, lag=2).smoothed(3)
+
+
+def test_a_doubtful_detection_counts_as_much_as_the_tracker_believed_it():
+    """The last row, which nothing follows, against the update by probabilistic data association."""
+    at, z = [0.0, 1.0, 2.0, 3.0], [[0.0, 0.0], [10.0, 0.0], [20.0, 0.0], [30.0, 40.0]]
+    found = from_arrays(at, z, sensors=[RADAR])
+    scans = [Scan(t, t, t, np.array([i]), 0) for i, t in enumerate(at)]
+    model = tracking_model(
+        [RADAR], (-1e3, -1e3), (1e3, 1e3), motion="constant-velocity", acceleration_deviation=2.0
+    )
+    tracks = track(found, scans, model)
+    tracks = Tracks(*(column[tracks.track == 1] for column in tracks))
+    share = 0.4
+    weight = np.append(tracks.existence[:-1], share * tracks.existence[-1])
+    tracks = tracks._replace(weight=weight, detection=np.arange(4))
+    sure, missed = (
+        smooth(tracks._replace(weight=np.append(weight[:-1], part)), found, model)
+        for part in (tracks.existence[-1], 0.0)
+    )
+    smoothed = smooth(tracks, found, model)
+    (hit, P_hit), (miss, P_miss) = ((each.x[-1], each.P[-1]) for each in (sure, missed))
+    off = hit - miss
+    np.testing.assert_allclose(smoothed.x[-1], miss + share * off, rtol=1e-9)
+    P = share * P_hit + (1 - share) * P_miss + share * (1 - share) * np.outer(off, off)
+    np.testing.assert_allclose(smoothed.P[-1], P, rtol=1e-9)
