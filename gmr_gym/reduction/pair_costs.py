@@ -29,8 +29,9 @@ from gmr_gym.kernels import ZERO, kernel
 from gmr_gym.linalg import LOG_2PI
 from gmr_gym.reduction.barycentres import barycentre_within
 from gmr_gym.reduction.chi_square import chi_square_costs
-from gmr_gym.reduction.distances import eliminate
+from gmr_gym.reduction.distances import eliminate, eliminate_four
 from gmr_gym.reduction.measures import (
+    CAUCHY_SCHWARZ,
     ISD,
     KL,
     LOG_2,
@@ -64,7 +65,10 @@ def least_costs(code, i, k, columns, room, row):
         bordered, root = np.empty((len(columns) - 1, k)), np.empty(k)
         by_shares = code == REVERSE_KL or code == SYMMETRISED_KL
         _border(i, k, columns, bordered, by_shares)
-        eliminate(root, bordered, d)
+        if d == 4 and code != CAUCHY_SCHWARZ:  # which needs what the other leaves
+            eliminate_four(root, bordered)
+        else:
+            eliminate(root, bordered, d)
         if by_shares:
             _reverse_costs(i, k, columns, bordered[0], root, row, code == SYMMETRISED_KL)
         elif code == ISD:
