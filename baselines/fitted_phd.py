@@ -70,6 +70,7 @@ def fitted_phd(
     reduction: str = "vo-ma",
     by: str = "fmm-em",
     repaired: bool = False,
+    estimator: str = "expected",
 ) -> FittedPhd:
     """GM-PHD filter in the clutter that a finite mixture fits to each scan.
 
@@ -89,6 +90,8 @@ def fitted_phd(
         Tracker that fits the clutter.
     repaired : bool
         Whether `by` is used as repaired rather than as printed.
+    estimator : {"expected", "components"}
+        As of `gm_phd`.
 
     Returns
     -------
@@ -101,5 +104,5 @@ def fitted_phd(
     """
     if by not in ("fmm-em", "fmm-gibbs"):
         raise ValueError(f"by must be fmm-em or fmm-gibbs, got {by!r}")
-    phd = GmPhd(model, reduction_named(reduction, components, merging), prune_weight)
+    phd = GmPhd(model, reduction_named(reduction, components, merging), prune_weight, estimator=estimator)
     return FittedPhd(phd, make_tracker(by, model, repaired=repaired))

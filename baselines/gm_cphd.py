@@ -60,7 +60,7 @@ class GmCphd:
 
     def init(self) -> CphdBelief:
         """Belief one period before the first scan."""
-        return CphdBelief(self.phd.init(), np.eye(1, self.targets + 1)[0])
+        return CphdBelief(self.phd.init(), cphd.poisson(float(self.model.initial.w.sum()), self.targets))
 
     def step(self, belief: CphdBelief, z: np.ndarray) -> tuple[CphdBelief, MultiTargetReport]:
         """Belief after the scan `z` (k, p) one period later, and its report."""

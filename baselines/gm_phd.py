@@ -11,6 +11,7 @@ def gm_phd(
     merging: float = 4.0,
     prune_weight: float = 1e-5,
     reduction: str = "vo-ma",
+    estimator: str = "expected",
 ) -> GmPhd:
     """GM-PHD filter reduced to `components`.
 
@@ -26,6 +27,9 @@ def gm_phd(
         Components of less weight, an expected number of targets, are pruned.
     reduction : str
         "vo-ma", or a reduction of the single-target trackers such as "runnalls" or "adaptive".
+    estimator : {"expected", "components"}
+        How many targets are declared: "expected", the expected number, rounded, from the heaviest components;
+        "components", those of weight above 1/2, as Vo and Ma.
 
     Returns
     -------
@@ -50,4 +54,4 @@ def gm_phd(
     >>> round(report.expected_targets, 2)
     0.21
     """
-    return GmPhd(model, reduction_named(reduction, components, merging), prune_weight)
+    return GmPhd(model, reduction_named(reduction, components, merging), prune_weight, estimator=estimator)

@@ -14,6 +14,7 @@ def learning_phd(
     prune_weight: float = 1e-5,
     reduction: str = "vo-ma",
     *,
+    estimator: str = "expected",
     memory: int = 20,
     deviation: float = 15.0,
     max_gaussians: int = 12,
@@ -33,6 +34,8 @@ def learning_phd(
         Components of less weight, an expected number of targets, are pruned.
     reduction : str
         "vo-ma", or a reduction of the single-target trackers such as "runnalls" or "adaptive".
+    estimator : {"expected", "components"}
+        As of `gm_phd`.
     memory : int
         Scans after which a detection counts 1 / e in the clutter estimate.
     deviation : float
@@ -51,5 +54,5 @@ def learning_phd(
     ValueError
         Naming the parameter that is out of range.
     """
-    known = GmPhd(model, reduction_named(reduction, components, merging), prune_weight)
+    known = GmPhd(model, reduction_named(reduction, components, merging), prune_weight, estimator=estimator)
     return LearningTracker(known, options(memory, deviation, max_gaussians, iterations))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.checks import check_limits, check_probability
+from gmr_gym.checks import check_choice, check_limits, check_probability
 from gmr_gym.filters import pmb as multi_bernoulli
 from gmr_gym.filters.clutter_estimation import options
 from gmr_gym.filters.learning_tracker import LearningTracker
@@ -82,14 +82,20 @@ class Pmb(KnownClutterTracker):
     model : MultiTargetModel
         The filter model.
     limits : PmbLimits
+    association : {"exact", "belief-propagation"}
+        How marginal association probabilities are found.
     """
 
     model: MultiTargetModel
     limits: PmbLimits
+    association: str = "exact"
+
+    def __post_init__(self) -> None:
+        check_choice("association", self.association, tuple(multi_bernoulli.MARGINALS))
 
     def init(self) -> MultiBernoulli:
         """Belief one period before the first scan."""
-        return multi_bernoulli.no_targets(self.model)
+        return multi_bernoulli.untracked(self.model)
 
     def update(
         self, belief: MultiBernoulli, z: np.ndarray, clutter: Clutter
@@ -98,7 +104,7 @@ class Pmb(KnownClutterTracker):
         model, limits = self.model, self.limits
         targets, p_clutter = multi_bernoulli.update(
             multi_bernoulli.predict(belief, model), model.sensor, z,
-            model.detection_probability, clutter.density(z), limits.prune_existence,
+            model.detection_probability, clutter.density(z), limits.prune_existence, self.association,
         )  # fmt: skip
         kept = multi_bernoulli.prune(targets, limits.prune_existence, limits.prune_weight, limits.tracks)
         return kept, p_clutter
@@ -114,6 +120,7 @@ def pmb(
     prune_weight: float = 1e-5,
     tracks: int = 200,
     report_threshold: float = 0.5,
+    association: str = "exact",
 ) -> Pmb:
     """Poisson multi-Bernoulli tracker of up to `tracks` tracks.
 
@@ -129,6 +136,9 @@ def pmb(
         Most tracks, and most undetected components.
     report_threshold : float
         Tracks of more existence are declared.
+    association : {"exact", "belief-propagation"}
+        How marginal association probabilities are found: "exact" enumerates the association events of each
+        cluster of tracks, up to a size.
 
     Returns
     -------
@@ -143,7 +153,7 @@ def pmb(
     ----------
     Williams 2015, TOMB/P.
     """
-    return Pmb(model, pmb_limits(prune_existence, prune_weight, tracks, report_threshold))
+    return Pmb(model, pmb_limits(prune_existence, prune_weight, tracks, report_threshold), association)
 
 
 def learning_pmb(
@@ -153,6 +163,7 @@ def learning_pmb(
     tracks: int = 200,
     report_threshold: float = 0.5,
     *,
+    association: str = "exact",
     memory: int = 20,
     deviation: float = 15.0,
     max_gaussians: int = 12,
@@ -172,6 +183,8 @@ def learning_pmb(
         Most tracks, and most undetected components.
     report_threshold : float
         Tracks of more existence are declared.
+    association : {"exact", "belief-propagation"}
+        As of `pmb`.
     memory : int
         Scans after which a detection counts 1 / e in the clutter estimate.
     deviation : float
@@ -190,5 +203,5 @@ def learning_pmb(
     ValueError
         Naming the parameter that is out of range.
     """
-    known = pmb(model, prune_existence, prune_weight, tracks, report_threshold)
+    known = pmb(model, prune_existence, prune_weight, tracks, report_threshold, association)
     return LearningTracker(known, options(memory, deviation, max_gaussians, iterations))

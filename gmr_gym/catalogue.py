@@ -41,6 +41,15 @@ REDUCTIONS = {  # each with what it does
     "gmrc": "runnalls, clustering by Kullback-Leibler divergence, and descent of the integral squared error",
     "refit": "another reduction, and then the weights of least integral squared error",
     "cowa": "merges the lightest with its nearest, and fits the weights for the least integral squared error",
+    "consistent-reverse-kl": "merges pairs by reverse Kullback-Leibler divergence; not for distant ones",
+    "consistent-symmetrised-kl": "merges pairs by the mean of both Kullback-Leibler divergences",
+    "consistent-wasserstein": "merges pairs by Wasserstein distance and weights; not for distant ones",
+    "consistent-cauchy-schwarz": "merges pairs by the Cauchy-Schwarz divergence, into its barycentre",
+    "consistent-isd": "merges pairs by integral squared difference, into its barycentre",
+    "greedy-wasserstein": "merges the pair of least Wasserstein distance, whatever the weights",
+    "greedy-chi-square": "merges by moments the pair of least chi-square divergence from its merge",
+    "prune-or-merge": "merges or prunes, whichever raises the divergence of the result from the whole least",
+    "adaptive-2023": "runnalls until the next merge costs much more than those to follow",
 }
 BACKENDS = ("loky", "dask", "ray")  # what shares runs among processes
 

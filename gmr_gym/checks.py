@@ -227,6 +227,13 @@ def check_not_negative(name: str, value: float) -> float:
     return float(value)
 
 
+def check_loss_bound(bound: float) -> float:
+    """The bound of a relative loss as a float; ValueError unless it lies in [0, 1]."""
+    if not isinstance(bound, Real) or not 0 <= bound <= 1:
+        raise ValueError(f"loss_bound must lie in [0, 1], got {bound!r}")
+    return float(bound)
+
+
 def check_limits(prune_weight: float, max_hypotheses: int, give_up_ratio: float = np.inf) -> None:
     """Raise ValueError naming the first invalid limit of a tracker's work."""
     if not 0 <= prune_weight < np.inf:

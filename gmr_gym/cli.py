@@ -533,65 +533,54 @@ def record(
 @command("track")
 @takes(*ALL_GROUPS)
 def track_(
-    file: Annotated[Path, typer.Argument(help="CSV, text or JSON, also compressed with gzip")],
+    file: Annotated[Path, typer.Argument(help="CSV, text, JSON, Parquet, AIS or ASTERIX, also in gzip")],
     *,
     targets: Annotated[
-        str, typer.Option(metavar="|".join(TARGETS), help="in the file", **choice("targets", TARGETS))
-    ] = "one",
+        str | None,
+        typer.Option(
+            metavar="|".join(TARGETS), help="in the file; many unless given", **choice("targets", TARGETS)
+        ),
+    ] = None,
     tracker: Annotated[
-        str, tracker_option("of one target; NAME or NAME:key=value,key=value")
-    ] = "runnalls-30",
+        str | None,
+        tracker_option("of one target; NAME or NAME:key=value,key=value; runnalls-30 unless given"),
+    ] = None,
     model: MotionModel = "constant-velocity",
     prior: Annotated[
-        str, typer.Option(help="first state of one target: positions, velocities, comma between")
-    ] = "",
-    prior_deviations: Annotated[str, typer.Option(help="its standard deviations likewise")] = "",
+        str | None, typer.Option(help="first state of one target: positions, velocities, comma between")
+    ] = None,
+    prior_deviations: Annotated[str | None, typer.Option(help="its standard deviations likewise")] = None,
     speed: Annotated[
-        float, typer.Option(help="standard deviation of the unknown first velocity, m/s")
-    ] = 150.0,
-    period: Annotated[float | None, typer.Option(help="s, if empty scans leave no row")] = None,
+        float | None,
+        typer.Option(help="deviation of one target's unknown first velocity, m/s; 150 unless given"),
+    ] = None,
+    period: Annotated[
+        float | None, typer.Option(help="s, if empty scans leave no row, of one target")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="CSV of estimates; track.csv or tracks.csv unless given")
     ] = None,
     **given: Any,
 ) -> None:
-    """Recorded detections in, estimates with their covariances out, of one target or labelled tracks of
-    many. The track of one starts without --prior from the first scan: any of its detections may be the
-    target."""
-    from gmr_gym.evaluation.recordings import write_track
-    from gmr_gym.experiments import reading, specs, track_files, tracks
+    """Recorded detections in, estimates with their covariances out: labelled tracks of many targets, or the
+    track of one. That starts without --prior from the first scan: any of its detections may be the target."""
+    from gmr_gym.experiments.reading import configuration_of
+    from gmr_gym.experiments.track_files import targets_asked, track_many
+    from gmr_gym.experiments.track_one import track_one
 
-    if targets == "many":
-        _show(track_files.track_many(file, out, given))
-        return
-    track_files.refuse_of_one(given)
-    out = out or Path("track.csv")
-    specs.check_writable(out, beside=file)
-    specs.check_ending("--out", out, ".csv")
-    if bool(prior) != bool(prior_deviations):
-        raise ValueError("give --prior and --prior-deviations together, or neither")
-    if not 0 < speed < float("inf"):
-        raise ValueError(f"--speed must be positive and finite, got {speed}")
-    settings = reading.configuration_of(given)
-    result, names = tracks.track_file(
-        file,
-        reading.one_target_scans(file, settings, given),
-        tracker,
-        (prior, prior_deviations),
-        speed,
-        period,
-        **reading.one_target_model(settings, given),
-    )
-    write_track(out, result, names)
-    lost = (~result.alive).nonzero()[0][:1]
-    _show(f"given up at scan {i + 1}, time {result.times[i]:g}: from there on it only coasts" for i in lost)
-    _show([f"{len(result.times)} scans tracked; written to {out}"])
+    own = {
+        "tracker": tracker, "prior": prior, "prior_deviations": prior_deviations, "speed": speed,
+        "period": period,
+    }  # fmt: skip
+    settings = configuration_of(given)
+    run = track_many if targets_asked(targets, settings) == "many" else track_one
+    _show(run(file, out, settings, given, own))
 
 
 @command()
 @takes(*INPUT_GROUPS)
 def inspect(
-    file: Annotated[Path, typer.Argument(help="CSV, text or JSON, also compressed with gzip")],
+    file: Annotated[Path, typer.Argument(help="CSV, text, JSON, Parquet, AIS or ASTERIX, also in gzip")],
     *,
     write: Annotated[
         Path | None,
@@ -625,11 +614,13 @@ def warm(
     ] = [],  # noqa: B006
     jobs: Jobs = -1,
 ) -> None:
-    """Compile now what environments and trackers need, so that no later start waits for it."""
+    """Compile now what environments and trackers need, and unless some are chosen what `track` needs, so that
+    no later start waits for it."""
     from gmr_gym.experiments.warming import warm
 
     with progress("compiled") as tell:
-        pairs = warm(environments or [*READY, TUNING], tracker, jobs, tell)
+        chosen = environments or [*READY, TUNING]
+        pairs = warm(chosen, tracker, jobs, tell, files=not (environments or tracker))
     _show([f"pairs of an environment and a tracker compiled: {pairs}"])
 
 

@@ -524,7 +524,9 @@ def test_record_names_what_a_radar_detects_and_track_refuses_angles(call):
     for z, played in zip(seen.z, play(scenario, tracker, draw(scenario, 5)), strict=True):
         np.testing.assert_array_equal(z, played.scan.z)
     np.testing.assert_allclose(np.concatenate(truth.z), PASSING, rtol=1e-12)
-    code, printed, errors = call("track", "z.csv", "--sensor-deviation", 10, "--clutter-density", 1e-6)
+    code, printed, errors = call(
+        "track", "z.csv", "--targets", "one", "--sensor-deviation", 10, "--clutter-density", 1e-6
+    )
     assert code == 2 and printed == "" and len(errors.splitlines()) == 1
     assert errors.startswith("error: z.csv, column azimuth_rad: an angle, but only positions in metres are")
     assert "gmr_gym.models.radar.cartesian" in errors and not Path("track.csv").exists()
@@ -543,7 +545,7 @@ def recorded(call):
     settings = [f"--set={text}" for text in ("horizon=12", "clutter_rate=0", "detection_probability=1")]
     assert call("record", TURNING, *settings, "--out", "z.csv", "--truth", "x.csv")[0] == 0
     truth = np.concatenate(detections.read_scans(Path("x.csv")).z)
-    return truth, ("track", "z.csv", "--sensor-deviation", 10, "--clutter-density", 1e-6)
+    return truth, ("track", "z.csv", "--targets", "one", "--sensor-deviation", 10, "--clutter-density", 1e-6)
 
 
 def test_track_follows_what_record_wrote(call):
@@ -574,7 +576,7 @@ def test_track_starts_from_the_prior_it_is_given(call):
 
 
 EVALUATE = "evaluate", JUMP, "--runs", "1", "--jobs", "1", "--tracker"
-TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6"
+TRACK = "track", "z.csv", "--targets", "one", "--sensor-deviation", "10", "--clutter-density", "1e-6"
 
 
 @pytest.mark.parametrize(
@@ -582,7 +584,7 @@ TRACK = "track", "z.csv", "--sensor-deviation", "10", "--clutter-density", "1e-6
     [
         (
             ("reproduce", "nobody"),
-            "unknown paper 'nobody'; choose one of dortenzio, li, lv, maybeck, maybeck-zhang, zhang",
+            "unknown paper 'nobody'; choose one of crouse, dortenzio, li, lv, maybeck, maybeck-zhang, zhang",
         ),
         (("reproduce", "zhang", "--table", "9"), "zhang has no table '9'; choose from 1, 2, 1-quiet,"),
         (("reproduce", "dortenzio", "--table", "1-quiet"), "no table '1-quiet'; choose from 1, 2, 3, 4"),

@@ -7,6 +7,7 @@ from fuzzing.conversions import conversion_targets
 from fuzzing.environments import environment_targets
 from fuzzing.files import file_targets
 from fuzzing.measures import metric_targets
+from fuzzing.recorded import recorded_targets
 from fuzzing.reductions import reduction_targets
 from fuzzing.tracking import tracker_targets
 
@@ -21,5 +22,6 @@ def every_target() -> list[Target]:
         *tracker_targets(),
         *file_targets(),
         *archive_targets(),
+        *recorded_targets(),
         *environment_targets(),
     ]

@@ -1,19 +1,18 @@
 """CSV files as columns: read block by block, each column converted as it is wanted."""
 
 import csv
-import gzip
-import io
 import sys
-import zlib
-from collections.abc import Callable, Iterator, Sequence
-from itertools import islice
+from collections.abc import Callable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from gmr_gym.evaluation.text_files import line_blocks
+
 BLOCK = 2_000  # lines read together; larger ones keep the garbage collector busy
-GZIP = b"\x1f\x8b"  # how a gzip file begins
+QUOTED = '"\r\0'  # signs in what a reader of CSV takes for more than itself
 BLANK = frozenset({""})  # cells that stand for no value
 
 # cells of a column and where each of them stands -> their values
@@ -27,6 +26,7 @@ class Columns(NamedTuple):
     names: tuple[str, ...]  # all of them
     values: dict[str, Any]  # an array or a list of each
     line: np.ndarray  # (n,) int, from 1
+    remarks: tuple[str, ...] = ()  # what was left out
 
 
 def read_columns(
@@ -65,48 +65,28 @@ def read_columns(
     MemoryError
         Where the columns would not fit.
     """
-    data = file_bytes(path)
-    try:
-        file = io.StringIO(data.decode(encoding).removeprefix("\ufeff"), newline="\n")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        kind = "UTF-8" if encoding == "utf-8" else encoding
-        raise ValueError(f"{path}, line {line}: not text in {kind}; save it as CSV in UTF-8") from None
-    blocks = _blocks(path, file, delimiter)
-    lines, rows = next(blocks, ([1], [[""]]))
-    where = f"{path}, line {lines[0]}"
-    names = [cell.strip() for cell in rows[0]]
-    if header:
-        lines, rows = lines[1:], rows[1:]
-    else:
-        names = [str(i + 1) for i in range(max(map(len, rows)))]
-    wanted = choose(where, names)
-    parts: dict[str, list] = {name: [] for name in wanted}
-    numbers: list[np.ndarray] = []
-    while True:
-        columns = [*zip(*_even(path, names, lines, rows, header), strict=True)] or [()] * len(names)
-        for name, convert in wanted.items():
-            parts[name].append(convert(columns[names.index(name)], _place(path, name, lines)))
-        numbers.append(np.array(lines, int))
-        if len(numbers) == 1:
-            _check_memory(path, parts, len(rows), file.tell() / max(len(data), 1))
-        following = next(blocks, None)
-        if following is None:
-            break
-        lines, rows = following
-    values = {name: _joined(some) for name, some in parts.items()}
+    with Path(path).open("rb") as raw:
+        blocks = line_blocks(path, raw, encoding, BLOCK)
+        at, first = next(blocks, ([1], [""]))
+        delimiter = delimiter or delimiter_of(first[0])
+        names = [cell.strip() for cell in _rows(path, at[:1], first[:1], delimiter)[0]] or [""]
+        where = f"{path}, line {at[0]}"
+        if header:
+            at, first = at[1:], first[1:]
+        else:
+            names = [str(i + 1) for i in range(max(map(len, _rows(path, at, first, delimiter))))]
+        wanted = choose(where, names)
+        parts: dict[str, list] = {name: [] for name in wanted}
+        numbers: list[np.ndarray] = []
+        for lines, contents in chain([(at, first)], blocks):
+            columns = _columns(path, names, lines, contents, delimiter, header)
+            for name, convert in wanted.items():
+                parts[name].append(convert(columns[names.index(name)], _place(path, name, lines)))
+            numbers.append(np.array(lines, int))
+            if len(numbers) == 1:
+                _check_memory(path, parts, len(lines), raw.tell() / max(Path(path).stat().st_size, 1))
+    values = {name: _joined(parts.pop(name)) for name in wanted}
     return Columns(where, tuple(names), values, np.concatenate(numbers))
-
-
-def file_bytes(path: Path | str) -> bytes:
-    """What a file holds, decompressed where it is a gzip file."""
-    data = Path(path).read_bytes()
-    if not data.startswith(GZIP):
-        return data
-    try:
-        return gzip.decompress(data)
-    except (OSError, EOFError, zlib.error) as error:
-        raise ValueError(f"{path}: a damaged gzip file: {error}") from None
 
 
 def numbers(
@@ -145,8 +125,11 @@ def numbers(
 
 
 def texts(cells: Sequence[str], at: Callable[[int], str]) -> list[str]:
-    """Cells as they are, without blanks around; equal ones are one object."""
-    return list(map(sys.intern, map(str.strip, cells)))
+    """Cells as they are, without blanks around; equal ones are one object, where most have an equal."""
+    kinds = set(cells)
+    if len(kinds) > len(cells) / 2:
+        return list(map(str.strip, cells))
+    return list(map({cell: sys.intern(cell.strip()) for cell in kinds}.__getitem__, cells))
 
 
 def _number(cell: str, absent: frozenset[str], at: Callable[[int], str], i: int) -> float:
@@ -166,27 +149,32 @@ def _place(path: Path | str, name: str, lines: Sequence[int]) -> Callable[[int],
     return lambda i: f"{path}, line {lines[i]}, column {name}"
 
 
-def _blocks(
-    path: Path | str, file: io.StringIO, delimiter: str | None
-) -> Iterator[tuple[list[int], list[list[str]]]]:
-    """Numbers and cells of the lines that are neither blank nor comments."""
-    line = 1
-    while block := list(islice(file, BLOCK)):
-        lines = [*range(line, line + len(block))]
-        contents = [content for content in block if content[0] != "#" and not content.isspace()]
-        if len(contents) < len(block):
-            lines = [i for i, s in zip(lines, block, strict=True) if s[0] != "#" and not s.isspace()]
-        line += len(block)
-        if not contents:
-            continue
-        delimiter = delimiter or delimiter_of(contents[0])
-        if delimiter == " ":
-            contents = [content.strip() for content in contents]
-        yield lines, _cells(path, lines, contents, delimiter)
+def _columns(
+    path: Path | str,
+    names: Sequence[str],
+    lines: Sequence[int],
+    contents: list[str],
+    delimiter: str,
+    header: bool,
+) -> Sequence[Sequence[str]]:
+    """Cells of each column."""
+    n = len(names)
+    ended = [*contents[:-1], *(content.rstrip("\n") + "\n" for content in contents[-1:])]
+    text = delimiter.join(ended)
+    if delimiter != " " and not any(sign in text for sign in QUOTED):
+        cells = text.split(delimiter)
+        # where each n-th cell ends a line, all lines have n
+        if len(cells) == n * len(lines) and "".join(cells[n - 1 :: n]).count("\n") == len(lines):
+            return [cells[i::n] for i in range(n)]
+    rows = _even(path, names, lines, _rows(path, lines, contents, delimiter), header)
+    return [*zip(*rows, strict=True)] or [()] * n
 
 
-def _cells(path: Path | str, lines: list[int], contents: list[str], delimiter: str) -> list[list[str]]:
+def _rows(path: Path | str, lines: Sequence[int], contents: list[str], delimiter: str) -> list[list[str]]:
+    """Cells of each line."""
     form: dict[str, Any] = {"delimiter": delimiter, "strict": True, "skipinitialspace": delimiter == " "}
+    if delimiter == " ":
+        contents = [content.strip() for content in contents]
     try:
         rows = [*csv.reader(contents, **form)]
     except csv.Error:
@@ -209,7 +197,7 @@ def delimiter_of(content: str) -> str:
 
 
 def _even(
-    path: Path | str, names: list[str], lines: list[int], rows: list[list[str]], header: bool
+    path: Path | str, names: Sequence[str], lines: Sequence[int], rows: list[list[str]], header: bool
 ) -> list[list[str]]:
     """Rows of as many cells as there are names."""
     n = len(names)
@@ -232,10 +220,16 @@ def _check_memory(path: Path | str, parts: dict[str, list], rows: int, share: fl
     """Refuse a file of which the first rows, a share of it, say that the whole does not fit."""
     sizes = (p.nbytes if isinstance(p, np.ndarray) else 64 * len(p) for some in parts.values() for p in some)
     needed = 2 * sum(sizes) / max(share, 1e-9)  # parts, and what is joined of them
-    if share < 1 and needed > (free := _free_memory()):
+    if share < 1:
+        check_memory(f"{path}: some {rows / share:.2g} rows", needed, "keep fewer columns")
+
+
+def check_memory(what: str, needed: float, way: str) -> None:
+    """Refuse what needs more bytes than are free; MemoryError, with a way out."""
+    if needed > (free := _free_memory()):
         raise MemoryError(
-            f"{path}: some {rows / share:.2g} rows need {needed / 1e9:.1f} GB, and {free / 1e9:.1f} GB "
-            "are free; keep fewer columns, or cut the file in parts"
+            f"{what} need {needed / 1e9:.1f} GB, and {free / 1e9:.1f} GB are free; {way}, or cut the file in "
+            "parts"
         )
 
 

@@ -204,6 +204,21 @@ def track(
     ValueError
         Naming the argument that is invalid.
     """
+    scans, intervals, built = prepared(scans, build, period, prior_time)
+    tracker = next(iter(built.values()))
+    belief, prior = tracker.init(), tracker.model.prior
+    rows = [] if intervals[0] else [(*moments(prior), len(prior.w), True)]
+    for t in range(len(rows), len(intervals)):
+        belief, report = built[intervals[t]].step(belief, scans.z[t])
+        rows.append((report.x[0], report.P[0], len(report.mixture.w), report.alive))
+    return Track(scans.times, *map(np.array, zip(*rows, strict=True)))
+
+
+def prepared(
+    scans: Scans, build: Callable[[float], Tracker], period: float | None, prior_time: float | None
+) -> tuple[Scans, list[float], dict[float, Tracker]]:
+    """The scans to be tracked, the interval before each, s, and a tracker for each interval but 0; as
+    `track` takes them."""
     if period is not None:
         period = duration(period, "period")
     if prior_time is not None:
@@ -214,12 +229,7 @@ def track(
     tracker = next(iter(built.values()))
     if (p := len(tracker.model.sensor.H)) != len(scans.coordinates):
         raise ValueError(f"scans have {len(scans.coordinates)} coordinates, but the tracker's sensor {p}")
-    belief, prior = tracker.init(), tracker.model.prior
-    rows = [] if intervals[0] else [(*moments(prior), len(prior.w), True)]
-    for t in range(len(rows), len(intervals)):
-        belief, report = built[intervals[t]].step(belief, scans.z[t])
-        rows.append((report.x[0], report.P[0], len(report.mixture.w), report.alive))
-    return Track(scans.times, *map(np.array, zip(*rows, strict=True)))
+    return scans, intervals, built
 
 
 def filled(scans: Scans, period: float) -> Scans:

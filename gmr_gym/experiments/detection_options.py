@@ -29,6 +29,8 @@ ROLES = {
     "range_rate": "away from the sensor is positive",
     "own_x": "where a moving sensor is, from which x, y are measured",
     "own_y": "likewise", "own_z": "likewise",
+    "own_lat": "latitude of a moving sensor, from which x, y or range and azimuth are measured",
+    "own_lon": "likewise", "own_alt": "likewise",
     "scan": "number of the scan", "sensor": "name of the sensor", "id": "identity that the sensor reports",
     "truth": "target that a row is of, for evaluation",
 }  # fmt: skip
@@ -88,6 +90,9 @@ TRACKS = {
     ),
 }
 OUTPUT = {
+    "smooth": Option(
+        bool, "also smoothed tracks, from later detections too, in NAME-smoothed.csv", False, ("--smooth",)
+    ),
     "geojson": Option(Path | None, "GeoJSON of many targets' tracks", None),
     "html": Option(Path | None, "page to look at them, scan by scan", None),
     "mot": Option(Path | None, "the ten columns of the MOTChallenge, .txt", None),

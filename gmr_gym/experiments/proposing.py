@@ -31,4 +31,4 @@ def write_proposal(
     write_configuration(out, settings, [f"proposed from {source.name}", *proposal.lines])
     yield from (f"proposed: {line}" for line in proposal.lines)
     yield from before_and_after(proposal)
-    yield f"written to {out}; track with gmr-gym track {source} --targets many --config {out}"
+    yield f"written to {out}; track with gmr-gym track {source} --config {out}"

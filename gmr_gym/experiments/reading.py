@@ -18,6 +18,7 @@ from gmr_gym.recorded.configuration import (
     read_configuration,
 )
 from gmr_gym.recorded.detections import Detections
+from gmr_gym.recorded.formats import TEXT, form_of
 from gmr_gym.recorded.reading import read
 from gmr_gym.recorded.units import ANGLE, TIME, quantity_typed
 
@@ -55,7 +56,7 @@ def detections_of(file: Path, found: Configuration) -> Detections:
 
 def one_target_scans(file: Path, found: Configuration, given: Mapping[str, Any]) -> recordings.Scans:
     """Scans of one target: of a plain file as they stand, or as the settings say."""
-    if not (found.columns or given["where"] or given["config"]):
+    if not (found.columns or given["where"] or given["config"]) and form_of(file) == TEXT:
         return tracks.plain_scans(file)
     return tracks.scans_of_positions(detections_of(file, found), given["scan_window"])
 

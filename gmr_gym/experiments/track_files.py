@@ -8,39 +8,50 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmr_gym.checks import _check_positive, check_choice
+from gmr_gym.evaluation.csv_columns import check_memory
 from gmr_gym.experiments import specs
 from gmr_gym.experiments.detection_options import OUTPUT, typed
+from gmr_gym.experiments.options import TARGETS
 from gmr_gym.experiments.proposing import asks, proposed
-from gmr_gym.experiments.reading import configuration_of, detections_of
-from gmr_gym.experiments.tracks import are_reports, many_targets_model
+from gmr_gym.experiments.reading import detections_of
+from gmr_gym.experiments.tracks import are_reports, is_smoothed, many_targets_model, smoothed_beside
 from gmr_gym.recorded.accuracy import accuracy, label_accuracy
 from gmr_gym.recorded.configuration import Configuration
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.figures import Figure
 from gmr_gym.recorded.geojson import check_georeferenced, write_geojson
 from gmr_gym.recorded.labels import write_labelled
+from gmr_gym.recorded.model import TrackingModel
 from gmr_gym.recorded.output import confirmed_only, write_mot, write_tracks
 from gmr_gym.recorded.quality import quality
 from gmr_gym.recorded.report import ENDINGS, in_lines, in_short, write_report
 from gmr_gym.recorded.scans import Scan, cut
+from gmr_gym.recorded.smoothing import smooth
+from gmr_gym.recorded.track_state import chosen
 from gmr_gym.recorded.tracking import track
 from gmr_gym.recorded.tracks import Tracks
 from gmr_gym.recorded.truth import Truth, at_times, truth_of
 from gmr_gym.replay.page import write_page
 from gmr_gym.replay.tracked import recording_of
 
+BYTES = 1200  # of a detection's scan, row of a track and figures, at least
 KINDS = {
-    "out": (".csv",), "geojson": (".geojson", ".json"), "html": (".html",), "mot": (".txt",),
-    "labelled": (".csv", ".txt", ".tsv"), "report": ENDINGS,
+    "out": (".csv",), "smooth": (".csv",), "geojson": (".geojson", ".json"), "html": (".html",),
+    "mot": (".txt",), "labelled": (".csv", ".txt", ".tsv"), "report": ENDINGS,
 }  # fmt: skip
 
 
-def track_many(file: Path, out: Path | None, given: Mapping[str, Any]) -> Iterator[str]:
+def track_many(
+    file: Path, out: Path | None, settings: Configuration, given: Mapping[str, Any], own: Mapping[str, Any]
+) -> Iterator[str]:
     """Track the targets of a file, write what is asked for, and say what was done; `given` are options by
-    name."""
-    settings = configuration_of(given)
+    name, `own` those of one target alone, which are refused."""
+    for name in (name for name, value in own.items() if value is not None):
+        raise ValueError(f"--{name.replace('_', '-')} is of one target; give --targets one")
     asked = outputs(out, file, settings, given)
     found = detections_of(file, settings)
+    n = len(found.time)
+    check_memory(f"{file}: tracks of {n} detections", n * BYTES, "choose rows with --where")
     scans = cut(found, window=given["scan_window"])
     if asks(settings):
         settings, proposal = proposed(found, scans, settings)
@@ -48,9 +59,8 @@ def track_many(file: Path, out: Path | None, given: Mapping[str, Any]) -> Iterat
         found = detections_of(file, settings)
     model = many_targets_model(found, settings, given)
     found = found._replace(sensors=model.sensors)  # with what is assumed where nothing is known
-    modes = [f"{mode.motion}_{mode.deviation:g}" for mode in model.modes]
     words = ["gmr-gym", "track", str(file), "--targets", "many", *typed(given), "--out", str(asked["out"])]
-    run = Run(file, settings, found, scans, are_reports(found, scans), modes, shlex.join(words))
+    run = Run(file, settings, found, scans, are_reports(found, scans), model, shlex.join(words))
     truth = check_run(run, asked)
     if asked["dry_run"]:
         yield from planned(run, asked)
@@ -66,8 +76,13 @@ class Run(NamedTuple):
     detections: Detections
     scans: Sequence[Scan]
     reports: bool  # whether scans are single reports of targets
-    modes: Sequence[str]
+    model: TrackingModel
     command: str
+
+    @property
+    def modes(self) -> list[str]:
+        """Names of the motion models."""
+        return [f"{mode.motion}_{mode.deviation:g}" for mode in self.model.modes]
 
 
 def outputs(
@@ -78,8 +93,9 @@ def outputs(
     asked = {name: given[name] for name in OUTPUT}
     for name, value in settings.output.items():
         if name in OUTPUT and asked[name] == OUTPUT[name].default:
-            asked[name] = Path(value) if name in KINDS else value
+            asked[name] = Path(value) if name in KINDS and name != "smooth" else value
     asked["out"] = out or Path(settings.output.get("out", "tracks.csv"))
+    asked["smooth"] = smoothed_beside(asked["out"]) if is_smoothed(settings, given) else None
     check_choice("--only", asked["only"], ("confirmed", "all"))
     _check_positive(**{"--cutoff": asked["cutoff"]})
     files = {name: asked[name] for name in KINDS if asked[name]}
@@ -91,11 +107,11 @@ def outputs(
     return asked
 
 
-def refuse_of_one(given: Mapping[str, Any]) -> None:
-    """ValueError for an option that writes what one target's track does not have."""
-    for name, option in OUTPUT.items():
-        if given[name] != option.default:
-            raise ValueError(f"--{name.replace('_', '-')} is of many targets; give --targets many")
+def targets_asked(typed: str | None, settings: Configuration) -> str:
+    """Whether one target or many are in the file: as typed, or else as the settings say, or else many."""
+    found = typed or settings.tracks.get("targets", "many")
+    check_choice("targets", found, TARGETS)
+    return found
 
 
 def planned(run: Run, asked: Mapping[str, Any]) -> list[str]:
@@ -116,9 +132,15 @@ def check_run(run: Run, asked: Mapping[str, Any]) -> Truth | None:
 def write_all(tracks: Tracks, run: Run, asked: Mapping[str, Any], truth: Truth | None) -> Iterator[str]:
     """Write every file that is asked for, and say what was done and how good it is."""
     times = np.unique([scan.time for scan in run.scans])
-    kept = confirmed_only(tracks) if asked["only"] == "confirmed" else tracks
+    kept = _shown(tracks, asked)
     groups, over_time = _figures(tracks, run, asked, truth, times)
     write_tracks(asked["out"], kept, run.detections, modes=run.modes, command=run.command)
+    if asked["smooth"]:
+        whole = chosen(tracks, np.isin(tracks.track, kept.track))
+        smoothed = _shown(smooth(whole, run.detections, run.model), asked)
+        write_tracks(asked["smooth"], smoothed, run.detections, modes=run.modes, command=run.command)
+        if truth:
+            groups["Smoothed, with a truth"], _ = accuracy(smoothed, truth, times, asked["cutoff"])
     if asked["geojson"]:
         write_geojson(asked["geojson"], kept, run.detections)
     if asked["html"]:
@@ -131,11 +153,16 @@ def write_all(tracks: Tracks, run: Run, asked: Mapping[str, Any], truth: Truth |
     if asked["report"]:
         write_report(asked["report"], groups, over_time, command=run.command, remarks=run.detections.remarks)
     yield from run.detections.remarks
-    first, *others = groups.values()
+    (_, first), *others = groups.items()
     yield from in_short(first)
-    for figures in others:
-        yield from in_lines(figures)
+    for title, figures in others:
+        yield from (f"{title}:", *in_lines(figures))
     yield f"{len(run.scans)} scans, {len(np.unique(kept.track))} tracks; written to {_named(asked)}"
+
+
+def _shown(tracks: Tracks, asked: Mapping[str, Any]) -> Tracks:
+    """The rows that are written."""
+    return confirmed_only(tracks) if asked["only"] == "confirmed" else tracks
 
 
 def _write_page(file: Path, tracks: Tracks, run: Run, truth: Truth | None) -> None:

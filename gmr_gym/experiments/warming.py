@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 
 from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described
 from gmr_gym.envs.lookup import scenario_of, tracker_of
@@ -13,13 +14,18 @@ from gmr_gym.evaluation.batch import can_batch, run_batch
 from gmr_gym.evaluation.montecarlo import run_once
 from gmr_gym.evaluation.workers import check_workers, results
 from gmr_gym.first_calls import compiled_at_once
+from gmr_gym.recorded import SensorSpec, cut, from_arrays, smooth, track, tracking_model
 from gmr_gym.simulation.single_target import draw
 
 SCANS = 3  # from the second on there are several hypotheses
 
 
 def warm(
-    env_ids: Collection[str], trackers: Collection[str], jobs: int, tell: Callable[[int, int], None]
+    env_ids: Collection[str],
+    trackers: Collection[str],
+    jobs: int,
+    tell: Callable[[int, int], None],
+    files: bool = False,
 ) -> int:
     """Compile what the environments and the trackers need, by playing a few scans of each pair.
 
@@ -33,6 +39,8 @@ def warm(
         Number of processes, as in `gmr_gym.evaluation.workers.results`. A kernel is compiled by one of them.
     tell : callable
         Called with the numbers of pairs done and of all.
+    files : bool
+        Whether what tracks files of detections is compiled, too.
 
     Returns
     -------
@@ -46,7 +54,8 @@ def warm(
     """
     check_workers(jobs, "loky", None)
     scenarios = {env_id: scenario_of(env_id, {}) for env_id in env_ids if env_id != TUNING}
-    calls: dict[tuple[str, str], tuple] = {(env_id, ""): (_step_all, env_id) for env_id in env_ids}
+    calls: dict[tuple[str, str], tuple] = {("", ""): (_track,)} if files else {}
+    calls |= {(env_id, ""): (_step_all, env_id) for env_id in env_ids}
     for name in trackers or [*described(GROUP), *described(MULTI_TARGET_GROUP)]:
         fits, reason = False, "no tracker runs there"
         for env_id, scenario in scenarios.items():
@@ -61,7 +70,16 @@ def warm(
     with compiled_at_once():
         for done, _ in enumerate(results(calls, jobs), start=1):
             tell(done, len(calls))
-    return len(calls) - len(env_ids)
+    return sum(name != "" for _, name in calls)
+
+
+def _track() -> None:
+    """Tracks two targets and smooths their tracks, as of a file."""
+    radar = SensorSpec("", "polar", deviation=(5.0, 0.01), detection_probability=0.9, clutter_per_scan=0.1)
+    times, z = np.repeat(np.arange(4.0), 2), np.tile([[100.0, 0.5], [700.0, 2.5]], (4, 1))
+    found = from_arrays(times, z, sensors=[radar])
+    model = tracking_model([radar], (-1e3, -1e3), (1e3, 1e3), learn_clutter=True)
+    smooth(track(found, cut(found), model), found, model)
 
 
 def _step_all(env_id: str) -> None:

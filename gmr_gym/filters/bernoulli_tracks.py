@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gmr_gym.filters.belief_propagation import propagate
 from gmr_gym.filters.imm_tracks import (
     Banks,
     at_detection,
@@ -17,7 +18,7 @@ from gmr_gym.filters.imm_tracks import (
     moved,
     normalised_innovation,
 )
-from gmr_gym.filters.pmb import LEAST_MISS, marginals
+from gmr_gym.filters.pmb import LEAST_MISS
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, mahalanobis_squared
 from gmr_gym.models.intervals import switching_over
@@ -131,7 +132,7 @@ def update(tracks, modes, look, origins):
         share[a] /= total
         log_psi[a] = top + np.log(total * existence[i] * origins.detection_probability / miss[i])
         log_psi[a] -= origins.log_other[detection[a]]
-    assigned, missed, unassigned = marginals(track, detection, log_psi, n, k)
+    assigned, missed, unassigned = propagate(track, detection, log_psi, n, k)
     best, weight = np.full(n, -1), np.zeros(n)
     for a in range(e):
         if assigned[a] > weight[track[a]]:

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from gmr_gym.filters.intensity_update import log_ratios, posteriors
+from gmr_gym.filters.intensity_update import log_ratios, log_sum, posteriors
 from gmr_gym.filters.phd import LabelledIntensity
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
@@ -57,6 +57,26 @@ def cardinality_transition(
         out[:, m] = np.convolve(binom.pmf(n, m, survival_probability), new)[: max_targets + 1]
     out.setflags(write=False)
     return out
+
+
+def poisson(expected: float, max_targets: int) -> np.ndarray:
+    """Poisson distribution of up to N targets, normalised.
+
+    Parameters
+    ----------
+    expected : float
+        Expected number, before it is truncated.
+    max_targets : int
+        N.
+
+    Returns
+    -------
+    ndarray, shape (N + 1,)
+    """
+    from scipy.stats import poisson
+
+    p = poisson.pmf(np.arange(max_targets + 1), expected)
+    return p / p.sum()
 
 
 def update(
@@ -214,13 +234,6 @@ def log_tails(log_p, log_q):
             falling += np.log(n - j + 1) if j > 0 else 0.0
             log_a[j] = log_sum(log_a[j], log_p[n] + falling + _log_power(log_q, n - j))
     return log_a
-
-
-@kernel
-def log_sum(a, b):
-    """log(exp a + exp b)."""
-    top = max(a, b)
-    return top if top == -np.inf else top + np.log1p(np.exp(min(a, b) - top))
 
 
 @kernel

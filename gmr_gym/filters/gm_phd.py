@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmr_gym.checks import check_limits
+from gmr_gym.checks import check_choice, check_limits
 from gmr_gym.filters import phd
 from gmr_gym.filters.phd import LabelledIntensity
 from gmr_gym.filters.tracker import KnownClutterTracker, MultiTargetReport
@@ -14,12 +14,12 @@ from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.reduction.protocol import Reduced, check_reduced
 
+ESTIMATORS = ("expected", "components")
+
 
 @dataclass(frozen=True)
 class GmPhd(KnownClutterTracker):
     """GM-PHD filter: predict with births and spawning, update, prune, reduce.
-
-    Components of weight above 1/2 are declared targets.
 
     Parameters
     ----------
@@ -31,6 +31,9 @@ class GmPhd(KnownClutterTracker):
         T: components of less weight, an expected number of targets, are pruned.
     max_components : int
         Most components that enter `reduce`, the heaviest, to bound the memory of a huge scan.
+    estimator : {"expected", "components"}
+        How many targets are declared: "expected", the expected number, rounded, from the heaviest components;
+        "components", those of weight above 1/2, round(w) of each (Vo and Ma).
 
     References
     ----------
@@ -41,15 +44,17 @@ class GmPhd(KnownClutterTracker):
     reduce: Callable[[Mixture], Reduced]
     prune_weight: float = 1e-5
     max_components: int = 2000
+    estimator: str = "expected"
 
     def __post_init__(self) -> None:
+        check_choice("estimator", self.estimator, ESTIMATORS)
         check_limits(self.prune_weight, self.max_components)
         d = len(self.model.motion.F)
         check_reduced(self.reduce(Mixture(np.ones(1), np.zeros((1, d)), np.eye(d)[None])), 1)
 
     def init(self) -> LabelledIntensity:
         """Belief one period before the first scan."""
-        return phd.no_targets(self.model)
+        return phd.initial(self.model)
 
     def update(
         self, belief: LabelledIntensity, z: np.ndarray, clutter: Clutter
@@ -65,4 +70,6 @@ class GmPhd(KnownClutterTracker):
         self, posterior: LabelledIntensity, clutter: Clutter, number: int | None = None
     ) -> tuple[LabelledIntensity, MultiTargetReport]:
         """The reduced posterior and its report, of `number` targets if given."""
+        if number is None and self.estimator == "expected":
+            number = round(float(posterior.intensity.w.sum()))
         return phd.report(phd.reduce_intensity(posterior, self.reduce, self.max_components), clutter, number)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gmr_gym.kernels import kernel
+from gmr_gym.kernels import kernel, leaf_kernel
 from gmr_gym.linalg import cholesky_into, log_gaussian_scale, mahalanobis_squared
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.update import posterior_into
@@ -83,3 +83,11 @@ def posteriors(missed, found, predicted_z, least):
                     P_out[at, r, c] = P_hit[r, c] if j >= 0 else P[i, r, c]
             at += 1
     return Mixture(w_out, m_out, P_out), parent
+
+
+@leaf_kernel
+def log_sum(a, b):
+    """log(exp a + exp b)."""
+    top = a if a > b else b
+    least = b if a > b else a
+    return top + np.log1p(np.exp(least - top)) if least > -np.inf else top

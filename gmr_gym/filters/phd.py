@@ -13,7 +13,7 @@ from gmr_gym.filters.intensity_update import log_ratios, posteriors
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, joined
-from gmr_gym.models.clutter import Clutter, no_components
+from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.kalman import predict as predict_components
 from gmr_gym.models.multi_target import MultiTargetModel
@@ -39,8 +39,8 @@ class LabelledIntensity(NamedTuple):
     next_label: int
 
 
-def no_targets(model: MultiTargetModel) -> LabelledIntensity:
-    """The intensity of no target.
+def initial(model: MultiTargetModel) -> LabelledIntensity:
+    """The intensity one period before the first scan.
 
     Parameters
     ----------
@@ -50,7 +50,8 @@ def no_targets(model: MultiTargetModel) -> LabelledIntensity:
     -------
     LabelledIntensity
     """
-    return LabelledIntensity(no_components(len(model.motion.F)), np.empty(0, np.int64), 0)
+    n = len(model.initial.w)
+    return LabelledIntensity(model.initial, np.arange(n), n)
 
 
 def predict(belief: LabelledIntensity, model: MultiTargetModel) -> LabelledIntensity:

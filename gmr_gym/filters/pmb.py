@@ -1,6 +1,6 @@
-"""Poisson multi-Bernoulli filter: Bernoulli tracks, and a Poisson intensity of undetected targets.
+"""Poisson multi-Bernoulli filter: Bernoulli tracks, and a Poisson intensity of undetected targets (Williams
+2015).
 
-Marginal association probabilities are found by belief propagation (Williams 2015; Williams and Lau 2014).
 A track is one Gaussian and a probability of existence in [0, 1]; existences do not sum to 1.
 """
 
@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gmr_gym.filters.belief_propagation import propagate
 from gmr_gym.filters.intensity_update import log_ratios, posteriors
+from gmr_gym.filters.marginals import marginals
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into
@@ -20,10 +22,9 @@ from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.models.update import posterior_into
 from gmr_gym.reduction.pruning import capping
 
-TOLERANCE = 1e-6  # largest change of a log message at which rounds end
-ROUNDS = 1000  # most rounds of messages
 # probability of a miss where P_D = 1 and a track is certain to exist: an empty gate needs an explanation
 LEAST_MISS = 1e-100
+MARGINALS = {"exact": lambda *pairs: marginals(*pairs)[:3], "belief-propagation": propagate}
 
 
 class MultiBernoulli(NamedTuple):
@@ -47,8 +48,8 @@ class MultiBernoulli(NamedTuple):
     next_label: int
 
 
-def no_targets(model: MultiTargetModel) -> MultiBernoulli:
-    """The belief without tracks and without undetected targets.
+def untracked(model: MultiTargetModel) -> MultiBernoulli:
+    """The belief before the first scan: no tracks; the targets that are there are undetected.
 
     Parameters
     ----------
@@ -58,8 +59,7 @@ def no_targets(model: MultiTargetModel) -> MultiBernoulli:
     -------
     MultiBernoulli
     """
-    d = len(model.motion.F)
-    return MultiBernoulli(no_components(d), np.empty(0, np.int64), no_components(d), 0)
+    return MultiBernoulli(no_components(len(model.motion.F)), np.empty(0, np.int64), model.initial, 0)
 
 
 def predict(belief: MultiBernoulli, model: MultiTargetModel) -> MultiBernoulli:
@@ -104,6 +104,7 @@ def update(
     detection_probability: float,
     kappa: np.ndarray,
     least: float = 0.0,
+    association: str = "exact",
 ) -> tuple[MultiBernoulli, np.ndarray]:
     r"""Update the tracks and the undetected intensity with a scan (TOMB/P).
 
@@ -119,6 +120,9 @@ def update(
         Intensity of clutter at the detections.
     least : float
         New tracks of less existence are dropped.
+    association : {"exact", "belief-propagation"}
+        How marginal probabilities are found: "exact" enumerates the association events of each cluster of
+        tracks, up to a size.
 
     Returns
     -------
@@ -141,7 +145,7 @@ def update(
 
     .. math:: \rho_j = P_D \sum_l w^u_l \mathcal{N}(z_j; H m^u_l, S^u_l)
 
-    over the undetected intensity, marginal probabilities follow by belief propagation from the ratios
+    over the undetected intensity, marginal probabilities follow from the ratios
 
     .. math:: \psi_{ij} = \frac{w_{ij}}{w_{i0} (\kappa_j + \rho_j)}
 
@@ -150,7 +154,7 @@ def update(
 
     References
     ----------
-    Williams 2015.
+    Williams 2015, with belief propagation; exact marginals by Maskell, Briers and Wright 2004.
     """
     tracks, undetected = predicted.tracks, predicted.undetected
     d = tracks.m.shape[1]
@@ -164,7 +168,7 @@ def update(
     miss = np.maximum(1.0 - tracks.w * detection_probability, LEAST_MISS)
     track, detection = np.nonzero(seen > -np.inf)
     log_psi = seen[track, detection] - np.log(miss[track]) - log_new_ratio[detection]
-    assigned, missed, unassigned = marginals(track, detection, log_psi, len(tracks.w), len(z))
+    assigned, missed, unassigned = MARGINALS[association](track, detection, log_psi, len(tracks.w), len(z))
     found = np.zeros(seen.shape)
     found[track, detection] = assigned
     absent = tracks._replace(w=missed * tracks.w * (1.0 - detection_probability) / miss)
@@ -304,100 +308,3 @@ def moment_matched(absent, found, tracks_z):
                 P_out[i, r, c] = missed * P[i, r, c] + (1.0 - missed) * P_hit[r, c] + shift[r, c]
                 P_out[i, c, r] = P_out[i, r, c]
     return Mixture(w_out, m_out, P_out)
-
-
-@kernel
-def marginals(track, detection, log_psi, n, k):
-    r"""Marginal association probabilities by loopy belief propagation (Williams and Lau 2014).
-
-    Returns those of each pair (e,), of a missed track (n,) and of an unassigned detection (k,), exact where
-    the e pairs form no loop.
-
-    log_psi (e,) is the log weight of the pair of track (e,) and detection (e,) relative to a missed track
-    and an unassigned detection. Messages are logarithms too, because with little clutter psi overflows. No
-    pair may occur twice.
-
-    Notes
-    -----
-    Messages of tracks and of detections, from :math:`\nu_{ji} = 1` until they converge
-
-    .. math::
-
-        \mu_{ij} = \frac{\psi_{ij}}{1 + \sum_{l \ne j} \psi_{il} \nu_{li}}, \qquad
-        \nu_{ji} = \frac{1}{1 + \sum_{l \ne i} \mu_{lj}}
-
-    and the marginals of a pair, of a missed track and of an unassigned detection
-
-    .. math::
-
-        \bar p_{ij} = \frac{\psi_{ij} \nu_{ji}}{1 + \sum_l \psi_{il} \nu_{li}}, \qquad
-        \bar p_{i0} = \frac{1}{1 + \sum_l \psi_{il} \nu_{li}}, \qquad
-        u_j = \frac{1}{1 + \sum_l \mu_{lj}}
-    """
-    e = len(log_psi)
-    by_track, first_track = _grouped(track, n)
-    by_detection, first_detection = _grouped(detection, k)
-    to_track, to_detection, value = np.zeros(e), np.empty(e), np.empty(e)
-    missed, unassigned = np.zeros(n), np.zeros(k)
-    for _ in range(ROUNDS):
-        for a in range(e):
-            value[a] = log_psi[a] + to_track[a]
-        _others(to_detection, missed, value, by_track, first_track)
-        for a in range(e):
-            to_detection[a] = log_psi[a] - to_detection[a]
-        change = 0.0
-        _others(value, unassigned, to_detection, by_detection, first_detection)
-        for a in range(e):
-            change = max(change, abs(to_track[a] + value[a]))
-            to_track[a] = -value[a]
-        if change <= TOLERANCE:
-            break
-    for a in range(e):
-        value[a] = log_psi[a] + to_track[a]
-    _others(to_detection, missed, value, by_track, first_track)
-    for a in range(e):
-        value[a] = np.exp(value[a] - missed[track[a]])
-    return value, np.exp(-missed), np.exp(-unassigned)
-
-
-@kernel
-def _grouped(group, count):
-    """Members (e,) ordered by group, and the start of each group (count + 1,)."""
-    first = np.zeros(count + 1, np.int64)
-    for a in range(len(group)):
-        first[group[a] + 1] += 1
-    for g in range(count):
-        first[g + 1] += first[g]
-    member, at = np.empty(len(group), np.int64), first[:count].copy()
-    for a in range(len(group)):
-        member[at[group[a]]] = a
-        at[group[a]] += 1
-    return member, first
-
-
-@kernel
-def _others(out, whole, value, member, first):
-    """log(1 + sum of exp) of the values of the other members of a group, and of all members.
-
-    The first goes into out (e,), the second into whole (groups,).
-    """
-    share = np.empty(len(value))
-    for g in range(len(first) - 1):
-        top, largest, second = 0.0, -1, 0.0
-        for b in range(first[g], first[g + 1]):
-            a = member[b]
-            if value[a] > top:
-                top, largest, second = value[a], a, top
-            else:
-                second = max(second, value[a])
-        whole[g], rest = np.exp(-top), np.exp(-second)
-        for b in range(first[g], first[g + 1]):
-            a = member[b]
-            share[a] = np.exp(value[a] - top)
-            whole[g] += share[a]
-            rest += np.exp(value[a] - second) if a != largest else 0.0
-        for b in range(first[g], first[g + 1]):
-            a = member[b]
-            # for the largest, subtracting it from the sum would cancel
-            out[a] = top + np.log(whole[g] - share[a]) if a != largest else second + np.log(rest)
-        whole[g] = top + np.log(whole[g])

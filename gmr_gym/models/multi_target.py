@@ -10,7 +10,7 @@ import numpy as np
 from gmr_gym.checks import check_covariance, check_density, check_probability
 from gmr_gym.deprecated import warn_renamed
 from gmr_gym.mixture import Mixture, checked
-from gmr_gym.models.clutter import Clutter
+from gmr_gym.models.clutter import Clutter, no_components
 from gmr_gym.models.kalman import Motion, Sensor
 
 
@@ -34,6 +34,8 @@ class MultiTargetModel(NamedTuple):
         Covariance of a spawned target about the prediction of its parent.
     clutter : Clutter
         Intensity of the false alarms.
+    initial : Mixture
+        Intensity of the targets that are there one period before the first scan.
     """
 
     motion: Motion
@@ -44,6 +46,7 @@ class MultiTargetModel(NamedTuple):
     spawn_weight: float
     spawn_covariance: np.ndarray
     clutter: Clutter
+    initial: Mixture
 
 
 def multi_target_model(
@@ -55,6 +58,8 @@ def multi_target_model(
     clutter: Clutter,
     spawn_weight: float = 0.0,
     spawn_covariance=None,
+    *,
+    initial: Mixture | None = None,
 ) -> MultiTargetModel:
     """Checked MultiTargetModel.
 
@@ -75,6 +80,8 @@ def multi_target_model(
         Expected number of targets that each target spawns in a scan.
     spawn_covariance : array_like (d, d), optional
         Covariance of a spawned target about the prediction of its parent; by default the identity.
+    initial : Mixture, optional
+        Intensity of the targets that are there one period before the first scan; by default there are none.
 
     Raises
     ------
@@ -90,8 +97,10 @@ def multi_target_model(
     check_probability("detection_probability", detection_probability)
     check_probability("survival_probability", survival_probability)
     births = checked(births, "births.")
-    if births.m.shape[1] != d:
-        raise ValueError(f"births have {births.m.shape[1]} states, but the motion has {d}")
+    initial = no_components(d) if initial is None else checked(initial, "initial.")
+    for name, intensity in (("births", births), ("initial", initial)):
+        if intensity.m.shape[1] != d:
+            raise ValueError(f"{name} have {intensity.m.shape[1]} states, but the motion has {d}")
     if not 0 <= spawn_weight < np.inf:
         raise ValueError(f"spawn_weight must be non-negative and finite, got {spawn_weight}")
     spread = np.eye(d) if spawn_covariance is None else np.array(spawn_covariance, float)
@@ -117,7 +126,7 @@ def multi_target_model(
     check_density("clutter.uniform over the volume of its box", density)
     return MultiTargetModel(
         motion, sensor, float(detection_probability), float(survival_probability), births,
-        float(spawn_weight), spread, clutter,
+        float(spawn_weight), spread, clutter, initial,
     )  # fmt: skip
 
 

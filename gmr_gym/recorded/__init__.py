@@ -3,6 +3,7 @@
 from gmr_gym.recorded.configuration import Configuration, SensorSettings, read_configuration
 from gmr_gym.recorded.detections import Detections, SensorSpec, from_arrays
 from gmr_gym.recorded.model import TrackingModel, tracking_model
+from gmr_gym.recorded.proposal import Proposal, propose
 from gmr_gym.recorded.reading import read
 from gmr_gym.recorded.scans import Scan, cut
 from gmr_gym.recorded.smoothing import smooth
@@ -10,7 +11,7 @@ from gmr_gym.recorded.tracking import LiveTracker, track
 from gmr_gym.recorded.tracks import STATUS, Tracks
 
 __all__ = [
-    "STATUS", "Configuration", "Detections", "LiveTracker", "Scan", "SensorSettings", "SensorSpec",
-    "TrackingModel", "Tracks", "cut", "from_arrays", "read", "read_configuration", "smooth", "track",
-    "tracking_model",
+    "STATUS", "Configuration", "Detections", "LiveTracker", "Proposal", "Scan", "SensorSettings",
+    "SensorSpec", "TrackingModel", "Tracks", "cut", "from_arrays", "propose", "read", "read_configuration",
+    "smooth", "track", "tracking_model",
 ]  # fmt: skip

@@ -6,16 +6,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmr_gym.evaluation.csv_columns import Columns
-from gmr_gym.recorded.columns import Layout, option, unit_of
+from gmr_gym.recorded.columns import OWN, Layout, family_of, option, unit_of
 from gmr_gym.recorded.configuration import SensorSettings
-from gmr_gym.recorded.detections import CARTESIAN, POLAR, Detections, SensorSpec, chosen, named, objects
+from gmr_gym.recorded.detections import CARTESIAN, POLAR, Detections, SensorSpec, chosen, numbered, objects
 from gmr_gym.recorded.geodesy import to_local
-from gmr_gym.recorded.measured import COMPASS, Positions, azimuths, to_axes
+from gmr_gym.recorded.measured import COMPASS, Positions, azimuths, to_axes, turned_to
 from gmr_gym.recorded.plausibility import check_speeds
 from gmr_gym.recorded.times import Times
 
 Layouts = Mapping[str | None, Layout]
 Reference = Any  # latitude deg, longitude deg, altitude m; None for none
+MIXED = np.uint64(0x9E3779B97F4A7C15)  # what bits of a row are spread with: odd
 TEXTS = ("scan", "sensor", "id", "truth")
 
 
@@ -47,7 +48,7 @@ def assembled(
     specs = []
     for i, each in enumerate(rows):
         place = _place(each, reference)
-        own = np.where(np.isnan(each.positions.own), place, each.positions.own)
+        own = _own(each, place, reference)
         measured = _measured(each, own, reference, convention)
         ns[each.at], sensor[each.at], origin[each.at] = each.times.ns, i, own
         z[each.at, : measured.shape[1]], rate[each.at] = measured, each.positions.range_rate
@@ -58,7 +59,7 @@ def assembled(
     metadata = {name: list(values) for name, values in table.values.items() if name not in taken}
     start = rows[0].times._replace(ns=ns).start
     seen = Detections(
-        (ns - ns.min()) / 1e9, z, rate, origin, sensor, _scans(text["scan"]), text["id"], text["truth"],
+        (ns - ns.min()) / 1e9, z, rate, origin, sensor, numbered(text["scan"]), text["id"], text["truth"],
         table.line, metadata, np.empty(0), np.empty(0, int), tuple(specs), _coordinates(rows), start,
         reference, ns.min() / 1e9,
     )  # fmt: skip
@@ -72,7 +73,9 @@ def assembled(
     seen, unplaced = _with_empty(seen, *looks)
     remarks += [f"{unplaced} rows without a position dropped"] if unplaced else []
     fast = check_speeds(source_of(table), seen)
-    return seen._replace(remarks=(*_as_read(rows, convention), *remarks, *([fast] if fast else [])))
+    return seen._replace(
+        remarks=(*_as_read(rows, convention), *table.remarks, *remarks, *([fast] if fast else []))
+    )
 
 
 def row_name(table: Columns) -> str:
@@ -85,13 +88,15 @@ def source_of(table: Columns) -> str:
 
 
 def _reference(rows: list[SensorRows]) -> Reference:
-    """Where the first sensor is, or else latitude and longitude of the first row, at height 0."""
+    """Where the first sensor is, or else latitude and longitude of the first row that has one of a moving
+    sensor or of a detection, at height 0."""
     for each in rows:
         if each.settings.geodetic is not None:
             return each.settings.geodetic
     for each in rows:
-        there = each.positions.z[~np.isnan(each.positions.z[:, 0])]
-        if each.positions.family[0] == "lat" and len(there):
+        places = each.positions.own if "own_lat" in each.layout else each.positions.z
+        there = places[~np.isnan(places[:, 0])]
+        if len(there) and ("own_lat" in each.layout or each.positions.family[0] == "lat"):
             return float(there[0, 0]), float(there[0, 1]), 0.0
     return None
 
@@ -103,6 +108,13 @@ def _place(each: SensorRows, reference: Reference) -> np.ndarray:
     return np.array(each.settings.position or (0.0, 0.0, 0.0))
 
 
+def _own(each: SensorRows, place: np.ndarray, reference: Reference) -> np.ndarray:
+    """Where the sensor is at each row (k, 3), m."""
+    own = each.positions.own
+    own = to_local(own, reference) if "own_lat" in each.layout else own
+    return np.where(np.isnan(own), place, own)
+
+
 def _measured(each: SensorRows, own: np.ndarray, reference: Reference, convention: str) -> np.ndarray:
     """Measurements (k, p) in local coordinates or polar ones, from what the file has."""
     z, p = each.positions.z, each.positions.z.shape[1]
@@ -112,10 +124,13 @@ def _measured(each: SensorRows, own: np.ndarray, reference: Reference, conventio
     if each.positions.family[0] == "range":
         z = z.copy()
         z[:, 1] = azimuths(z[:, 1], convention, each.settings.north_offset)
+        if "own_lat" in each.layout:
+            return to_axes(z, each.positions.own, reference)
         there = each.settings.geodetic
         return z if there is None or there == reference else to_axes(z, there, reference)
-    moving = "own_x" in each.layout  # what it measures is relative to itself
-    return z + own[:, :p] if moving else z
+    if "own_lat" in each.layout:  # what it measures is relative to itself
+        z = turned_to(np.column_stack([z, np.zeros((len(z), 3 - p))]), each.positions.own, reference)[:, :p]
+    return z + own[:, :p] if family_of(each.layout, OWN) else z
 
 
 def _spec(each: SensorRows, place: np.ndarray) -> SensorSpec:
@@ -153,12 +168,16 @@ def _order(table: Columns, ns: np.ndarray, strict: bool) -> tuple[np.ndarray, li
 def _repeats(seen: Detections) -> np.ndarray:
     """Mask (n,) of the rows that repeat an earlier one."""
     repeated = np.zeros(len(seen.time), bool)
-    same = np.diff(seen.time) == 0
-    rows = np.flatnonzero(np.append(same, False) | np.append(False, same))
+    each = [seen.time, seen.sensor, numbered(seen.identity), numbered(seen.truth), seen.range_rate, *seen.z.T]
+    digest = np.zeros(len(seen.time), np.uint64)
+    for column in each:
+        digest = (digest ^ column.astype(float).view(np.uint64)) * MIXED
+        digest ^= digest >> np.uint64(32)
+    order = np.argsort(digest, kind="stable")
+    same = digest[order[1:]] == digest[order[:-1]]
     known: set = set()
-    each = (seen.time, seen.sensor, seen.identity, seen.truth, seen.range_rate.astype(str))
-    for i, *key in zip(rows.tolist(), *(column[rows].tolist() for column in each), strict=True):
-        entry = (*key, seen.z[i].tobytes())
+    for i in np.unique(np.append(order[:-1][same], order[1:][same])).tolist():
+        entry = tuple(column[i].tobytes() for column in each)
         repeated[i] = entry in known
         known.add(entry)
     return repeated
@@ -190,14 +209,6 @@ def _text(table: Columns, found: Layouts, role: str) -> np.ndarray:
             f"{table.where}, column {name}: empty in all {len(cells)} rows; leave {option(role)} out"
         )
     return objects([cell or None for cell in cells])
-
-
-def _scans(cells: np.ndarray) -> np.ndarray:
-    """Scans (n,), numbered in order of their first row; -1 where there are none."""
-    if not named(cells).any():
-        return np.full(len(cells), -1)
-    numbers = {None: -1}
-    return np.array([numbers.setdefault(cell, len(numbers) - 1) for cell in cells.tolist()], int)
 
 
 def _coordinates(rows: list[SensorRows]) -> tuple[str, ...]:

@@ -12,12 +12,17 @@ from gmr_gym.recorded.units import ANGLE, LENGTH, SPEED, TIME, UNITS, base_of, d
 ROLES = {
     "time": TIME, "x": LENGTH, "y": LENGTH, "z": LENGTH, "lat": ANGLE, "lon": ANGLE, "alt": LENGTH,
     "range": LENGTH, "azimuth": ANGLE, "elevation": ANGLE, "range_rate": SPEED,
-    "own_x": LENGTH, "own_y": LENGTH, "own_z": LENGTH,
+    "own_x": LENGTH, "own_y": LENGTH, "own_z": LENGTH, "own_lat": ANGLE, "own_lon": ANGLE, "own_alt": LENGTH,
     "scan": None, "sensor": None, "id": None, "truth": None,
 }  # fmt: skip
 # coordinates that make a position; the last is optional
 FAMILIES = (("x", "y", "z"), ("lat", "lon", "alt"), ("range", "azimuth", "elevation"))
-NEEDS = {"range_rate": "range", "own_x": "own_y", "own_y": "own_x", "own_z": "own_x", "time": "time"}
+GEODETIC = ("lat", "lon", "own_lat", "own_lon")  # in degrees unless something else is said
+OWN = (("own_x", "own_y", "own_z"), ("own_lat", "own_lon", "own_alt"))  # likewise, of a moving sensor
+NEEDS = {
+    "range_rate": "range", "own_x": "own_y", "own_y": "own_x", "own_z": "own_x", "own_lat": "own_lon",
+    "own_lon": "own_lat", "own_alt": "own_lat",
+}  # fmt: skip
 # what columns are called, without their unit, where no option says so
 NAMED = {
     "time": ("time", "time_utc", "utc", "datetime", "timestamp", "time_of_day", "tod", "t"),
@@ -99,10 +104,10 @@ def layouts(
     return found
 
 
-def family_of(layout: Layout) -> tuple[str, ...]:
-    """The coordinates of a layout."""
+def family_of(layout: Layout, families: Sequence[tuple[str, ...]] = FAMILIES) -> tuple[str, ...]:
+    """The coordinates of a layout; of `OWN` those of where the sensor is."""
     return next(
-        (tuple(role for role in family if role in layout) for family in FAMILIES if family[0] in layout), ()
+        (tuple(role for role in family if role in layout) for family in families if family[0] in layout), ()
     )
 
 
@@ -116,7 +121,7 @@ def unit_of(where: str, role: str, column: Column) -> str:
     """
     named, quantity = unit_in_name(column.name), ROLES[role]
     if column.unit is None and named is None:
-        if role in ("lat", "lon"):
+        if role in GEODETIC:
             return "deg"
         first, *others = UNITS[quantity or LENGTH]
         raise ValueError(
@@ -253,6 +258,8 @@ def _check(where: str, names: Sequence[str], layout: Layout, sensor: str | None)
     for role, needed in NEEDS.items():
         if role in layout and needed not in layout:
             raise ValueError(f"{where}: {option(role)}{of} needs {option(needed)} COLUMN as well")
+    if "own_x" in layout and "own_lat" in layout:
+        raise ValueError(f"{where}: --own-x and --own-lat are given{of}; give one of own-x/y, own-lat/lon")
     roles: dict[str, str] = {}
     for role, column in layout.items():
         if column.name in roles:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from gmr_gym.recorded.detections import POLAR, Detections
 from gmr_gym.recorded.figures import Figure
@@ -52,7 +52,7 @@ def _nis(tracks: Tracks, detections: Detections, rows: np.ndarray, p: int, of: s
     if n := len(nis):
         half = 2 * np.sqrt(2 * dof.sum()) / dof.sum()
         yield Figure(f"NIS / degrees of freedom{of}", float(nis.sum() / dof.sum()), "", n, 1 - half, 1 + half)
-        beyond, half = (nis > chi2.ppf(0.95, dof)).mean(), 2 * np.sqrt(0.05 * 0.95 / n)
+        beyond, half = (nis > 2 * gammaincinv(dof / 2, 0.95)).mean(), 2 * np.sqrt(0.05 * 0.95 / n)
         yield Figure(f"NIS beyond 95 %{of}", float(beyond), "", n, max(0.05 - half, 0.0), 0.05 + half)
 
 

@@ -144,7 +144,15 @@ def chosen(found: Detections, rows: np.ndarray) -> Detections:
 
 def named(values: np.ndarray) -> np.ndarray:
     """Mask (n,) of the identities that are there."""
-    return np.fromiter((value is not None for value in values.tolist()), bool, len(values))
+    return np.array(values != np.array(None), bool)
+
+
+def numbered(values: np.ndarray) -> np.ndarray:
+    """Numbers (n,) of identities in order of their first row, -1 for none."""
+    cells = values.tolist()
+    kinds = [kind for kind in dict.fromkeys(cells) if kind is not None]
+    numbers = {None: -1} | {kind: number for number, kind in enumerate(kinds)}
+    return np.fromiter(map(numbers.__getitem__, cells), int, len(cells))
 
 
 def objects(values: Sequence) -> np.ndarray:

@@ -16,7 +16,7 @@ from gmr_gym.recorded.tracks import Tracks
 
 FASTEST = 350.0  # m/s, of the first run; less in a small place
 CROSSED = 10  # periods in which no target crosses the place
-LEAST_INNOVATIONS = 100  # coordinates of detections of tracks that move
+LEAST_INNOVATIONS = 50  # coordinates of detections of tracks that move
 
 
 class Evidence(NamedTuple):

@@ -1,5 +1,6 @@
-"""Where columns come from: text with any delimiter, JSON, arrays and data frames."""
+"""Where columns come from: text with any delimiter, JSON, Parquet, AIS, ASTERIX, arrays and data frames."""
 
+import io
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -9,15 +10,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gmr_gym.evaluation.csv_columns import Columns, Convert, file_bytes, numbers, read_columns, texts
+from gmr_gym.evaluation.csv_columns import Columns, Convert, numbers, read_columns, texts
+from gmr_gym.evaluation.text_files import file_bytes
+from gmr_gym.recorded import ais, asterix
+from gmr_gym.recorded.extras import Decoded, module_of
 from gmr_gym.recorded.times import is_number
 
 ABSENT = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})  # cells that stand for no value
+RECORDS = re.compile(rb"\[?\s*\{")  # how JSON begins, and no log of sentences
 PATH = re.compile(r"[^.\[\]]+")
-SENTENCES = (b"!AIVDM", b"!AIVDO", b"!BSVDM", b"$AIVDM")
+TEXT, JSON, PARQUET, AIS, ASTERIX = "text", "JSON", "Parquet", "AIS", "ASTERIX"
+PARQUET_MAGIC = b"PAR1"
+DECODERS: dict[str, Callable[[Path | str, bytes], Decoded]] = {
+    AIS: ais.reports,
+    ASTERIX: asterix.surveillance,
+}
+HEAD = 4096  # bytes by which a form is known
 
-# names of the columns and where they stand -> which are read, True for numbers
-Choose = Callable[[str, Sequence[str]], Mapping[str, bool]]
+# where the names of the columns stand, the names, and columns that have a role unless something else is said,
+# by role -> which are read, True for numbers
+Choose = Callable[[str, Sequence[str], Mapping[str, str]], Mapping[str, bool]]
 
 
 class TextForm(NamedTuple):
@@ -49,22 +61,36 @@ def columns_of(source: Any, choose: Choose, form: TextForm, kept: Callable[[Mapp
     """
     if not isinstance(source, str | Path):
         return _of_frame(source, choose)
-    head = file_bytes(source)[:4096].lstrip(b"\xef\xbb\xbf \t\r\n")
-    if head.startswith(SENTENCES) or (head.startswith(b"\\") and any(s in head for s in SENTENCES)):
-        raise ValueError(
-            f"{source}, line 1: AIS sentences hold no time of reception, only the second of the minute; "
-            "give the CSV that the receiver writes, with a column of times"
-        )
-    if head.startswith((b"[", b"{")):
+    form_there = form_of(source)
+    if form_there == JSON:
         return _of_json(source, choose, kept)
+    if form_there == PARQUET:
+        return _of_parquet(source, choose)
+    if form_there in DECODERS:
+        where, values, line, remarks, usual = DECODERS[form_there](source, file_bytes(source))
+        wanted = choose(where, [*values], usual)
+        return Columns(where, tuple(values), {name: values[name] for name in wanted}, line, remarks)
 
     def convert(where: str, names: list[str]) -> dict[str, Convert]:
         _check_names(where, names)
         number = partial(numbers, absent=ABSENT, decimal=form.decimal)
-        return {name: number if is_number else texts for name, is_number in choose(where, names).items()}
+        return {name: number if is_number else texts for name, is_number in choose(where, names, {}).items()}
 
     delimiter = {"tab": "\t", "\\t": "\t", "space": " "}.get(form.delimiter or "", form.delimiter)
     return read_columns(source, convert, delimiter=delimiter, encoding=form.encoding, header=form.header)
+
+
+def form_of(path: Path | str) -> str:
+    """`text`, `JSON`, `Parquet`, `AIS` or `ASTERIX`, by how a file begins."""
+    data = file_bytes(path, HEAD)
+    head = data.lstrip(b"\xef\xbb\xbf \t\r\n")
+    if ais.is_ais(head) and not RECORDS.match(head):
+        return AIS
+    if head.startswith((b"[", b"{")):
+        return JSON
+    if data.startswith(PARQUET_MAGIC):
+        return PARQUET
+    return ASTERIX if asterix.is_asterix(data) else TEXT
 
 
 def _check_names(where: str, names: Sequence[str]) -> None:
@@ -79,9 +105,9 @@ def _check_names(where: str, names: Sequence[str]) -> None:
 
 
 def _of_frame(frame: Any, choose: Choose) -> Columns:
-    names = [str(name) for name in getattr(frame, "columns", frame)]
+    names = [str(name) for name in getattr(frame, "column_names", getattr(frame, "columns", frame))]
     where = type(frame).__name__
-    wanted = choose(where, names)
+    wanted = choose(where, names, {})
     values: dict[str, Any] = {}
     for name in wanted:
         column = np.asarray(frame[name])
@@ -90,6 +116,19 @@ def _of_frame(frame: Any, choose: Choose) -> Columns:
     if len(set(lengths.values())) > 1:
         raise ValueError(f"{where}: columns differ in length: {lengths}")
     return Columns(where, tuple(names), values, np.arange(1, 1 + max(lengths.values(), default=0)))
+
+
+def _of_parquet(path: Path | str, choose: Choose) -> Columns:
+    parquet = module_of("tables", "pyarrow.parquet", "Parquet")
+    try:
+        file = parquet.ParquetFile(io.BytesIO(file_bytes(path)))
+    except (ValueError, OSError) as error:
+        raise ValueError(f"{path}: a damaged Parquet file: {error}".partition("\n")[0]) from None
+    names = file.schema_arrow.names
+    wanted = choose(f"{path}", names, {})
+    return _of_frame(file.read(columns=[*wanted]), lambda *_: wanted)._replace(
+        where=f"{path}", names=tuple(names)
+    )
 
 
 def _of_json(path: Path | str, choose: Choose, kept: Callable[[Mapping], bool]) -> Columns:
@@ -105,7 +144,7 @@ def _of_json(path: Path | str, choose: Choose, kept: Callable[[Mapping], bool]) 
     if not all(isinstance(record, dict) for record in records):
         raise ValueError(f"{path}: JSON must be a list of records in braces, one for each row or scan")
     names = list(dict.fromkeys(name for record in records for name in _entries(record)))
-    wanted = choose(f"{path}", names)
+    wanted = choose(f"{path}", names, {})
     rows: list[list[str]] = []
     lines: list[int] = []
     for line, record in enumerate(records, 1):

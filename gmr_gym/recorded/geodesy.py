@@ -58,12 +58,13 @@ def from_ecef(ecef: ArrayLike) -> np.ndarray:
 
 
 def axes_at(reference: ArrayLike) -> np.ndarray:
-    """Unit vectors (3, 3), a row each, of east, north and up at (latitude deg, longitude deg, ...)."""
-    latitude, longitude = np.radians(np.asarray(reference, float)[:2])
+    """Unit vectors (..., 3, 3), a row each, of east, north and up at (latitude deg, longitude deg, ...)."""
+    latitude, longitude = np.moveaxis(np.radians(np.asarray(reference, float)[..., :2]), -1, 0)
     sin, cos, across, along = np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude)
-    return np.array(
-        [[-across, along, 0], [-sin * along, -sin * across, cos], [cos * along, cos * across, sin]]
-    )
+    east = np.stack([-across, along, np.zeros_like(across)], axis=-1)
+    north = np.stack([-sin * along, -sin * across, cos], axis=-1)
+    up = np.stack([cos * along, cos * across, sin], axis=-1)
+    return np.stack([east, north, up], axis=-2)
 
 
 def to_local(geodetic: ArrayLike, reference: ArrayLike) -> np.ndarray:

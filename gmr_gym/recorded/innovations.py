@@ -72,6 +72,8 @@ def _scale(nis: np.ndarray, v: np.ndarray, S: np.ndarray, rate: np.ndarray) -> n
 
 def _at_time(x: np.ndarray, P: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """States and covariances so many seconds later, or earlier, at constant velocity."""
+    if not after.any():
+        return x, P
     d = x.shape[1]
     F = np.eye(d) + after[:, None, None] * np.eye(d, k=d // 2)
     return (F @ x[..., None])[..., 0], F @ P @ F.swapaxes(1, 2)

@@ -7,12 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from gmr_gym.evaluation.csv_columns import delimiter_of, file_bytes
+from gmr_gym.evaluation.csv_columns import delimiter_of
+from gmr_gym.evaluation.text_files import file_bytes
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.recorded.detections import Detections
+from gmr_gym.recorded.formats import TEXT, form_of
+from gmr_gym.recorded.positions import geodetic, local_positions
 from gmr_gym.recorded.tracks import Tracks
 
-DECIMALS = 6  # of a weight
+DECIMALS, DEGREES = 6, 9  # decimals of a weight, and of latitude and longitude
 APPENDED = "track_id", "weight"
 
 
@@ -52,7 +55,7 @@ def write_labelled(
 ) -> None:
     """Write the rows of a file with two columns more: track_id, empty for none, and weight.
 
-    A text file keeps every line as it is, comments and lines that were not tracked too. Of JSON, the
+    A text file keeps every line as it is, comments and lines that were not tracked too. Of all others the
     detections are written as CSV.
 
     Parameters
@@ -71,17 +74,16 @@ def write_labelled(
     OSError
         Naming the file.
     """
-    data = file_bytes(source)
     track, weight = labels(tracks, len(detections.time))
     cells = [
         (str(one), f"{heavy:.{DECIMALS}g}") if one else ("", "")
         for one, heavy in zip(track.tolist(), weight.tolist(), strict=True)
     ]
-    if data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"[", b"{"):
+    if form_of(source) != TEXT:
         lines = _table(detections, cells)
     else:
         of_line = dict(zip(detections.row.tolist(), cells, strict=True))
-        text = data.decode(encoding).removeprefix("\ufeff")
+        text = file_bytes(source).decode(encoding).removeprefix("\ufeff")
         lines = _labelled(text.splitlines(keepends=True), of_line, delimiter, header)
     with whole(path) as partial, partial.open("w", encoding=encoding, newline="") as file:
         file.writelines(lines)
@@ -103,9 +105,13 @@ def _labelled(
 
 
 def _table(detections: Detections, cells: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Detections as lines of CSV."""
+    """Detections as lines of CSV, in local coordinates and on Earth."""
+    points = local_positions(detections)
     columns = {"record": detections.row.tolist(), "time": detections.time.tolist()}
-    columns |= dict(zip(detections.coordinates, detections.z.T.tolist(), strict=True))
+    columns |= dict(zip(("x_m", "y_m", "z_m"), points.T.tolist(), strict=False))
+    if detections.reference:
+        latitude, longitude, _ = geodetic(points, detections.reference).T
+        columns |= {"lat": latitude.round(DEGREES).tolist(), "lon": longitude.round(DEGREES).tolist()}
     columns |= {"identity": [one or "" for one in detections.identity]} | detections.metadata
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from gmr_gym.checks import check_choice
 from gmr_gym.evaluation.csv_columns import numbers
-from gmr_gym.recorded.columns import ROLES, Layout, family_of, option, unit_of
+from gmr_gym.recorded.columns import GEODETIC, OWN, ROLES, Layout, family_of, option, unit_of
 from gmr_gym.recorded.formats import ABSENT
 from gmr_gym.recorded.geodesy import axes_at
 from gmr_gym.recorded.units import scale_of
@@ -26,7 +26,7 @@ class Positions(NamedTuple):
     family: tuple[str, ...]  # roles of the coordinates
     z: np.ndarray  # (n, p); latitude and longitude in degrees
     range_rate: np.ndarray  # (n,) m/s
-    own: np.ndarray  # (n, 3) m, where the sensor says it is; NaN where it does not
+    own: np.ndarray  # (n, 3) where the sensor says it is: m, or deg, deg, m; NaN where it does not
 
 
 def read_positions(
@@ -47,7 +47,7 @@ def read_positions(
         cells: Any = values[column.name]
         if not isinstance(cells, np.ndarray):
             cells = numbers(cells, partial(at, column.name), ABSENT, decimal)
-        if role in ("lat", "lon"):
+        if role in GEODETIC:
             return cells if unit == "deg" else np.degrees(cells * scale)
         return cells * scale
 
@@ -68,10 +68,13 @@ def read_positions(
     _check(family, z, lambda i, j: at(names[j], i))
     rate = si("range_rate") if "range_rate" in layout else np.full(n, np.nan)
     own = np.full((n, 3), np.nan)
-    if "own_x" in layout:
-        own = np.column_stack(
-            [si(f"own_{axis}") if f"own_{axis}" in layout else np.zeros(n) for axis in "xyz"]
-        )
+    if known := family_of(layout, OWN):
+        own[:] = 0.0
+        own[:, : len(known)] = np.column_stack([si(role) for role in known])
+        places = [layout[role].name for role in known]
+        for i, j in np.argwhere(np.isnan(own) & all_there[:, None])[:1].tolist():
+            raise ValueError(f"{at(places[j], i)}: no value, though {names[0]} has one")
+        _check([role.removeprefix("own_") for role in known], own, lambda i, j: at(places[j], i))
     return Positions(family, z, rate, own)
 
 
@@ -92,17 +95,24 @@ def azimuths(measured: np.ndarray, convention: str, north_offset: float = 0.0) -
 
 
 def to_axes(z: np.ndarray, geodetic: ArrayLike, reference: ArrayLike) -> np.ndarray:
-    """Range, azimuth[, elevation] (n, p), from the axes of a sensor at `geodetic` to those of the reference:
-    meridians converge, and the horizon falls."""
+    """Range, azimuth[, elevation] (n, p), from the axes of a sensor at `geodetic` (3,), or (n, 3) where it
+    moves, to those of the reference: meridians converge, and the horizon falls."""
     azimuth, elevation = z[:, 1], z[:, 2] if z.shape[1] > 2 else np.zeros(len(z))
     along = np.cos(elevation)
     unit = np.column_stack([along * np.cos(azimuth), along * np.sin(azimuth), np.sin(elevation)])
-    east, north, up = (unit @ axes_at(geodetic) @ axes_at(reference).T).T
+    east, north, up = turned_to(unit, geodetic, reference).T
     turned = [z[:, 0], np.arctan2(north, east), np.arctan2(up, np.hypot(east, north))]
     return np.column_stack(turned[: z.shape[1]])
 
 
-def _check(family: tuple[str, ...], z: np.ndarray, at: Callable[[int, int], str]) -> None:
+def turned_to(points: np.ndarray, geodetic: ArrayLike, reference: ArrayLike) -> np.ndarray:
+    """Directions (n, 3) along the axes of a sensor, along those of the reference; see `to_axes`."""
+    axes = axes_at(geodetic)
+    global_ones = points @ axes if axes.ndim == 2 else np.einsum("ni,nij->nj", points, axes)
+    return global_ones @ axes_at(reference).T
+
+
+def _check(family: Sequence[str], z: np.ndarray, at: Callable[[int, int], str]) -> None:
     """Refuse coordinates that no place has."""
 
     def refuse(column: int, wrong: np.ndarray, text: str, scale: float = 1.0) -> None:

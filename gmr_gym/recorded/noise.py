@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
+from gmr_gym.models.gating import gate_threshold
 from gmr_gym.recorded.detections import POLAR, Detections
 from gmr_gym.recorded.innovations import measured_of
 
@@ -91,7 +91,7 @@ def likelihoods(
     Likelihoods
     """
     p, c = points.shape[1], len(pairs)
-    worst, log, nis = chi2.ppf(BEYOND, p), np.zeros(c), [np.empty((c, 0))]
+    worst, log, nis = gate_threshold(BEYOND, p), np.zeros(c), [np.empty((c, 0))]
     for taken in hits:
         time, z, R = found.time[taken], points[taken], _local_covariances(found, points, taken)
         for d2, log_volume in _innovations(time, z, R, pairs, worst):

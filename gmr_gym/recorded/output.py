@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 
 from gmr_gym.evaluation.writing import whole
-from gmr_gym.recorded.detections import Detections
+from gmr_gym.recorded.detections import Detections, named
 from gmr_gym.recorded.positions import geodetic
-from gmr_gym.recorded.tracks import CONFIRMED, STATUS, Tracks
+from gmr_gym.recorded.tracks import CONFIRMED, STATUS, Tracks, rows_of_each
 from gmr_gym.version import __version__
 
 DECIMALS = 4  # of metres and metres a second: a tenth of a millimetre
 DEGREES = 9  # decimals of latitude and longitude, likewise
 SECONDS = 9  # decimals of a time
+TOGETHER = 20_000  # rows that are made into text at a time
 CLASHING = "input_{}"  # name of a column of the input that has the name of one of the tracks
 
 
@@ -49,12 +50,17 @@ def write_tracks(
     OSError
         Naming the file.
     """
-    columns = track_columns(tracks, detections, modes)
+    if not named(detections.identity).any():
+        detections = detections._replace(identity=detections.identity[:0])
     with whole(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
         file.writelines(f"# {line}\n" for line in _head(detections, command))
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*columns.values(), strict=True))
+        for first in range(0, max(len(tracks.time), 1), TOGETHER):
+            part = Tracks(*(column[first : first + TOGETHER] for column in tracks))
+            columns = track_columns(part, detections, modes)
+            if not first:
+                writer.writerow(columns)
+            writer.writerows(zip(*columns.values(), strict=True))
 
 
 def track_columns(tracks: Tracks, detections: Detections, modes: Sequence[str] = ()) -> dict[str, list]:
@@ -78,7 +84,7 @@ def track_columns(tracks: Tracks, detections: Detections, modes: Sequence[str] =
     columns["existence"] = tracks.existence.round(DECIMALS + 2).tolist()
     columns |= {f"mode_{name}": column for name, column in zip(modes, mode, strict=True)}
     columns["detections"] = tracks.detections.tolist()
-    columns["detection_row"] = _of_detection(tracks, detections.row.tolist())
+    columns["detection_row"] = _of_detection(tracks, detections.row)
     columns |= {"weight": tracks.weight.round(DECIMALS + 2).tolist(), "nis": _short(tracks.nis)}
     columns["age"] = tracks.age.tolist()
     if detections.reference:
@@ -92,9 +98,8 @@ def track_columns(tracks: Tracks, detections: Detections, modes: Sequence[str] =
 def confirmed_only(tracks: Tracks) -> Tracks:
     """The rows of confirmed tracks, each from its first confirmation to its end."""
     keep = np.zeros(len(tracks.time), bool)
-    for track in np.unique(tracks.track[tracks.status == CONFIRMED]):
-        rows = np.flatnonzero(tracks.track == track)
-        keep[rows[np.flatnonzero(tracks.status[rows] == CONFIRMED)[0] :]] = True
+    for rows in rows_of_each(tracks).values():
+        keep[rows[np.logical_or.accumulate(tracks.status[rows] == CONFIRMED)]] = True
     return Tracks(*(column[keep] for column in tracks))
 
 
@@ -179,9 +184,13 @@ def _without_zero(values: np.ndarray) -> np.ndarray:
     return values + 0.0
 
 
-def _of_detection(tracks: Tracks, values: list) -> list:
-    """What a list has of the detection of each row, "" where there is none."""
-    return ["" if i < 0 or values[i] is None else values[i] for i in tracks.detection.tolist()]
+def _of_detection(tracks: Tracks, values: Any) -> list:
+    """What an array or a list has of the detection of each row, "" where there is none."""
+    at = tracks.detection.tolist()
+    if isinstance(values, np.ndarray):
+        there = [i for i in at if i >= 0]
+        values = dict(zip(there, values[there].tolist(), strict=True))
+    return ["" if i < 0 or values[i] is None else values[i] for i in at]
 
 
 def _places(tracks: Tracks, reference: tuple[float, float, float]) -> dict[str, list]:
@@ -193,8 +202,8 @@ def _places(tracks: Tracks, reference: tuple[float, float, float]) -> dict[str, 
 
 def _copied(tracks: Tracks, detections: Detections, taken: Iterable[str]) -> dict[str, list[Any]]:
     """Identity and metadata of the detection of each row."""
-    named: dict[str, list] = {}
+    columns: dict[str, Any] = {}
     if any(each is not None for each in detections.identity):
-        named["identity"] = detections.identity.tolist()
-    named |= {CLASHING.format(n) if n in taken else n: column for n, column in detections.metadata.items()}
-    return {name: _of_detection(tracks, column) for name, column in named.items()}
+        columns["identity"] = detections.identity
+    columns |= {CLASHING.format(n) if n in taken else n: column for n, column in detections.metadata.items()}
+    return {name: _of_detection(tracks, column) for name, column in columns.items()}

@@ -1,9 +1,11 @@
 """Speeds that no target has: the sign of a unit that was mistaken."""
 
-import numpy as np
-from numpy.typing import ArrayLike
+from typing import Any
 
-from gmr_gym.recorded.detections import CARTESIAN, Detections, named
+import numpy as np
+
+from gmr_gym.recorded.detections import Detections, numbered
+from gmr_gym.recorded.positions import local_positions
 
 FASTEST = 12_000.0  # m/s: nothing that stays with the Earth is faster
 NEAR = 1000.0  # m; steps below it may be noise over next to no time
@@ -27,7 +29,8 @@ def check_speeds(source: str, found: Detections) -> str | None:
     first, second = _steps(found)
     if not len(first):
         return None
-    step = np.linalg.norm(_places(found, second) - _places(found, first), axis=1)
+    points = local_positions(found)
+    step = _distances(points, first, second)
     gap = found.time[second] - found.time[first]
     speed = step / np.maximum(gap, 1e-9)
     fast = (speed > FASTEST) & (step > NEAR)
@@ -49,30 +52,23 @@ def _steps(found: Detections) -> tuple[np.ndarray, np.ndarray]:
     """Indices of rows, and of those after them that may be of the same target."""
     if len(found.time) < 2:
         return np.empty(0, int), np.empty(0, int)
-    known = named(found.identity)
-    if known.any():
-        rows = np.flatnonzero(known)
-        _, code = np.unique(found.identity[rows].astype(str), return_inverse=True)
-        order = rows[np.argsort(code, kind="stable")]
-        code = np.sort(code)
-        same = code[1:] == code[:-1]
+    code = numbered(found.identity)
+    if (code >= 0).any():
+        order = np.argsort(code, kind="stable")
+        same = (np.diff(code[order]) == 0) & (code[order][1:] >= 0)
         return order[:-1][same], order[1:][same]
-    n = len(found.time)
+    n, points = len(found.time), local_positions(found)
     first, second = [], []
     for row in np.unique(np.linspace(0, n - 2, LOOKED_AT).astype(int)).tolist():
         following = np.arange(row + 1, min(row + 1 + AHEAD, n))
         gap = found.time[following] - found.time[row]
         if gap[-1] > 0:
-            away = np.linalg.norm(_places(found, following) - _places(found, row), axis=1)
+            away = _distances(points, row, following)
             first.append(row)
             second.append(following[np.argmin(away / np.maximum(gap, 1e-9))])
     return np.array(first, int), np.array(second, int)
 
 
-def _places(found: Detections, rows: ArrayLike) -> np.ndarray:
-    """Positions (k, 2) on the ground, m."""
-    rows = np.atleast_1d(rows)
-    z, origin = found.z[rows], found.origin[rows, :2]
-    kinds = np.array([spec.kind == CARTESIAN for spec in found.sensors])[found.sensor[rows]]
-    direction = np.column_stack([np.cos(z[:, 1]), np.sin(z[:, 1])])
-    return np.where(kinds[:, None], z[:, :2], origin + z[:, :1] * direction)
+def _distances(points: np.ndarray, first: Any, second: np.ndarray) -> np.ndarray:
+    """Distances (k,) on the ground of points (n, p), m."""
+    return np.hypot(points[second, 0] - points[first, 0], points[second, 1] - points[first, 1])

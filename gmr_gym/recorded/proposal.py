@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
+from gmr_gym.models.gating import gate_threshold
 from gmr_gym.recorded.configuration import Configuration, SensorSettings
 from gmr_gym.recorded.detections import POLAR, Detections, SensorSpec
 from gmr_gym.recorded.evidence import (
@@ -37,7 +37,7 @@ NOISES = (0.1, 0.3, 1.0, 3.0, 10.0)  # m/s in a second
 FACTORS = (1.0, 1.5, 2.25, 3.4)  # of the deviation
 GAIN = 5.0  # in log likelihood, for which a larger deviation is taken
 SCATTERED = 1.5  # index of dispersion, from which on clutter is learned
-MANOEUVRE = 2  # steps from the noise of quiet motion to that of manoeuvres
+MANOEUVRE = 2  # steps from the noise of quiet motion to that of manoeuvres; one model's is between
 COMPARED = (
     "NIS / degrees",
     "NIS beyond",
@@ -234,11 +234,11 @@ def _noise(run: Evidence, found: Detections, points: np.ndarray) -> tuple[float,
         f"acceleration deviation: {NOISES[k]:g} m/s in a second ({likely[0]:g} to {likely[-1]:g} of {grid}), "
         f"{n} innovations"
     )
-    beyond = float((of.nis[i * len(NOISES) + k] > chi2.ppf(BEYOND, of.dof)).mean())
+    beyond = float((of.nis[i * len(NOISES) + k] > gate_threshold(BEYOND, of.dof)).mean())
     if beyond <= 1 - BEYOND + 3 * np.sqrt(BEYOND * (1 - BEYOND) / n):
         return FACTORS[i], {"motion": "constant-velocity", "acceleration_deviation": (NOISES[k],)}, lines
-    k = min(k, len(NOISES) - 1 - MANOEUVRE)
-    both = NOISES[k], NOISES[k + MANOEUVRE]
+    quiet = min(max(k - 1, 0), len(NOISES) - 1 - MANOEUVRE)
+    both = NOISES[quiet], NOISES[quiet + MANOEUVRE]
     lines.append(
         f"motion: two, of {both[0]:g} and {both[1]:g} m/s in a second, for of one {beyond:.1%} of the NIS "
         f"are beyond {BEYOND:.0%}"

@@ -11,7 +11,8 @@ from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.figures import Figure, wilson
 from gmr_gym.recorded.positions import local_positions
 from gmr_gym.recorded.scans import Scan
-from gmr_gym.recorded.tracks import COASTED, CONFIRMED, Tracks
+from gmr_gym.recorded.tracks import COASTED, CONFIRMED, Tracks, rows_of_each
+from gmr_gym.recorded.unused_cells import unused_by_cell
 
 LIKELY = 0.5  # weight from which a track took a detection
 SHORT = 10  # detections below which a confirmed track is short
@@ -76,9 +77,10 @@ def lives_of(tracks: Tracks) -> list[Life]:
     tracks : Tracks
     """
     lives = []
-    for track in np.unique(tracks.track[tracks.status == CONFIRMED]):
-        rows = np.flatnonzero(tracks.track == track)
-        rows = rows[np.flatnonzero(tracks.status[rows] == CONFIRMED)[0] :]
+    for rows in rows_of_each(tracks).values():
+        rows = rows[np.logical_or.accumulate(tracks.status[rows] == CONFIRMED)]
+        if not len(rows):
+            continue
         hits = (tracks.detection[rows] >= 0) & (tracks.weight[rows] >= LIKELY)
         lives.append(Life(rows, hits, _static(tracks, rows[hits] if hits.any() else rows)))
     return lives
@@ -129,18 +131,18 @@ def _fragmentation(tracks: Tracks, lives: Sequence[Life]) -> Figure:
     fastest = float(np.quantile(speeds, FAST)) if len(speeds) else 0.0
     times = np.unique(tracks.time)
     longest = LONGEST_GAP * float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    starts = [np.flatnonzero(tracks.track == tracks.track[life.rows[0]])[0] for life in lives]
+    of_each = rows_of_each(tracks)
+    starts = np.array([of_each[int(tracks.track[life.rows[0]])][0] for life in lives], int)
     ends = [life.rows[np.flatnonzero(life.hits)[-1]] if life.hits.any() else life.rows[-1] for life in lives]
-    free, pairs = set(range(len(lives))), 0
+    free, pairs = np.ones(len(lives), bool), 0
     for i in np.argsort(tracks.time[ends], kind="stable") if lives else ():
-        gaps = {j: tracks.time[starts[j]] - tracks.time[ends[i]] for j in free if j != i}
-        near = [
-            j for j, gap in gaps.items()
-            if 0 < gap <= longest and _reaches(tracks, ends[i], starts[j], fastest * gap)
-        ]  # fmt: skip
-        if near:
-            free.remove(min(near, key=gaps.__getitem__))
-            pairs += 1
+        gaps = tracks.time[starts] - tracks.time[ends[i]]
+        near = np.flatnonzero(free & (gaps > 0) & (gaps <= longest))
+        for j in near[np.argsort(gaps[near], kind="stable")].tolist():
+            if _reaches(tracks, ends[i], starts[j], fastest * gaps[j]):
+                free[j] = False
+                pairs += 1
+                break
     hours = float(np.ptp(times)) / 3600 if len(times) else 0.0
     return Figure(
         "tracks broken in two, an hour", pairs / hours if hours else np.nan, "1/h", len(lives), 0.0, 0.0
@@ -158,7 +160,10 @@ def _unused(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> It
     """Detections of no confirmed track: a scan, an area, and how they scatter from scan to scan."""
     left = unused(tracks, len(detections.time))
     points = local_positions(detections)[:, :2]
-    points = points[np.isfinite(points).all(axis=1)]
+    known = np.isfinite(points).all(axis=1)
+    points, area = points[known], 0.0
+    if len(np.unique(points, axis=0)) > 2:
+        area = _area(points)
     for i, spec in enumerate(detections.sensors):
         counts = np.array([left[scan.rows].sum() for scan in scans if scan.sensor == i])
         if not len(counts):
@@ -168,7 +173,7 @@ def _unused(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> It
         low, high = max(spec.clutter_per_scan - half, 0.0), spec.clutter_per_scan + half
         mean = float(counts.mean())
         yield Figure(f"unused detections a scan{of}", mean, "", len(counts), low, high)
-        if len(np.unique(points, axis=0)) > 2 and (area := _area(points)):
+        if area:
             yield Figure(f"unused detections a scan and km2{of}", mean / area * 1e6, "1/km2", len(counts))
         if counts.sum() >= FEWEST and len(counts) > 1:
             half = 2 * np.sqrt(2 / (len(counts) - 1))
@@ -181,6 +186,8 @@ def _unused(tracks: Tracks, detections: Detections, scans: Sequence[Scan]) -> It
                 max(1 - half, 0.0),
                 1 + half,
             )
+    if area and left.sum() >= FEWEST:
+        yield from unused_by_cell(points, left[known], len(scans))
 
 
 def unused(tracks: Tracks, n: int) -> np.ndarray:

@@ -16,7 +16,7 @@ from gmr_gym.recorded.configuration import SensorSettings
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.formats import TextForm, columns_of
 from gmr_gym.recorded.measured import COMPASS, read_positions
-from gmr_gym.recorded.times import read_times
+from gmr_gym.recorded.times import on_one_day, read_times
 from gmr_gym.recorded.units import did_you_mean, unit_in_name
 
 
@@ -42,7 +42,8 @@ def read(
     Parameters
     ----------
     source : Path, str, data frame or mapping of arrays
-        A file is text with columns, or JSON, either of them compressed with gzip or not.
+        A file is text with columns, JSON, Parquet, AIS sentences with times of reception, or ASTERIX, each of
+        them compressed with gzip or not: `formats.form_of` knows it by its beginning.
     columns : mapping, optional
         By role, `time`, `x`, `y`, `lat`, ... as in `columns.ROLES`, `COLUMN:UNIT`; see `columns.layouts`.
         Without a position in it, columns are found by their names.
@@ -78,9 +79,9 @@ def read(
     found: dict[str | None, Layout] = {}
     names: list[str] = []
 
-    def choose(header_at: str, there: Sequence[str]) -> dict[str, bool]:
+    def choose(header_at: str, there: Sequence[str], usual: Mapping[str, str]) -> dict[str, bool]:
         names.extend(there)
-        found.update(layouts(header_at, there, columns or {}))
+        found.update(layouts(header_at, there, {**usual, **(columns or {})}))
         return _wanted(header_at, there, found, where, keep)
 
     def kept(record: Mapping[str, str]) -> bool:
@@ -181,4 +182,7 @@ def _by_sensor(
             s for s in settings if s.name is None or not column
         ]
         rows.append(SensorRows(name, indices, layout, times, positions, (said or [SensorSettings()])[0]))
-    return rows
+    if day is None:
+        return rows
+    moved = on_one_day([each.times for each in rows])
+    return [each._replace(times=times) for each, times in zip(rows, moved, strict=True)]

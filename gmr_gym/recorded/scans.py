@@ -99,7 +99,9 @@ def _scans(
             raise ValueError("scans by a column need it; give --scan COLUMN")
         number = found.scan[rows]
     elif way == REPORTS:
-        number = np.arange(len(rows))
+        for i, at in enumerate(time.tolist()):
+            yield Scan(at, at, at, rows[i : i + 1], sensor)
+        return
     elif way == WINDOW:
         number = _windows(time, window or 0.0)
     elif way == TURNS:

@@ -4,16 +4,14 @@ import numpy as np
 
 from gmr_gym.filters import bernoulli_tracks as engine
 from gmr_gym.filters import imm_smoothing
-from gmr_gym.filters.bernoulli_tracks import Bernoullis, Origins
 from gmr_gym.filters.imm_tracks import Banks
 from gmr_gym.models.intervals import Modes
 from gmr_gym.models.positions import Look
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.model import TrackingModel, polar
-from gmr_gym.recorded.track_update import NO_OTHER
 from gmr_gym.recorded.tracks import Tracks
 
-OWN = 0.5  # share of the weight from which a detection is taken for the track's own
+UNSURE = 1e-3  # least probability that a detection is, and that it is not, the track's own
 
 
 def smooth(tracks: Tracks, detections: Detections, model: TrackingModel) -> Tracks:
@@ -33,66 +31,96 @@ def smooth(tracks: Tracks, detections: Detections, model: TrackingModel) -> Trac
 
     Notes
     -----
-    Each track is filtered once more with the detection of most weight of each row, where the track exists
-    and it is this one's with probability of at least a half, taken as certain; then the backward pass of
-    `imm_smoothing` follows. A detection before the row of the last one counts as of that row's time.
+    Each track, taken to exist, is filtered once more with the detection of most weight of each row alone, at
+    its own time, by probabilistic data association (see `mht.pda_update`) with the probability that the
+    tracker gave it; then the backward pass of `imm_smoothing` follows. A detection before the row of the last
+    one counts as of that row's time.
     """
     x, P, w = (np.array(column) for column in (tracks.x, tracks.P, tracks.modes))
-    modes = model.bank()
+    modes, d = model.bank(), 2 * model.axes
     order = np.argsort(tracks.track, kind="stable")
     starts = np.flatnonzero(np.diff(tracks.track[order], prepend=0))
     for rows in np.split(order, starts[1:]) if len(order) else []:
-        own = tracks.weight[rows] >= OWN * tracks.existence[rows]
-        own[0] = True  # by which the track began
-        found = np.where(own, tracks.detection[rows], -1)
-        banks, at = _filtered(tracks.time[rows], found, detections, model, modes)
-        d = 2 * model.axes
-        mode, mean, covariance = imm_smoothing.smoothed(banks, modes, model.axes)
+        banks: list[Banks] = []
+        at = []
+        for row in rows:
+            share = own_share(tracks, row) if banks else 1.0
+            look = _look(detections, model, tracks.detection[row]) if share else None
+            banks += continued(banks[-1] if banks else None, tracks.time[row], look, share, model, modes)
+            at.append(len(banks) - 1)
+        mode, mean, covariance = imm_smoothing.smoothed(one_after_another(banks), modes, model.axes)
         w[rows], x[rows], P[rows] = mode[at], mean[at, :d], covariance[at, :d, :d]
     return tracks._replace(x=x, P=P, modes=w, nis=np.full(len(x), np.nan))
 
 
-def _filtered(
-    times: np.ndarray, found: np.ndarray, detections: Detections, model: TrackingModel, modes: Modes
-) -> tuple[Banks, np.ndarray]:
-    """Filtered banks at the times of the detections and of the rows, and where the rows are among them."""
-    first = _look(detections, model, found[0], detections.time[found[0]])
-    d = modes.states(model.axes)
-    bank = Banks(*engine.started(modes, first, np.zeros(1, int), model.max_speed, d))
-    tracks = Bernoullis(bank, np.ones(1), np.full(1, -1), np.zeros(1))
-    parts, at = [_copied(bank)], []
-    for row, (time, j) in enumerate(zip(times, found, strict=True)):
-        if row and j >= 0:
-            seen = min(max(detections.time[j], bank.time[0]), time)
-            parts.append(_advanced(tracks, modes, _look(detections, model, j, seen)))
-        if time > bank.time[0]:
-            parts.append(_advanced(tracks, modes, _nothing(first, time)))
-        at.append(len(parts) - 1)
-    return Banks(*(np.concatenate(column) for column in zip(*parts, strict=True))), np.array(at)
+def own_share(tracks: Tracks, row: int) -> float:
+    """The probability that the detection of a row is the track's own, if it exists."""
+    if tracks.detection[row] < 0 or tracks.weight[row] < UNSURE * tracks.existence[row]:
+        return 0.0
+    share = float(tracks.weight[row] / tracks.existence[row])
+    return share if share <= 1.0 - UNSURE else 1.0
 
 
-def _advanced(tracks: Bernoullis, modes: Modes, look: Look) -> Banks:
+def continued(
+    bank: Banks | None, time: float, look: Look | None, share: float, model: TrackingModel, modes: Modes
+) -> list[Banks]:
+    """The filtered banks of one track that follow `bank`: after the detection of `look`, which is its own
+    with probability `share`, and at `time`. A track without a bank begins with the detection."""
+    banks = []
+    if bank is None:
+        assert look is not None
+        d = modes.states(model.axes)
+        bank = Banks(*engine.started(modes, look, np.zeros(1, int), model.max_speed, d))
+        banks.append(bank)
+    elif look is not None:
+        seen = min(max(look.at[0], bank.time[0]), time)
+        hit = _advanced(bank, modes, look._replace(time=float(seen), at=np.array([seen])))
+        bank = hit if share == 1.0 else _either(share, hit, _advanced(bank, modes, _nothing(seen, model)))
+        banks.append(bank)
+    if time > bank.time[0] or not banks:
+        banks.append(_advanced(bank, modes, _nothing(time, model)))
+    return banks
+
+
+def one_after_another(banks: list[Banks]) -> Banks:
+    """Banks of one track as one record, in order of time."""
+    return Banks(*(np.concatenate(column) for column in zip(*banks, strict=True)))
+
+
+def detection_of(look: Look, j: int) -> Look:
+    """The detection j of a look as a look of its own, at its own time."""
+    one = slice(j, j + 1)
+    at, z, rate, origin = (part[one].copy() for part in (look.at, look.z, look.range_rate, look.origin))
+    return look._replace(time=float(at[0]), at=at, z=z, range_rate=rate, origin=origin)
+
+
+def _advanced(bank: Banks, modes: Modes, look: Look) -> Banks:
     """The bank after the look, whose detection, if there is one, is certain."""
-    k = len(look.at)
-    sure = Origins(1.0, np.repeat(NO_OTHER, k), np.full(k, -1), np.zeros(k, bool), np.full(2, np.inf))
-    engine.update(tracks, modes, look, sure)
-    return _copied(tracks.banks)
+    return Banks(*imm_smoothing.advanced(Banks(*(column.copy() for column in bank)), modes, look))
 
 
-def _copied(bank: Banks) -> Banks:
-    return Banks(*(column.copy() for column in bank))
+def _either(share: float, hit: Banks, missed: Banks) -> Banks:
+    """The moment match of every mode of two banks, of which the first is the true one with probability
+    `share`."""
+    w = np.stack([share * hit.w, (1.0 - share) * missed.w])
+    part = w / np.maximum(w.sum(axis=0), 1e-300)
+    m = (part[..., None] * [hit.m, missed.m]).sum(axis=0)
+    off = np.stack([hit.m, missed.m]) - m
+    P = np.stack([hit.P, missed.P]) + off[..., :, None] * off[..., None, :]
+    return Banks(w.sum(axis=0), m, (part[..., None, None] * P).sum(axis=0), hit.time)
 
 
-def _look(detections: Detections, model: TrackingModel, j: int, time: float) -> Look:
-    """A look of one detection, made at `time`."""
+def _look(detections: Detections, model: TrackingModel, j: int) -> Look:
+    """A look of one detection, at its own time."""
     spec, one = model.sensors[detections.sensor[j]], slice(j, j + 1)
-    z, rate, origin = (part[one].copy() for part in (detections.z, detections.range_rate, detections.origin))
+    at, z, rate, origin = (
+        part[one].copy() for part in (detections.time, detections.z, detections.range_rate, detections.origin)
+    )
     deviation = np.array([*spec.deviation, spec.range_rate_deviation])
-    at = np.array([time], float)
-    return Look(float(time), at, z[:, : model.axes].copy(), rate, origin, deviation, polar(spec))
+    return Look(float(at[0]), at, z[:, : model.axes].copy(), rate, origin, deviation, polar(spec))
 
 
-def _nothing(look: Look, time: float) -> Look:
+def _nothing(time: float, model: TrackingModel) -> Look:
     """A look without detections."""
-    at, z, rate, origin = (part[:0] for part in (look.at, look.z, look.range_rate, look.origin))
-    return look._replace(time=float(time), at=at, z=z, range_rate=rate, origin=origin)
+    none, p = np.empty(0), model.axes
+    return Look(float(time), none, np.empty((0, p)), none, np.empty((0, 3)), np.ones(p + 1), False)

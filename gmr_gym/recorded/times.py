@@ -57,6 +57,8 @@ def read_times(cells: Cells, form: str | None, at: Callable[[int], str], day: da
         Naming file, line and column of what is no time, and what to give instead.
     """
     if isinstance(cells, np.ndarray) and cells.dtype.kind == "M":
+        for i in np.flatnonzero(np.isnat(cells))[:1].tolist():
+            raise ValueError(f"{at(i)}: no time; leave such rows out with --where, or give them one")
         return Times(cells.astype("datetime64[ns]").astype(np.int64), True, "datetimes")
     if form is not None and "%" not in form and form.lower() != ISO:
         scale_of(form, TIME, at(0))
@@ -73,6 +75,18 @@ def read_times(cells: Cells, form: str | None, at: Callable[[int], str], day: da
     if any(code in form for code in ("%Y", "%y", "%c", "%x", "%G")):
         return Times(ns, True, form)
     return _from_day(ns % DAY, day, at, form)
+
+
+def on_one_day(several: Sequence[Times]) -> list[Times]:
+    """Times of sensors that count seconds of the day, each from its own first row: brought to the days of the
+    first sensor, to which they come nearest."""
+    first, *others = several
+    low, high = first.ns.min(), first.ns.max()
+    found = [first]
+    for each in others:
+        away = [max(each.ns.min() + d * DAY - high, low - each.ns.max() - d * DAY, 0) for d in (0, 1, -1)]
+        found.append(each._replace(ns=each.ns + (0, 1, -1)[int(np.argmin(away))] * DAY))
+    return found
 
 
 def is_number(cell: str) -> bool:

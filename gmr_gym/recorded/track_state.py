@@ -11,6 +11,7 @@ from gmr_gym.filters.imm_tracks import Banks
 from gmr_gym.models.clutter import uniform_clutter
 from gmr_gym.recorded.model import TrackingModel
 from gmr_gym.recorded.track_rules import Lives, width
+from gmr_gym.recorded.tracks import Tracks, no_rows
 
 
 class Targets(NamedTuple):
@@ -31,6 +32,33 @@ class Targets(NamedTuple):
     lives: Lives
 
 
+class LastScans(NamedTuple):
+    """What smoothing some scans late keeps of the last scans: m rows, K banks in order of scans and rows.
+
+    Attributes
+    ----------
+    number : int
+        Of the last scan, from 1.
+    rows : Tracks
+    row_scan : ndarray of int (m,)
+        Number of the scan of each row.
+    banks : Banks
+        Filtered with the own detections of their tracks alone (see `smoothing.continued`).
+    label, scan : ndarray of int (K,)
+        Track and number of the scan of each bank.
+    of_row : ndarray of bool (K,)
+        Whether the bank is at the time of its row, and not at that of its detection.
+    """
+
+    number: int
+    rows: Tracks
+    row_scan: np.ndarray
+    banks: Banks
+    label: np.ndarray
+    scan: np.ndarray
+    of_row: np.ndarray
+
+
 class State(NamedTuple):
     """All that a tracker keeps from scan to scan.
 
@@ -45,6 +73,8 @@ class State(NamedTuple):
     identities : dict of str to int
     clutter : tuple of ClutterEstimate
         One for each sensor; none where the clutter is not estimated.
+    last : tuple of LastScans
+        One; none where nothing is smoothed.
     """
 
     targets: Targets
@@ -53,14 +83,17 @@ class State(NamedTuple):
     next_label: int
     identities: dict[str, int]
     clutter: tuple[ClutterEstimate, ...]
+    last: tuple[LastScans, ...]
 
 
-def initial_state(model: TrackingModel) -> State:
+def initial_state(model: TrackingModel, lag: int = 0) -> State:
     """The state before the first scan.
 
     Parameters
     ----------
     model : TrackingModel
+    lag : int
+        Number of scans by which rows are smoothed late; 0 for none.
 
     Returns
     -------
@@ -79,7 +112,9 @@ def initial_state(model: TrackingModel) -> State:
         for spec in model.sensors
         if model.learn_clutter
     )
-    return State(Targets(banks, none, count, lives), -np.inf, model.undetected, 1, {}, clutter)
+    last = LastScans(0, no_rows(p, r), count, banks, count, count, np.empty(0, bool))
+    targets = Targets(banks, none, count, lives)
+    return State(targets, -np.inf, model.undetected, 1, {}, clutter, (last,) if lag else ())
 
 
 def chosen(tree: Any, rows: Any) -> Any:

@@ -9,7 +9,9 @@ from numpy.typing import ArrayLike
 
 from gmr_gym.models.positions import Look
 from gmr_gym.recorded.detections import Detections
+from gmr_gym.recorded.fixed_lag import smoothed_late, with_scan, without_old
 from gmr_gym.recorded.model import TrackingModel, as_text, from_text, polar
+from gmr_gym.recorded.report_runs import LONGEST, SHORTEST, reports_of, run
 from gmr_gym.recorded.scans import Scan
 from gmr_gym.recorded.track_state import initial_state, leaves, rebuilt
 from gmr_gym.recorded.track_update import assumed, report, scan
@@ -25,6 +27,8 @@ class LiveTracker:
     ----------
     model : TrackingModel
         What is assumed; `tracking_model` makes one.
+    lag : int
+        By how many scans rows can be smoothed late, see `smoothed`.
 
     Attributes
     ----------
@@ -42,9 +46,12 @@ class LiveTracker:
     ([1], [1])
     """
 
-    def __init__(self, model: TrackingModel):
+    def __init__(self, model: TrackingModel, lag: int = 0):
+        if lag < 0 or lag != int(lag):
+            raise ValueError(f"lag must be a number of scans, 0 or more, got {lag}")
         self.model = model
-        self.state = initial_state(model)
+        self.lag = int(lag)
+        self.state = initial_state(model, self.lag)
         self._of = assumed(model)
         self._deviations = [np.array([*s.deviation, s.range_rate_deviation]) for s in model.sensors]
 
@@ -101,13 +108,37 @@ class LiveTracker:
             self.state, rows = report(
                 self.state, self._of, look, sensor, table.setdefault(identity, len(table))
             )
-            return rows
+            return self._kept(rows, look)
         names = [None] * k if identity is None else identity
         if len(names) != k:
             raise ValueError(f"identity must have {k} entries, one for each detection, got {len(names)}")
         known = [-1 if name is None else table.setdefault(name, len(table)) for name in names]
         self.state, rows = scan(self.state, self._of, look, sensor, np.array(known, np.int64), azimuths)
-        return rows
+        return self._kept(rows, look)
+
+    def smoothed(self, lag: int | None = None) -> Tracks:
+        """Rows of an earlier scan, smoothed by all detections since.
+
+        Parameters
+        ----------
+        lag : int, optional
+            By how many scans it is before the last; the tracker's own `lag` unless given, and at most that.
+
+        Returns
+        -------
+        Tracks
+            Rows that `update` gave then, with x, P and modes that `smooth` gives for all up to the last scan;
+            none where there was no such scan. The NIS is NaN.
+
+        Raises
+        ------
+        ValueError
+            If the tracker keeps fewer scans.
+        """
+        lag = self.lag if lag is None else lag
+        if not (self.lag and 0 <= lag <= self.lag):
+            raise ValueError(f"lag must be in 0..{self.lag}, got {lag}; give LiveTracker(model, lag=...)")
+        return smoothed_late(self.state.last[0], lag, self.model)
 
     def save(self, path: str | Path) -> None:
         """Write model and state to a file, from which `load` goes on as if there had been no break.
@@ -118,7 +149,7 @@ class LiveTracker:
             `.npz` is appended if it is not there.
         """
         arrays = {f"{i:03d}": leaf for i, leaf in enumerate(leaves(self.state))}
-        np.savez(path, model=np.array(as_text(self.model)), **arrays)  # type: ignore[arg-type]
+        np.savez(path, model=np.array(as_text(self.model)), lag=np.array(self.lag), **arrays)  # type: ignore[arg-type]
 
     @classmethod
     def load(cls, path: str | Path) -> "LiveTracker":
@@ -140,10 +171,18 @@ class LiveTracker:
         with np.load(path, allow_pickle=False) as file:
             if "model" not in file:
                 raise ValueError(f"{path}: not a file of a saved tracker, which `LiveTracker.save` writes")
-            tracker = cls(from_text(str(file["model"])))
-            names = sorted(name for name in file.files if name != "model")
+            tracker = cls(from_text(str(file["model"])), int(file["lag"]))
+            names = sorted(name for name in file.files if name.isdigit())
             tracker.state = rebuilt(tracker.state, iter([file[name] for name in names]))
         return tracker
+
+    def _kept(self, rows: Tracks, look: Look) -> Tracks:
+        """The rows, kept too where they will be smoothed."""
+        for last in self.state.last:
+            alive = self.state.targets.lives.label
+            last = without_old(with_scan(last, rows, look, self.model), self.lag, alive)
+            self.state = self.state._replace(last=(last,))
+        return rows
 
     def _look(self, time: float, z: Any, range_rate: Any, times: Any, sensor: int, origin: Any) -> Look:
         """The checked scan."""
@@ -187,15 +226,23 @@ def track(
     Tracks
         `detection` is an index into the detections.
     """
-    tracker = LiveTracker(model)
-    parts, joined = [no_rows(model.axes, len(model.modes))], []
-    for one in scans:
-        rows = tracker.update(**_arguments(detections, one, model, reports))
-        index = np.append(one.rows, -1)[rows.detection]  # the last is of no detection
-        parts.append(rows._replace(detection=index))
+    tracker, scans, none = LiveTracker(model), list(scans), no_rows(model.axes, len(model.modes))
+    alone = reports_of(detections, scans, model) if reports and len(detections.time) else None
+    parts, joined, i, most = [none], [], 0, SHORTEST
+    while i < len(scans):
+        rows = none
+        if alone is not None:
+            tracker.state, rows = run(tracker.state, tracker._of, detections, alone, i, most)
+            most = min(max(4 * len(rows.time), SHORTEST), LONGEST)
+        i += max(len(rows.time), 1)
+        if not len(rows.time):
+            one = scans[i - 1]
+            rows = tracker.update(**_arguments(detections, one, model, reports))
+            rows = rows._replace(detection=np.append(one.rows, -1)[rows.detection])  # the last is of none
+        parts.append(rows)
         if len(parts) > TOGETHER:
             joined.append(joined_rows(parts))
-            parts = []
+            parts = [none]
     return joined_rows([*joined, *parts])
 
 

@@ -69,6 +69,22 @@ def joined_rows(parts: Sequence[Tracks]) -> Tracks:
     return Tracks(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
+def rows_of_each(tracks: Tracks) -> dict[int, np.ndarray]:
+    """Indices of the rows of each track, in order of their numbers.
+
+    Parameters
+    ----------
+    tracks : Tracks
+
+    Returns
+    -------
+    dict of int to ndarray
+    """
+    order = np.argsort(tracks.track, kind="stable")
+    labels, first = np.unique(tracks.track[order], return_index=True)
+    return dict(zip(labels.tolist(), np.split(order, first[1:]), strict=True)) if len(order) else {}
+
+
 def no_rows(axes: int, modes: int) -> Tracks:
     """No row.
 

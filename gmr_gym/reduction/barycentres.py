@@ -106,8 +106,8 @@ def barycentre_of(code, w, m, P):
 
 @kernel
 def barycentre_within(code, w, m, P, exact):
-    """`barycentre_of` where an iteration ends at a relative change of `exact`: the sum is that of the barycentre
-    to the square of it."""
+    """`barycentre_of` where an iteration ends at a relative change of `exact`: the sum is that of the
+    barycentre to the square of it."""
     n, d = m.shape
     a, x, centre = w / w.sum(), np.empty((n, d)), np.zeros(d)
     for i in range(n):

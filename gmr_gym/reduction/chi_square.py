@@ -16,9 +16,9 @@ The product of two components is Gaussian, with covariance C and mean c but for 
     I_{kl} = N(m_k; m_l, P_k + P_l) \, (2 \pi)^{d/2} \frac{|S|}{|S - C|^{1/2}}
     \exp \left( \tfrac{1}{2} (c - m)^T (S - C)^{-1} (c - m) \right)
 
-where S - C is positive definite; else the integral is infinite, as of a light and wide component beside a heavy
-and narrow one. One elimination of the matrix [[-P_k - P_l, P_l], [P_l, S - P_l]], bordered by m_k - m_l and
-m_l - m, gives everything: what is left of it below the first block is S - C, bordered by c - m.
+where S - C is positive definite; else the integral is infinite, as of a light and wide component beside a
+heavy and narrow one. One elimination of the matrix [[-P_k - P_l, P_l], [P_l, S - P_l]], bordered by m_k - m_l
+and m_l - m, gives everything: what is left of it below the first block is S - C, bordered by c - m.
 """
 
 import numpy as np

@@ -9,43 +9,166 @@ from gmr_gym.mixture import Mixture, mean_and_covariance
 from gmr_gym.reduction.agglomeration import absorb, nearest_others, relabelled
 from gmr_gym.reduction.barycentres import barycentre_of
 from gmr_gym.reduction.greedy_merging import first_least
-from gmr_gym.reduction.measures import KL, MEASURES, REVERSE_KL, WASSERSTEIN
+from gmr_gym.reduction.measures import KL, MEASURES, REVERSE_KL, WASSERSTEIN, component_cost
 from gmr_gym.reduction.merge_cost import components_last
 from gmr_gym.reduction.overlap_descent import STEPS
 from gmr_gym.reduction.pair_costs import CHI_SQUARE, UNWEIGHTED, least_costs, pair_cost, pair_of
 from gmr_gym.reduction.protocol import TOO_FAR, Reduced, definite, through, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
 
+EPSILON = float(np.finfo(float).eps)
+
 
 def consistent(p: Mixture, components: int, measure: str) -> Reduced:
+    """Greedy merging by one measure D: of the pair with the least w_i D(i, q) + w_j D(j, q), into that q.
+
+    Merging goes on until `components` remain; q is the barycentre of the pair by D. At equal cost the lowest
+    indices come first. With "kl" it is `runnalls`. Where a pair is chosen by one measure and merged by
+    another, as by moments, the result may be far from the best by either.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+    measure : {"kl", "reverse-kl", "symmetrised-kl", "wasserstein", "cauchy-schwarz", "isd"}
+        D, see `gmr_gym.reduction.measures`; "wasserstein" is in the unit of the states, so that their units
+        decide.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,). The total weight is kept; by "kl" and "wasserstein" the mean
+        too, and by "kl" the covariance.
+
+    Raises
+    ------
+    ValueError
+        For an unknown measure, `components` below 1, components too far apart to be merged, or a mixture that
+        fails `checked`.
+
+    Warns
+    -----
+    UserWarning
+        Where the iteration for a barycentre stops at its limit.
+
+    Warnings
+    --------
+    By "reverse-kl" and "wasserstein" a pair far apart becomes a narrow Gaussian between the two, where the
+    mixture has no weight: not for trackers, whose target may be at either.
+
+    References
+    ----------
+    D'Ortenzio, Manes and Orguner 2021, arXiv:2104.12586.
+
+    Examples
+    --------
+    >>> from gmr_gym.mixture import mixture
+    >>> p = mixture([0.25, 0.25, 0.5], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3)
+    >>> q, origin = consistent(p, 2, "reverse-kl")
+    >>> q.m.tolist(), q.P.ravel().tolist(), origin.tolist()
+    ([[1.0], [9.0]], [1.0, 1.0], [0, 0, 1])
+    """
     check_choice("measure", measure, MEASURES)
-    return _merged(p, components, MEASURES.index(measure))
-
-
-def greedy_chi_square(p: Mixture, components: int) -> Reduced:
-    return _merged(p, components, CHI_SQUARE)
+    return merged_within(p, check_count(components), MEASURES.index(measure))
 
 
 def greedy_wasserstein(p: Mixture, components: int) -> Reduced:
-    return _merged(p, components, UNWEIGHTED)
+    """Greedy merging of the pair with the least Wasserstein distance, whatever the weights, into its
+    barycentre.
+
+    `consistent` by "wasserstein" differs: it weighs the distance, so that light components are merged first.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,). The total weight and the mean are kept; the covariance is
+        never widened by the spread of the means.
+
+    Raises
+    ------
+    ValueError
+        For `components` below 1, or a mixture that fails `checked`.
+
+    Warnings
+    --------
+    As of `consistent` by "wasserstein".
+
+    References
+    ----------
+    Assa and Plataniotis 2018.
+    """
+    return merged_within(p, check_count(components), UNWEIGHTED)
 
 
-def _merged(p: Mixture, components: int, code: int) -> Reduced:
-    components = check_count(components)
+def greedy_chi_square(p: Mixture, components: int) -> Reduced:
+    """Greedy merging of the pair with the least chi-square divergence from its moment match.
+
+    The divergence is infinite for a light wide component beside a heavy narrow one. Where all pairs left are
+    such, the one with the least cost B of `runnalls` is merged.
+
+    Parameters
+    ----------
+    p : Mixture
+    components : int
+        Upper limit of the number of components that remain.
+
+    Returns
+    -------
+    Reduced
+        The reduced mixture and the origin (n,). The total weight, mean and covariance are kept.
+
+    Raises
+    ------
+    ValueError
+        For `components` below 1, components too far apart to be merged, or a mixture that fails `checked`.
+
+    References
+    ----------
+    Kitagawa 2019.
+    """
+    return merged_within(p, check_count(components), CHI_SQUARE)
+
+
+def merged_within(
+    p: Mixture, components: int, code: int, loss_bound: float = -1.0, ratio: float = np.inf
+) -> Reduced:
+    """Greedy merging by a measure to `components`; beyond, for a bound that is not negative, while the
+    relative loss stays within it and the next cost within `ratio` times 2 / m of the cost of merging all m
+    that are left."""
     q, place = weighing(p)
-    if len(q.w) <= components:
+    if len(q.w) <= (components if loss_bound < 0 else 1):
         return q, place
     mean, _ = mean_and_covariance(q)  # about it, differences of merged means keep their digits
-    group, m, P, longest = merge_by_measure(code, *q._replace(m=q.m - mean), components)
+    about = q._replace(m=q.m - mean)
+    whole = 0.0 if loss_bound < 0 else cost_of_all(code, *about)
+    loss_bound = np.inf if loss_bound == 1 else float(loss_bound)  # rounding must not prevent the last merge
+    group, m, P, longest = merge_by_measure(code, *about, components, loss_bound, ratio, whole)
     if longest >= STEPS:
         warn_unfinished(f"the barycentre by {MEASURES[code]}", STEPS)
     return definite(Mixture(np.bincount(group, q.w), mean + m, P)), through(place, group)
 
 
 @kernel
-def merge_by_measure(code, w, m, P, components):
-    """Groups (n,) of greedy merging by the measure, the means and covariances of their barycentres, and the most
-    steps of an iteration."""
+def cost_of_all(code, w, m, P):
+    """The sum of w D(component, barycentre of all)."""
+    mean, S, _ = barycentre_of(code, w, m, P)
+    total = 0.0
+    for i in range(len(w)):
+        total += w[i] * component_cost(code, m[i], P[i], mean, S)
+    return total
+
+
+@kernel
+def merge_by_measure(code, w, m, P, components, loss_bound, ratio, whole):
+    """Groups (n,) of greedy merging by the measure, the means and covariances of their barycentres, and the
+    most steps of an iteration. `whole` is the cost of merging all, for which a bound is needed."""
     n, exact = len(w), code == KL or code == REVERSE_KL or code == CHI_SQUARE
     w, m, P, group, alive, longest = w.copy(), m.copy(), P.copy(), np.arange(n), np.arange(n), 0
     columns, room = components_last(w, m, P)
@@ -55,8 +178,8 @@ def merge_by_measure(code, w, m, P, components):
         for j in range(i):
             table[i, j] = table[j, i] = row[j]
     nearest, least = nearest_others(table)
-    left = n
-    while left > components:
+    left, spent = n, 0.0
+    while left > (1 if loss_bound >= 0.0 else components):
         i = first_least(least, n)
         j = nearest[i]
         if least[i] == np.inf:
@@ -70,6 +193,11 @@ def merge_by_measure(code, w, m, P, components):
                 nearest[k] = first_least(table[k], n)
                 least[k] = table[k, nearest[k]]
             continue
+        slack = 4.0 * EPSILON * whole
+        high = min(loss_bound * whole - spent, ratio * (whole - spent) * 2.0 / left)
+        if left <= components and table[i, j] > high + slack:
+            break
+        spent += table[i, j]
         longest = max(longest, _merge(code, i, j, w, m, P))
         left -= 1
         at = _renew(i, j, left, w, m, P, alive, columns)

@@ -458,6 +458,37 @@ def _eliminate_six(out, bordered):
 
 
 @kernel
+def eliminate_four(out, bordered):
+    """`eliminate` for four states (planar position and velocity), unrolled as for six."""
+    b = bordered
+    for i in range(len(out)):
+        s00 = b[0, i]
+        s10, s11 = b[1, i], b[2, i]
+        s20, s21, s22 = b[3, i], b[4, i], b[5, i]
+        s30, s31, s32, s33 = b[6, i], b[7, i], b[8, i], b[9, i]
+        e0, e1, e2, e3 = b[10, i], b[11, i], b[12, i], b[13, i]
+        v0 = 1.0 / s00
+        r1, r2, r3 = s10 * v0, s20 * v0, s30 * v0
+        s11 -= r1 * s10
+        s21, s22 = s21 - r2 * s10, s22 - r2 * s20
+        s31, s32, s33 = s31 - r3 * s10, s32 - r3 * s20, s33 - r3 * s30
+        e1, e2, e3 = e1 - r1 * e0, e2 - r2 * e0, e3 - r3 * e0
+        v1 = 1.0 / s11
+        r2, r3 = s21 * v1, s31 * v1
+        s22 -= r2 * s21
+        s32, s33 = s32 - r3 * s21, s33 - r3 * s31
+        e2, e3 = e2 - r2 * e1, e3 - r3 * e1
+        v2 = 1.0 / s22
+        r3 = s32 * v2
+        s33 -= r3 * s32
+        e3 -= r3 * e2
+        d2 = e0 * e0 * v0 + e1 * e1 * v1 + e2 * e2 * v2 + e3 * e3 / s33
+        least = min(min(s00, s11), min(s22, s33))
+        b[0, i] = -0.5 * d2
+        out[i] = 1.0 / np.sqrt(s00 * s11 * s22 * s33) if least > 0.0 else np.nan
+
+
+@kernel
 def _times_exponentials(out, x, room):
     """out[i] *= exp(x[i]) for x <= 0, to the last bits; room (n,) is workspace.
 

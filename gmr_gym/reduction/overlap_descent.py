@@ -28,7 +28,7 @@ def descend(code, a, x, P, mean, S, exact):
     mean, S, new_mean, new_S, new_point = mean.copy(), S.copy(), mean.copy(), S.copy(), S.copy()
     scale, half = inverse_into(room[0], P[0], room[1]), inverse_into(room[0], S, room[1])
     point = room[0].copy() if inverted else S.copy()
-    value = _overlap_step(inverted, a, x, P, mean, S, half, scale, room, step)
+    value = _overlap_step(inverted, (a, x, P), (mean, S, half), scale, room, step)
     part, steps = 1.0, 0
     while steps < STEPS and not _is_small(step, point, inverted, exact):
         new_value = np.inf
@@ -41,7 +41,7 @@ def descend(code, a, x, P, mean, S, exact):
             half = inverse_into(room[0], new_point, room[1])
             new_S[:] = room[0] if inverted else new_point
             half = -half if inverted else half
-            new_value = _overlap_step(inverted, a, x, P, new_mean, new_S, half, scale, room, new_step)
+            new_value = _overlap_step(inverted, (a, x, P), (new_mean, new_S, half), scale, room, new_step)
             steps += 1
             if not new_value <= value + rounding:
                 part = 1.0 if part > 1.0 else 0.5 * part
@@ -83,7 +83,7 @@ def _next_part(part, old, new, point, inverted):
 
 
 @leaf_kernel
-def _overlap_step(logs, a, x, P, mean, S, half, scale, room, step):
+def _overlap_step(logs, group, q, scale, room, step):
     """The sum of a D(component, N(mean, S)) but for terms without N, of Cauchy-Schwarz where `logs`, else of
     the integral squared difference, with densities in a unit of their own; infinite where S is not positive
     definite, when log|S| / 2 = `half` is nan.
@@ -91,6 +91,7 @@ def _overlap_step(logs, a, x, P, mean, S, half, scale, room, step):
     Writes to `step` what the fixed point changes there: in its first rows the covariance, or its inverse for
     Cauchy-Schwarz, in the last one the mean.
     """
+    (a, x, P), (mean, S, half) = group, q
     n, d = x.shape
     T, L, G, H = room
     if np.isnan(half):

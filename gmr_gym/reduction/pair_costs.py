@@ -1,5 +1,5 @@
-r"""What it costs to merge one component with each of many, by a measure D: the least of w_i D(i, q) + w_j D(j, q)
-over all Gaussians q, or a lower bound of it.
+r"""What it costs to merge one component with each of many, by a measure D: the least of w_i D(i, q) + w_j
+D(j, q) over all Gaussians q, or a lower bound of it.
 
 Notes
 -----
@@ -14,12 +14,13 @@ With the shares a and b of the weights, their sum W, and the difference of the m
 and for KL it is Runnalls' cost B. Lower bounds, in a fraction of the time of the barycentre, are:
 
 - symmetrised KL: the mean of the two divergences.
-- Wasserstein: the trace of the root of Pi Pj is at most the root of tr Pi Pj + sqrt((tr^2 Pi - tr Pi^2) (tr^2 Pj -
-  tr Pj^2)), exact in one and two dimensions (Miszczak et al. 2009, of fidelities).
-- ISD: W a b times the integral squared difference of i and j, which is what the whole adds to the integral squared
-  difference of the pair from q.
-- Cauchy-Schwarz: q is one of all unit vectors of the space of functions, of which the best lies between the two;
-  and, along the line that tells them apart best, it is a Gaussian in one dimension, of the wider one's scale.
+- Wasserstein: the trace of the root of Pi Pj is at most the root of tr Pi Pj + sqrt((tr^2 Pi - tr Pi^2) (tr^2
+  Pj - tr Pj^2)), exact in one and two dimensions (Miszczak et al. 2009, of fidelities).
+- ISD: W a b times the integral squared difference of i and j, which is what the whole adds to the integral
+  squared difference of the pair from q.
+- Cauchy-Schwarz: q is one of all unit vectors of the space of functions, of which the best lies between the
+  two; and, along the line that tells them apart best, it is a Gaussian in one dimension, of the wider one's
+  scale.
 """
 
 import numpy as np
@@ -28,8 +29,9 @@ from gmr_gym.kernels import ZERO, kernel
 from gmr_gym.linalg import LOG_2PI
 from gmr_gym.reduction.barycentres import barycentre_within
 from gmr_gym.reduction.chi_square import chi_square_costs
-from gmr_gym.reduction.distances import eliminate
+from gmr_gym.reduction.distances import eliminate, eliminate_four
 from gmr_gym.reduction.measures import (
+    CAUCHY_SCHWARZ,
     ISD,
     KL,
     LOG_2,
@@ -63,7 +65,10 @@ def least_costs(code, i, k, columns, room, row):
         bordered, root = np.empty((len(columns) - 1, k)), np.empty(k)
         by_shares = code == REVERSE_KL or code == SYMMETRISED_KL
         _border(i, k, columns, bordered, by_shares)
-        eliminate(root, bordered, d)
+        if d == 4 and code != CAUCHY_SCHWARZ:  # which needs what the other leaves
+            eliminate_four(root, bordered)
+        else:
+            eliminate(root, bordered, d)
         if by_shares:
             _reverse_costs(i, k, columns, bordered[0], root, row, code == SYMMETRISED_KL)
         elif code == ISD:

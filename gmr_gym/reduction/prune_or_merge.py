@@ -44,7 +44,8 @@ def prune_or_merge(p: Mixture, components: int, sharpened: bool = False) -> Redu
 
     Notes
     -----
-    With weights of sum 1, and q the moment match of i and j, the costs of pruning i and of merging i and j are
+    With weights of sum 1, and q the moment match of i and j, the costs of pruning i and of merging i and j
+    are
 
     .. math::
 
@@ -75,12 +76,14 @@ def prune_or_merge(p: Mixture, components: int, sharpened: bool = False) -> Redu
     ([0, 1, -1], 1.0)
     """
     components = check_count(components)
+    if sharpened not in (False, True):
+        raise ValueError(f"sharpened must be True or False, got {sharpened!r}")
     q, place = weighing(p)
     if len(q.w) <= components:
         return q, place
     mean, _ = mean_and_covariance(q)
     total = q.w.sum()
-    w, m, P, group = _reduce(q.w / total, q.m - mean, q.P, components, sharpened)
+    w, m, P, group = _reduce(q.w / total, q.m - mean, q.P, components, bool(sharpened))
     return definite(Mixture(w * (total / w.sum()), mean + m, P)), through(place, group)
 
 
@@ -90,10 +93,11 @@ def _reduce(w, m, P, components, sharpened):
     n, d = m.shape
     w, m, P, group, left = w.copy(), m.copy(), P.copy(), np.arange(n), n
     precision, log_det, room = np.empty((n, d, d)), np.empty(n), np.empty((8, d, d))
+    g = (w, m, P, precision, log_det)
     merging, pruning = np.full((n, n), np.inf), np.full((n, n), np.inf)
     for i in range(n):
         log_det[i] = 2.0 * inverse_into(precision[i], P[i], room[0])
-        _costs_of(i, i, w, m, P, precision, log_det, sharpened, room, merging, pruning)
+        _costs_of(i, i, g, sharpened, room, merging, pruning)
     (near, least), (heir, saved) = nearest_others(merging), nearest_others(pruning)
     while left > components:
         i, total = first_least(least, n), w.sum()
@@ -106,7 +110,7 @@ def _reduce(w, m, P, components, sharpened):
             _, m_ij, P_ij = match(*pair_of(i, j, w, m, P), np.zeros(2, np.int64), 1)
             w[i], m[i], P[i], w[j] = w[i] + w[j], m_ij[0], P_ij[0], 0.0
             log_det[i] = 2.0 * inverse_into(precision[i], P[i], room[0])
-            _costs_of(i, n, w, m, P, precision, log_det, sharpened, room, merging, pruning)
+            _costs_of(i, n, g, sharpened, room, merging, pruning)
         else:
             i = j = k
             w[k] = 0.0
@@ -121,7 +125,7 @@ def _reduce(w, m, P, components, sharpened):
 
 @leaf_kernel
 def _cheapest_pruning(w, saved, total):
-    """The component whose pruning costs least, and that cost; `saved` (n,) is what others take over, negative."""
+    """What to prune for the least cost, and that cost; `saved` (n,), below 0, is what others take over."""
     at, least = 0, np.inf
     for k in range(len(w)):
         rest, given_up = total - w[k], np.log1p(-w[k] / total)
@@ -136,12 +140,14 @@ def _cheapest_pruning(w, saved, total):
 
 
 @kernel
-def _costs_of(i, stop, w, m, P, precision, log_det, sharpened, room, merging, pruning):
-    """Writes what concerns component i and those before `stop` to the tables."""
+def _costs_of(i, stop, g, sharpened, room, merging, pruning):
+    """Writes what concerns component i and those before `stop` to the tables. g holds the weights,
+    means, covariances, their inverses and log determinants."""
+    w, m, P, precision, log_det = g
     for j in range(stop):
         if j == i or w[j] == 0.0:
             continue
-        merging[i, j] = merging[j, i] = _merge_cost(i, j, w, m, P, precision, log_det, sharpened, room)
+        merging[i, j] = merging[j, i] = _merge_cost(i, j, g, sharpened, room)
         for a, b in ((i, j), (j, i)):  # a pruned, b its heir
             divergence = _divergence(m[b], P[b], log_det[b], m[a], precision[a], log_det[a])
             z = np.log(w[a]) - np.log(w[b]) - divergence
@@ -149,7 +155,8 @@ def _costs_of(i, stop, w, m, P, precision, log_det, sharpened, room, merging, pr
 
 
 @leaf_kernel
-def _merge_cost(i, j, w, m, P, precision, log_det, sharpened, room):
+def _merge_cost(i, j, g, sharpened, room):
+    w, m, P, precision, log_det = g
     d, W = m.shape[1], w[i] + w[j]
     a = w[i] / W
     S, inverse, mean = room[0], room[1], room[2, 0]
@@ -165,8 +172,8 @@ def _merge_cost(i, j, w, m, P, precision, log_det, sharpened, room):
     y = _divergence(mean, S, log_S, m[j], precision[j], log_det[j])
     if sharpened:
         x, y = (
-            x - _inside(j, i, m, P, precision, log_det, mean, S, inverse, log_S, room),
-            y - _inside(i, j, m, P, precision, log_det, mean, S, inverse, log_S, room),
+            x - _inside(j, i, g, mean, S, inverse, log_S, room),
+            y - _inside(i, j, g, mean, S, inverse, log_S, room),
         )
     x, y = x - np.log(a), y - np.log(w[j] / W)
     nearer = min(x, y)
@@ -185,8 +192,9 @@ def _divergence(m1, P1, log_det1, m2, precision2, log_det2):
 
 
 @leaf_kernel
-def _inside(i, j, m, P, precision, log_det, mean, S, inverse, log_S, room):
+def _inside(i, j, g, mean, S, inverse, log_S, room):
     """Integral of q f_i / max f_i log(q / f_j), for q = N(mean, S)."""
+    _, m, P, precision, log_det = g
     d, T, K, both, u, centre = len(mean), room[3], room[4], room[5], room[6, 0], room[7, 0]
     for r in range(d):
         for c in range(d):

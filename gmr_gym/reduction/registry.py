@@ -15,12 +15,16 @@ from gmr_gym.catalogue import reduction_entry_points, reductions
 from gmr_gym.checks import check_not_negative
 from gmr_gym.literals import name_and_parameters
 from gmr_gym.mixture import Mixture
+from gmr_gym.reduction.adaptive_merging import adaptive_2023
 from gmr_gym.reduction.agglomeration import greedy_isd
 from gmr_gym.reduction.clustering import LINKAGES, hierarchical, k_means, k_medoids
+from gmr_gym.reduction.consistent_merging import consistent, greedy_chi_square, greedy_wasserstein
 from gmr_gym.reduction.dissimilarity import MEASURES
 from gmr_gym.reduction.ise import integral_squared_error
+from gmr_gym.reduction.measures import MEASURES as BARYCENTRES
 from gmr_gym.reduction.oracles import brute_force, transportation_optimum
 from gmr_gym.reduction.protocol import Reduced
+from gmr_gym.reduction.prune_or_merge import prune_or_merge
 from gmr_gym.reduction.pruning import capping
 from gmr_gym.reduction.refinement import gmrc, refine
 from gmr_gym.reduction.runnalls import adaptive, runnalls
@@ -53,6 +57,11 @@ REDUCERS: dict[str, Callable] = {
     "gmrc": gmrc,
     "refit": refit,
     "cowa": cowa,
+    **{f"consistent-{measure}": partial(consistent, measure=measure) for measure in BARYCENTRES[1:]},
+    "greedy-wasserstein": greedy_wasserstein,
+    "greedy-chi-square": greedy_chi_square,
+    "prune-or-merge": prune_or_merge,
+    "adaptive-2023": adaptive_2023,
 }
 
 

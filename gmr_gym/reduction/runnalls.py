@@ -9,14 +9,15 @@ an empty mixture stays empty. A mixture that fails `checked` raises ValueError.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from numbers import Real
 
 import numpy as np
 
-from gmr_gym.checks import UNLIMITED, check_count, refuse_unsound, sound
+from gmr_gym.checks import UNLIMITED, check_choice, check_count, check_loss_bound, refuse_unsound, sound
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, arrays_of
+from gmr_gym.reduction.consistent_merging import merged_within
 from gmr_gym.reduction.greedy_merging import merge_greedily
+from gmr_gym.reduction.measures import MEASURES, TELESCOPING
 from gmr_gym.reduction.merge_cost import total_cost
 from gmr_gym.reduction.protocol import TOO_FAR, Reduced
 from gmr_gym.reduction.pruning import above_threshold, select, weighing
@@ -60,16 +61,21 @@ def runnalls(p: Mixture, components: int) -> Reduced:
     return Greedy(check_count(components))(p)
 
 
-def adaptive(p: Mixture, loss_bound: float, components: int | None = None) -> Reduced:
+def adaptive(p: Mixture, loss_bound: float, components: int | None = None, measure: str = "kl") -> Reduced:
     """Greedy merging by cost B while the relative loss stays within `loss_bound`.
 
     Parameters
     ----------
     p : Mixture
     loss_bound : float
-        Bound alpha, in [0, 1], of the sum of the costs of the merges relative to `total_merge_cost`.
+        Bound alpha, in [0, 1], of the sum of the costs of the merges relative to that of merging everything,
+        for "kl" `total_merge_cost`.
     components : int, optional
         Upper limit of the number of components that remain: merging goes on beyond the bound until it is met.
+    measure : {"kl", "reverse-kl"}
+        What the costs are by: B, or the cost and the barycentre of `consistent` by the reverse divergence.
+        Only by these two does any order of merges cost the same, so that the relative loss is that of the
+        result.
 
     Returns
     -------
@@ -79,7 +85,13 @@ def adaptive(p: Mixture, loss_bound: float, components: int | None = None) -> Re
     Raises
     ------
     ValueError
-        For a `loss_bound` outside [0, 1], `components` below 1, or a mixture that fails `checked`.
+        For a `loss_bound` outside [0, 1], an unknown measure, `components` below 1, or a mixture that fails
+        `checked`.
+
+    Warnings
+    --------
+    By "reverse-kl" a pair far apart becomes a narrow Gaussian between the two, where the mixture has no
+    weight.
 
     Notes
     -----
@@ -98,7 +110,11 @@ def adaptive(p: Mixture, loss_bound: float, components: int | None = None) -> Re
     >>> len(q.w), origin.tolist()
     (2, [0, 0, 1])
     """
-    return greedy(components, loss_bound)(p)
+    merging = greedy(components, loss_bound)
+    check_choice("measure", measure, TELESCOPING)
+    if measure == "kl":
+        return merging(p)
+    return merged_within(p, merging.components, MEASURES.index(measure), merging.loss_bound)
 
 
 @dataclass(frozen=True)
@@ -121,16 +137,21 @@ class Greedy:
 def greedy(components: int | None, loss_bound: float) -> Greedy:
     """Checked Greedy of `adaptive`; ValueError for a loss bound outside [0, 1] and for `components` below
     1."""
-    if not isinstance(loss_bound, Real) or not 0 <= loss_bound <= 1:
-        raise ValueError(f"loss_bound must lie in [0, 1], got {loss_bound!r}")
-    return Greedy(UNLIMITED if components is None else check_count(components), float(loss_bound))
+    bound = check_loss_bound(loss_bound)
+    return Greedy(UNLIMITED if components is None else check_count(components), bound)
 
 
 def compilable(reduce: partial) -> Callable[[Mixture], Reduced]:
     """The Greedy of `runnalls` or `adaptive` with its parameters; another reduction as it is."""
     if reduce.func is runnalls:
         return Greedy(check_count(reduce.keywords["components"]))
-    return greedy(**reduce.keywords) if reduce.func is adaptive else reduce
+    if reduce.func is adaptive:
+        keywords = dict(reduce.keywords)
+        measure = keywords.pop("measure", "kl")
+        check_choice("measure", measure, TELESCOPING)
+        merging = greedy(**keywords)
+        return merging if measure == "kl" else reduce
+    return reduce
 
 
 def total_merge_cost(p: Mixture) -> float:

@@ -68,7 +68,16 @@ def transportation(
     Warns
     -----
     UserWarning
-        Where 300 sweeps do not converge.
+        Where 300 sweeps do not converge, or a barycentre is not reached.
+
+    Warnings
+    --------
+    By "reverse-kl" and "wasserstein", components far apart in one group are left as a narrow Gaussian between
+    them, where the mixture has no weight. By "wasserstein" the units of the states count.
+
+    Notes
+    -----
+    Departs: a component at equal cost from several Gaussians goes to the first of them, and is not split.
 
     References
     ----------
@@ -119,8 +128,8 @@ def transportation_objective(
 def dphem(p: Mixture, components: int, samples: float | None = None) -> Reduced:
     r"""Density-preserving hierarchical expectation maximisation, from the groups of `runnalls`.
 
-    Expectation maximisation on as many virtual samples of every component. The fewer they are, the more
-    components are shared among Gaussians.
+    Expectation maximisation on virtual samples of the components, of each as many, whatever its weight. The
+    fewer they are, the more components are shared among Gaussians.
 
     Parameters
     ----------

@@ -5,11 +5,11 @@ import numpy as np
 from gmr_gym.checks import check_choice, check_count, check_flag
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, solve_lower, solve_upper
-from gmr_gym.mixture import Mixture, match_groups
+from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.distances import pack, products, products_of_columns, products_with
-from gmr_gym.reduction.protocol import TOO_FAR, Reduced, through, warn_unfinished
+from gmr_gym.reduction.protocol import TOO_FAR, Reduced, grouped, through, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
-from gmr_gym.reduction.units import into, out_of, standard
+from gmr_gym.reduction.units import into, standard
 
 WHEN = ("each-merge", "end")
 RIDGE = 1e-12  # beside entries of H of at most 1: components that are nearly equal leave it singular
@@ -149,18 +149,19 @@ def cowa(p: Mixture, components: int, when: str = "each-merge", keep_mean: bool 
         units, f = standard(p)
     except np.linalg.LinAlgError:
         raise ValueError(TOO_FAR) from None
-    g, group = f, np.arange(len(f.w))
+    g, group = p, np.arange(len(p.w))
     while len(g.w) > components:
-        g, merged = _similar_merged(g)
+        merged = _similar_together(into(units, g))
+        g = grouped(g, merged, len(g.w) - 1)
         if when == "each-merge" or len(g.w) == components:
-            g = g._replace(w=_fitted(f, g, keep_mean))
+            g = g._replace(w=units.total * _fitted(f, into(units, g), keep_mean))
         g, left = weighing(g)
         group = through(group, through(merged, left))
-    return out_of(units, g), through(place, group)
+    return g, through(place, group)
 
 
-def _similar_merged(g):
-    """The mixture with one pair merged, and where its components went (n,)."""
+def _similar_together(g):
+    """Groups (n,) of the components, of which two form one and every other is alone."""
     columns, n = pack(g.m, g.P), len(g.w)
     i = int(np.argmin(g.w / np.trace(g.P, axis1=1, axis2=2)))
     own = products_of_columns(columns, columns, n)
@@ -169,7 +170,7 @@ def _similar_merged(g):
     first, second = sorted((i, int(np.argmin(apart))))
     group = np.arange(n) - (np.arange(n) > second)
     group[second] = first
-    return match_groups(g, group, n - 1), group
+    return group
 
 
 def _fitted(f, g, keep_mean):

@@ -64,6 +64,31 @@ def test_every_file_is_written_and_says_what_made_it(call, tmp_path):
         assert (named == np.median(named)).mean() > 0.9
 
 
+def columns(file):
+    lines = [line for line in file.read_text().splitlines() if line[0] != "#"]
+    return {name: [*column] for name, *column in zip(*(line.split(",") for line in lines), strict=True)}
+
+
+def test_smoothed_tracks_are_the_same_rows_nearer_to_the_truth(call, tmp_path):
+    code, printed, _ = call("--smooth", "--truth-file", "truth.csv", "--out", "t.csv", "--report", "r.json")
+    assert code == 0 and "written to t.csv, t-smoothed.csv, r.json" in printed
+    filtered, smoothed = columns(tmp_path / "t.csv"), columns(tmp_path / "t-smoothed.csv")
+    assert filtered.keys() == smoothed.keys() and set(smoothed["nis"]) == {""}
+    for name in ("time", "track_id", "status", "existence", "detection_row", "weight", "age"):
+        assert filtered[name] == smoothed[name]
+    groups = json.loads((tmp_path / "r.json").read_text())["figures"]
+    error = [
+        next(one["value"] for one in groups[title] if one["name"].endswith("root mean square error"))
+        for title in ("With a truth", "Smoothed, with a truth")
+    ]
+    assert error[1] < 0.85 * error[0]
+    assert "Smoothed, with a truth:\n" in printed
+    code, _, errors = call("--smooth", "--out", "t.csv")
+    assert code == 2 and "t.csv is there already" in errors
+    (tmp_path / "t.csv").unlink()
+    assert "--smooth: t-smoothed.csv is there already" in call("--smooth", "--out", "t.csv")[2]
+
+
 def test_what_is_there_is_kept_unless_it_may_be_replaced(call, tmp_path):
     (tmp_path / "t.csv").write_text("mine")
     code, _, errors = call("--out", "t.csv")

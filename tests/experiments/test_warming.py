@@ -6,6 +6,8 @@ import pytest
 from gmr_gym.catalogue import GROUP
 from gmr_gym.envs.registry import MULTI_TARGET, TUNING
 from gmr_gym.experiments import warming
+from gmr_gym.filters import bernoulli_tracks, imm_smoothing
+from gmr_gym.recorded import LiveTracker, SensorSpec, track_rules, tracking_model
 
 TURNING, CLUTTER = "gmr_gym/TurningTarget-v0", "gmr_gym/UnknownClutter-v0"
 
@@ -49,6 +51,24 @@ def test_a_tracker_may_have_parameters(played):
     assert warming.warm([TURNING], ["runnalls:components=2"], 1, lambda *_: None) == 1
     with pytest.raises(ValueError, match=r"'pda:components=2' fits none .* takes no parameter 'components'"):
         warming.warm([TURNING], ["pda:components=2"], 1, lambda *_: None)
+
+
+def test_what_tracks_files_is_compiled_too_where_it_is_asked_for(played):
+    assert warming.warm([], [], 1, lambda *_: None, files=True) == 0
+    assert played == [("", "")]
+    kernels = (
+        bernoulli_tracks.started, bernoulli_tracks.outputs, bernoulli_tracks.first_of_each,
+        imm_smoothing.smoothed, imm_smoothing.advanced, track_rules.follow, track_rules.passes,
+    )  # fmt: skip
+    compiled = [len(kernel.overloads) for kernel in kernels]
+    assert min(compiled) > 0
+    sensor = SensorSpec("", deviation=(5.0, 5.0), detection_probability=0.9, clutter_per_scan=1.0)
+    tracker = LiveTracker(tracking_model([sensor], (-1e3, -1e3), (1e3, 1e3)), lag=1)
+    for t in range(3):  # of another sensor, with a beam and with identities
+        tracker.update(2.0 * t, [[10.0 * t, 0.0]], azimuths=(0.0, 6.0))
+        tracker.update(2.0 * t + 1.0, [[0.0, 500.0]], identity="a")
+        tracker.smoothed()
+    assert [len(kernel.overloads) for kernel in kernels] == compiled
 
 
 def test_an_environment_without_trackers_is_stepped(played):

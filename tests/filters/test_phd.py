@@ -143,9 +143,7 @@ def test_a_detection_is_false_by_the_share_of_clutter_where_it_lies(seed):
     _, false = phd.update(labelled(p), people.sensor, z, 0.9, kappa, 1e-5)
     np.testing.assert_allclose(false, kappa / (kappa + targets), rtol=1e-9)
     assert phd.update(labelled(p), people.sensor, z[:0], 0.9, kappa[:0], 1e-5)[1].shape == (0,)
-    np.testing.assert_array_equal(
-        phd.update(phd.no_targets(people), people.sensor, z, 0.9, kappa, 1e-5)[1], 1.0
-    )
+    np.testing.assert_array_equal(phd.update(phd.initial(people), people.sensor, z, 0.9, kappa, 1e-5)[1], 1.0)
 
 
 def test_a_sure_lone_target_is_followed_as_by_a_kalman_filter():
@@ -306,7 +304,7 @@ def test_crossing_targets_are_told_apart_and_labels_last():
 
 
 def test_no_label_is_given_twice_and_survivors_keep_theirs():
-    first = phd.predict(phd.no_targets(spawning()), spawning())
+    first = phd.predict(phd.initial(spawning()), spawning())
     second = phd.predict(first, spawning())
     assert first.label.tolist() == [0, 1] and second.label.tolist() == [0, 1, 2, 3, 4, 5]
     assert phd.predict(second, spawning()).next_label == 6 + 6 + 2

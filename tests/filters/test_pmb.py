@@ -1,6 +1,4 @@
-"""Poisson multi-Bernoulli tracks: marginals of belief propagation, an update, and trackers made of them."""
-
-from itertools import product
+"""Poisson multi-Bernoulli tracks: an update, and trackers made of them."""
 
 import numpy as np
 import pytest
@@ -8,7 +6,7 @@ from scipy.stats import multivariate_normal
 
 from baselines.learning_pmb import learning_pmb, pmb
 from gmr_gym.filters import pmb as multi_bernoulli
-from gmr_gym.filters.pmb import MultiBernoulli, marginals
+from gmr_gym.filters.pmb import MultiBernoulli
 from gmr_gym.mixture import Mixture, mixture
 from gmr_gym.models.clutter import no_components, uniform_clutter
 from gmr_gym.models.kalman import position_sensor, predict
@@ -17,7 +15,6 @@ from gmr_gym.models.multi_target import multi_target_model
 
 CORNER = np.array([-300.0, -300.0])
 DETECTION, SURVIVAL = 0.9, 0.98
-EXACT = 1e-5  # belief propagation stops when its messages change by a millionth
 TRACKERS = [pmb, learning_pmb]
 BIRTHS = ([0.1, 0.05], [[100.0, 0, 0, 5], [-100, 50, 5, 0]], [np.diag([100.0, 100, 9, 9])] * 2)
 
@@ -65,37 +62,6 @@ def likelihoods(p, z, people):
     )
 
 
-def propagated(psi):
-    """`marginals` of a table (n, k), as a table (n, k) and what is without."""
-    track, detection = np.nonzero(psi > 0)
-    claimed, missed, unclaimed = marginals(track, detection, np.log(psi[track, detection]), *psi.shape)
-    out = np.zeros(psi.shape)
-    out[track, detection] = claimed
-    return out, missed, unclaimed
-
-
-def enumerated(psi):
-    """The same, of every assignment in which no detection is of two tracks."""
-    n, k = psi.shape
-    out, missed, unclaimed, total = np.zeros((n, k)), np.zeros(n), np.zeros(k), 0.0
-    for choice in product(range(-1, k), repeat=n):
-        has = np.array(choice)
-        taken = has[has >= 0]
-        if len(set(taken)) < len(taken):
-            continue
-        weight = np.prod([psi[i, j] for i, j in enumerate(choice) if j >= 0])
-        total += weight
-        out[np.flatnonzero(has >= 0), taken] += weight
-        missed[has < 0] += weight
-        unclaimed[np.setdiff1d(np.arange(k), taken)] += weight
-    return out / total, missed / total, unclaimed / total
-
-
-def assert_close(a, b, atol):
-    for one, other in zip(a, b, strict=True):
-        np.testing.assert_allclose(one, other, atol=atol, rtol=0)
-
-
 def followed(tracker, scans):
     belief, accounts = tracker.init(), []
     for z in scans:
@@ -113,63 +79,6 @@ def two_walks(scans, seed, false=10):
         out.append(rng.permutation(np.vstack([z, rng.uniform(-300, 300, (rng.poisson(false), 2))])))
         x[:, :2] += x[:, 2:]
     return out
-
-
-# ---- marginals ----
-
-
-@pytest.mark.parametrize("seed", range(10))
-@pytest.mark.parametrize("shape", [(1, 4), (4, 1), (1, 1)])
-def test_with_one_track_or_one_detection_marginals_are_exact(shape, seed):
-    psi = np.exp(3 * np.random.default_rng(seed).standard_normal(shape))
-    assert_close(propagated(psi), enumerated(psi), EXACT)
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_without_loops_marginals_are_exact(seed):
-    psi = np.exp(3 * np.random.default_rng(seed).standard_normal((4, 4)))
-    chain = np.array([[1, 1, 0, 0], [0, 1, 1, 0], [0, 0, 1, 1], [0, 0, 0, 1]])
-    assert_close(propagated(psi * chain), enumerated(psi * chain), EXACT)
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_with_loops_marginals_are_near(seed):
-    # all pairs are possible: a dozen loops, where the method only approximates
-    psi = np.exp(np.random.default_rng(seed).standard_normal((3, 4)))
-    assert_close(propagated(psi), enumerated(psi), 0.04)
-
-
-@pytest.mark.parametrize("likely", [1e17, 1e80, 1e250])
-def test_a_pair_beyond_doubt_does_not_swallow_the_others(likely):
-    psi = np.array([[likely, 2.0], [0.0, 3.0]])
-    assert_close(propagated(psi), ([[1, 0], [0, 0.75]], [0, 0.25], [0, 0.25]), EXACT)
-
-
-@pytest.mark.parametrize("likely", [10.0, 1e17, 1e80])
-def test_two_who_want_the_same_detection_are_told_apart_by_their_others(likely):
-    psi = np.array([[likely, 2.0, 0.0], [likely, 0.0, 3.0]])
-    assert_close(propagated(psi), enumerated(psi), EXACT)
-
-
-@pytest.mark.parametrize("likely", [1e3, 1e5])
-def test_pairs_beyond_floating_point_are_told_apart(likely):
-    # by hand, a chain: two tracks, each e^likely times as likely to have either of two detections as none,
-    # and a third that may have the last
-    track, detection = np.array([0, 0, 1, 1, 2]), np.array([0, 1, 1, 2, 2])
-    log_psi = np.array([likely, likely + 1, likely + 2, likely, 0.5])
-    claimed, missed, unclaimed = marginals(track, detection, log_psi, 3, 3)
-    # detections of the tracks: (0, 1, none), (0, 1, 2), (0, 2, none), (1, 2, none)
-    w = np.exp([2.0, 2.5, 0.0, 1.0])
-    w /= w.sum()
-    expected = [w[:3].sum(), w[3], w[:2].sum(), w[2:].sum(), w[1]]
-    np.testing.assert_allclose(claimed, expected, atol=EXACT)
-    np.testing.assert_allclose(missed, [0, 0, 1 - w[1]], atol=EXACT)
-    np.testing.assert_allclose(unclaimed, [w[3], w[2], w[0]], atol=EXACT)
-
-
-def test_nothing_to_assign_leaves_all_without():
-    claimed, missed, unclaimed = propagated(np.zeros((3, 2)))
-    assert not claimed.any() and (missed == 1).all() and (unclaimed == 1).all()
 
 
 # ---- one update ----
@@ -244,18 +153,6 @@ def test_a_track_and_a_new_target_share_a_detection_as_bayes_has_it():
     r = [(detected + 0.6 * (1 - DETECTION) * (rho + kappa)) / total, (1 - 0.6 * DETECTION) * rho / total]
     np.testing.assert_allclose(posterior.tracks.w, r, rtol=1e-5)
     np.testing.assert_allclose(false, [(1 - 0.6 * DETECTION) * kappa / total], rtol=1e-5)
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_a_detection_is_of_one_track_or_of_none(seed):
-    rng = np.random.default_rng(seed)
-    psi = np.where(rng.random((5, 7)) < 0.6, rng.gamma(0.3, 10.0, (5, 7)), 0.0)
-    track, detection = np.nonzero(psi)
-    claimed, missed, unclaimed = marginals(track, detection, np.log(psi[track, detection]), 5, 7)
-    by_detection = np.bincount(detection, claimed, 7) + unclaimed
-    by_track = np.bincount(track, claimed, 5) + missed
-    np.testing.assert_allclose(by_detection, 1.0, atol=1e-5)  # as near as its rounds come
-    np.testing.assert_allclose(by_track, 1.0, atol=1e-5)
 
 
 @pytest.mark.parametrize("seed", range(5))

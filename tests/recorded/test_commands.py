@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gmr_gym import cli
+from gmr_gym.evaluation import csv_columns
 
 
 @pytest.fixture
@@ -93,6 +94,13 @@ def test_track_of_many_follows_the_ships_of_a_polar_file(call):
         assert np.linalg.norm(places - ship, axis=1).min() < 25
 
 
+def test_what_would_not_fit_in_memory_is_refused_before_it_is_tracked(call, monkeypatch):
+    Path("z.csv").write_text(radar(4))
+    monkeypatch.setattr(csv_columns, "_free_memory", lambda: 1.6e4)
+    code, _, errors = call("track", *READ, "--targets", "many")
+    assert code == 2 and "z.csv: tracks of 16 detections need 0.0 GB, and 0.0 GB are free; choose" in errors
+
+
 def test_settings_in_a_file_are_overridden_by_options(call):
     Path("z.csv").write_text("time_s,a,b\n0,1,2\n1,2,3\n")
     Path("s.toml").write_text('[input]\nx = "a:m"\ny = "b:m"\n')
@@ -108,7 +116,8 @@ def test_range_rates_need_their_deviation(call):
     assert code == 2 and "sensor '' measures range rates; give their deviation too, such as" in errors
 
 
-ONE = "--sensor-deviation", "5", "--clutter-density", "1e-6"
+ASSUMED = "--sensor-deviation", "5", "--clutter-density", "1e-6"
+ONE = "--targets", "one", *ASSUMED
 
 
 def test_one_target_is_tracked_in_a_file_of_any_units(call):
@@ -123,6 +132,36 @@ def test_one_target_is_tracked_in_a_file_of_any_units(call):
     assert call("track", "ft.csv", *columns, *ONE, "--out", "b.csv")[0] == 0
     one, other = (np.loadtxt(name, delimiter=",", skiprows=1) for name in ("a.csv", "b.csv"))
     np.testing.assert_allclose(one[:, 1:7], other[:, 1:7], rtol=1e-6, atol=1e-6)
+
+
+def test_how_many_targets_there_are_may_stand_in_the_settings(call):
+    Path("z.csv").write_text("time_s,x_m,y_m\n0,1,1\n1,1,1\n")
+    Path("s.toml").write_text('[tracks]\ntargets = "one"\n')
+    assert (
+        "2 scans tracked; written to track.csv" in call("track", "z.csv", *ASSUMED, "--config", "s.toml")[1]
+    )
+    words = "track", "z.csv", *ASSUMED, "--config", "s.toml", "--targets", "many"
+    assert "tracks; written to tracks.csv" in call(*words)[1]
+    Path("s.toml").write_text('[tracks]\ntargets = "few"\n')
+    assert "targets must be one of one, many, got 'few'" in call(*words[:-2])[2]
+
+
+def test_one_target_is_smoothed_into_a_second_file(call):
+    rows = [f"{i},{10 * i + 5 * (-1) ** i},5" for i in range(12)]
+    Path("z.csv").write_text("time_s,x_m,y_m\n" + "\n".join(rows))
+    Path("s.toml").write_text("[output]\nsmooth = true\n")
+    assert call("track", "z.csv", *ONE, "--out", "a.csv")[0] == 0
+    code, printed, _ = call("track", "z.csv", *ONE, "--config", "s.toml", "--out", "b.csv")
+    assert code == 0 and "written to b.csv, b-smoothed.csv" in printed
+    assert Path("a.csv").read_text() == Path("b.csv").read_text()
+    a, b = (np.loadtxt(name, delimiter=",", skiprows=1) for name in ("a.csv", "b-smoothed.csv"))
+    truth = 10 * np.arange(12)
+    assert a.shape == b.shape and ((b[:, 1] - truth) ** 2).sum() < 0.7 * ((a[:, 1] - truth) ** 2).sum()
+    assert (b[:-1, 5] < a[:-1, 5]).all()  # the variance of x
+    assert call("track", "z.csv", *ONE, "--smooth", "--out", "z-smoothed.csv")[0] == 0
+    Path("s.toml").write_text('[output]\nsmooth = "yes"\n')
+    error = call("track", "z.csv", *ONE, "--config", "s.toml")[2]
+    assert "[output], smooth: must be true or false, got 'yes'" in error
 
 
 @pytest.mark.parametrize(
@@ -146,10 +185,12 @@ def test_what_was_tracked_silently_wrong_is_refused(call, text, message):
     "words, message",
     [
         (("--targets", "two"), "unknown targets 'two'; choose one of one, many"),
-        (("--targets", "many"), "sensor '' has no deviation; give --sensor-deviation, such as 50 (m)"),
-        (("--targets", "many", *ONE, "--confirm", "3"), "--confirm must be M/N, such as 3/5, got '3'"),
-        (("--sensor-deviation", "5"), "missing option --clutter-density"),
-        (("--clutter-density", "5"), "missing option --sensor-deviation"),
+        ((), "sensor '' has no deviation; give --sensor-deviation, such as 50 (m)"),
+        ((*ASSUMED, "--confirm", "3"), "--confirm must be M/N, such as 3/5, got '3'"),
+        ((*ASSUMED, "--prior", "1,1,0,0"), "--prior is of one target; give --targets one"),
+        ((*ASSUMED, "--speed", "150"), "--speed is of one target; give --targets one"),
+        (("--targets", "one", "--sensor-deviation", "5"), "missing option --clutter-density"),
+        (("--targets", "one", "--clutter-density", "5"), "missing option --sensor-deviation"),
         (
             (*ONE, "--acceleration-deviation", "1,2"),
             "--acceleration-deviation of one target must be one number",

@@ -72,3 +72,18 @@ def test_of_json_the_detections_are_written(tmp_path):
     track, _ = labels(MADE.tracks, len(time))
     assert [row[0] for row in rows] == [str(i + 1) for i in range(len(time))]
     assert [int(row[-2] or 0) for row in rows] == track.tolist()
+
+
+def test_detections_that_are_no_text_are_written_where_they_are(tmp_path):
+    """Whatever the file's own coordinates are: metres east and north, and degrees."""
+    source, out = tmp_path / "plots.json", tmp_path / "labelled.csv"
+    places = [(58.0, 10.0), (58.01, 10.02)]
+    source.write_text(json.dumps([{"time_s": i, "lat": a, "lon": b} for i, (a, b) in enumerate(places)]))
+    found = read(source)
+    write_labelled(
+        out, MADE.tracks._replace(detection=np.full_like(MADE.tracks.detection, -1)), found, source
+    )
+    header, *rows = (line.split(",") for line in out.read_text().splitlines())
+    assert header == ["record", "time", "x_m", "y_m", "lat", "lon", "identity", "track_id", "weight"]
+    np.testing.assert_allclose(np.array([row[4:6] for row in rows], float), places, atol=1e-6)
+    np.testing.assert_allclose(np.array([row[2:4] for row in rows], float), found.z)

@@ -76,7 +76,7 @@ def test_two_long_tracks_are_enough_and_their_number_is_said():
 @pytest.mark.parametrize(
     "kind, message",
     [
-        ({"scans": 12, "targets": 1}, r"to propose from: .*needed are 100 measured coordinates"),
+        ({"scans": 12, "targets": 1}, r"to propose from: .*needed are 50 measured coordinates"),
         ({"speed": 0.0}, r"nothing to propose from: of \d+ confirmed tracks none moves"),
     ],
 )
@@ -91,6 +91,76 @@ def test_range_rates_need_their_deviation():
     found = found._replace(range_rate=np.ones(len(found.time)))
     with pytest.raises(ValueError, match="give --sensor-deviation range_rate=1"):
         propose(found, cut(found))
+
+
+def straight(rng, targets=5):
+    """Positions (targets, 2) at a time, of targets that keep their velocity."""
+    place, velocity = rng.uniform(-900, 900, (targets, 2)), 10.0 * rng.normal(size=(targets, 2))
+    return lambda time: place + np.multiply.outer(time, velocity)
+
+
+def test_each_of_several_sensors_has_its_own_deviation_detection_probability_and_clutter():
+    rng = np.random.default_rng(2)
+    at, sensors = straight(rng), [SensorSpec("near"), SensorSpec("far", "polar")]
+    true = [((2.0, 3.0), 0.95, 1.0), ((20.0, np.radians(0.4)), 0.7, 4.0)]
+    times, z, sensor = [], [], []
+    for k in range(120):
+        deviation, probability, clutter = true[k % 2]
+        points = np.vstack(
+            [at(k)[rng.random(5) < probability], rng.uniform(-1500, 1500, (rng.poisson(clutter), 2))]
+        )
+        if k % 2:
+            points = np.stack([np.hypot(*points.T), np.arctan2(points[:, 1], points[:, 0])], 1)
+        z.append(points + rng.normal(0, deviation, points.shape))
+        times += [float(k)] * len(points)
+        sensor += [k % 2] * len(points)
+    found = from_arrays(times, np.vstack(z), sensor=sensor, sensors=sensors)
+    proposal = propose(found, cut(found))
+    for spec, (deviation, probability, clutter) in zip(proposal.sensors, true, strict=True):
+        first = "x" if spec.name == "near" else "range"
+        expected = {
+            f"deviation in {first} of {spec.name}": deviation[0],
+            f"detection probability of {spec.name}": probability,
+            f"clutter a scan of {spec.name}": clutter,
+        }
+        for name, value in expected.items():
+            low, high = interval(proposal.lines, name)
+            assert low <= value <= high, name
+        np.testing.assert_allclose(spec.deviation, deviation, rtol=0.3)
+
+
+def test_of_reports_by_the_targets_themselves_none_is_missed_or_clutter():
+    rng = np.random.default_rng(4)
+    at, targets = straight(rng), 5
+    time = np.sort(rng.uniform(0, 600, (targets, 50)), axis=1)  # 12 s apart on average, each at its own times
+    own = np.stack([at(time[i])[:, i] for i in range(targets)])
+    order = np.argsort(time.ravel())
+    names = np.repeat([f"ship {i}" for i in range(targets)], 50)[order].tolist()
+    z = own.reshape(-1, 2)[order] + rng.normal(0, (6.0, 12.0), (targets * 50, 2))
+    found = from_arrays(time.ravel()[order], z, identity=names)
+    proposal = propose(found, cut(found), reports=True)
+    for axis, deviation in zip("xy", (6.0, 12.0), strict=True):
+        low, high = interval(proposal.lines, f"deviation in {axis}")
+        assert low <= deviation <= high
+    assert not [line for line in proposal.lines if line.startswith(("detection probability", "clutter"))]
+    assert not proposal.learn_clutter and proposal.lines[-1].startswith("rests on 5 tracks that move")
+
+
+def test_two_motion_models_are_on_both_sides_of_the_one_likeliest_alone():
+    rng = np.random.default_rng(6)
+    place, velocity = rng.uniform(-900, 900, (5, 2)), 8.0 * rng.normal(size=(5, 2))
+    z = []
+    for k in range(60):
+        z.append(place + rng.normal(0, 2.0, (5, 2)))
+        if k % 12 == 6:  # a turn at once
+            velocity = velocity + rng.normal(0, 6.0, (5, 2))
+        place = place + 2.0 * velocity
+    found = from_arrays(np.repeat(2.0 * np.arange(60), 5), np.vstack(z))
+    proposal = propose(found, cut(found))
+    alone = next(line for line in proposal.lines if line.startswith("acceleration deviation"))
+    quiet, swift = proposal.target["acceleration_deviation"]
+    assert proposal.target["motion"] == "imm"
+    assert quiet < float(alone.split()[2]) < swift
 
 
 def test_differences_have_the_deviation_of_a_detection_whatever_the_intervals():

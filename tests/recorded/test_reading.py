@@ -110,6 +110,34 @@ def test_a_second_radar_measures_in_the_axes_of_the_first(tmp_path):
     np.testing.assert_allclose(seen, np.tile(to_local(target, places["a"]), (2, 1)), atol=1e-5)
 
 
+@pytest.mark.parametrize("polar", [True, False])
+def test_a_ship_with_a_satellite_receiver_measures_about_itself(tmp_path, polar):
+    """One buoy, seen from three places, is at one place; its own axes turn as it sails east."""
+    buoy = np.array([58.6, 10.4, 0.0])
+    lines = ["time_s,a,b,lat,lon"]
+    for i, lon in enumerate((10.0, 10.2, 10.6)):
+        east, north, _ = to_local(buoy, (58.5, lon, 0.0))
+        compass = np.degrees(np.arctan2(east, north)) % 360
+        a, b = (np.hypot(east, north), compass) if polar else (east, north)
+        lines.append(f"{600 * i},{a},{b},58.5,{lon}")
+    measured = {"range": "a:m", "azimuth": "b:deg"} if polar else {"x": "a:m", "y": "b:m"}
+    file = written(tmp_path, "\n".join(lines))
+    found = read(file, {**measured, "own_lat": "lat", "own_lon": "lon"})
+    assert found.reference == (58.5, 10.0, 0.0) and found.origin[0].tolist() == [0, 0, 0]
+    seen = found.z
+    if polar:
+        away, azimuth = found.z.T
+        seen = found.origin[:, :2] + away[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+    np.testing.assert_allclose(seen, np.tile(to_local(buoy, found.reference)[:2], (3, 1)), atol=2.0)
+    refused("--own-lat needs --own-lon COLUMN as well", file, {**measured, "own_lat": "lat"})
+    blank = written(tmp_path, "time_s,x_m,y_m,lat,lon\n0,1,1,58,10\n1,1,1,,\n", "blank.csv")
+    columns = {"x": "x_m", "y": "y_m", "own_lat": "lat", "own_lon": "lon"}
+    refused("blank.csv, line 3, column lat: no value, though x_m has one", blank, columns)
+    wrong = {**columns, "own_lat": "lon", "own_lon": "lat"}
+    east = written(tmp_path, "time_s,x_m,y_m,lat,lon\n0,1,1,58,100\n", "east.csv")
+    refused("east.csv, line 2, column lon: 100 is no latitude in degrees", east, wrong)
+
+
 def test_sensors_of_two_kinds_in_one_file_without_a_header(tmp_path):
     rows = (
         "L 3.1 0.5 1477010443000000 0.6",
@@ -174,6 +202,8 @@ def test_arrays_and_data_frames_are_read_by_their_columns():
     assert (read(Frame()).z == found.z).all()
     timed = read({**arrays, "time_s": moments}, {"time": "time_s"})
     assert timed.time.tolist() == [0, 0.25] and timed.start == datetime(2024, 1, 1, tzinfo=UTC)
+    moments[1] = "NaT"
+    refused("dict, record 2, column time_s: no time", {**arrays, "time_s": moments}, {"time": "time_s"})
 
 
 # rows
@@ -231,7 +261,7 @@ def test_a_large_file_is_read_in_blocks_and_one_too_large_is_refused_with_its_me
     assert len(found.time) == n and found.z[-1].tolist() == [n - 0.5, 2] and found.row[-1] == n + 1
     monkeypatch.setattr(csv_columns, "_free_memory", lambda: 1e5)
     with pytest.raises(
-        MemoryError, match=r"some 6.3e.03 rows need 0.0 GB, and 0.0 GB are free; keep fewer columns"
+        MemoryError, match=r"some 6.1e.03 rows need 0.0 GB, and 0.0 GB are free; keep fewer columns"
     ):
         read(file)
 

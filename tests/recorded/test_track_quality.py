@@ -1,6 +1,7 @@
 """Quality of tracks: with and without a truth, of tracks whose figures are known."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from gmr_gym.recorded.quality import lives_of, quality
 from gmr_gym.recorded.report import in_lines, in_short, write_report
 from gmr_gym.recorded.tracks import COASTED, CONFIRMED, Tracks
 from gmr_gym.recorded.truth import Truth, at_times, is_autoferry, read_autoferry_truth, truth_from
+from gmr_gym.recorded.unused_cells import unused_by_cell
 
 MADE = made(seed=1, scans=300)
 TIMES = np.array([scan.time for scan in MADE.scans])
@@ -144,6 +146,22 @@ def test_detections_of_no_track_are_clutter(told):
     bursts = MADE.detections, [scan._replace(rows=scan.rows if t % 10 == 0 else scan.rows[:0]) for t, scan in
                                enumerate(MADE.scans)]  # fmt: skip
     assert not by_name(quality(MADE.tracks, *bursts))["index of dispersion of unused detections"].sound
+
+
+def test_cells_say_where_the_detections_of_no_track_gather():
+    rng = np.random.default_rng(7)
+    points, left = rng.uniform(-1000, 1000, (600, 2)), np.ones(600)
+    even, *cells = unused_by_cell(points, left, 200)
+    assert even.sound and even.name.endswith("over cells of 197 m") and all(cell.sound for cell in cells)
+    shore = np.vstack([points, rng.normal((500.0, -300.0), 20.0, (80, 2))])  # 0.4 a scan at one spot
+    gathered, first, *_ = unused_by_cell(shore, np.ones(680), 200)
+    assert not gathered.sound and not first.sound
+    x, y = map(float, re.search(r"cell about (-?\d+), (-?\d+) m", first.name).groups())
+    assert np.hypot(x - 500, y + 300) < 150 and 0.25 < first.value < 0.5
+    line = np.column_stack([points[:, 0], 1e-6 * points[:, 1]])  # no cell has its middle in so thin a place
+    assert len(list(unused_by_cell(line, left, 200))) in (0, 4)
+    tracked = np.append(left, np.zeros(80))  # the same detections, but of tracks
+    assert [one.value for one in unused_by_cell(shore, tracked, 200)][1] < 0.1
 
 
 def cut_at(tracks, track, scan, gap):

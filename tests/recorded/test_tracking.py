@@ -5,7 +5,7 @@ import pytest
 
 from gmr_gym.recorded import LiveTracker, Scan, SensorSpec, from_arrays, track, tracking_model
 from gmr_gym.recorded.model import as_text
-from gmr_gym.recorded.tracks import COASTED, CONFIRMED, DELETED, STATUS
+from gmr_gym.recorded.tracks import COASTED, CONFIRMED, DELETED, STATUS, joined_rows
 
 BOX = (-1e3, -1e3), (1e3, 1e3)
 RADAR = SensorSpec("radar", deviation=(5.0, 5.0), detection_probability=0.9, clutter_per_scan=5.0)
@@ -147,6 +147,32 @@ def test_a_report_by_itself_touches_only_its_own_track_until_others_are_silent_t
     rows = tracker.update(61.0, [[300.0, 5.0]], identity="B")
     assert rows.track.tolist() == [1, 2] and rows.status.tolist() == [DELETED, CONFIRMED]
     assert tracker.update(62.0, [[0.0, 0.0]], identity="A").track.tolist() == [3]
+
+
+def test_reports_of_a_file_give_the_rows_of_the_live_loop():
+    """Runs of reports end at a new ship, at one that was silent for too long, at another sensor and at scans
+    that are none."""
+    rng, n = np.random.default_rng(8), 120
+    names = [f"{i}" for i in rng.integers(0, 5, n)]
+    names[40:80] = [name if name != "3" else "4" for name in names[40:80]]  # one is silent
+    names[60] = None
+    time, z = np.arange(n, dtype=float), rng.normal(0, 5, (n, 2)) + [[200.0 * int(i or 9), 0] for i in names]
+    sensors = (RADAR, RADAR._replace(name="shore", deviation=(9.0, 9.0)))
+    which = (np.arange(n) % 30 > 20).astype(int)
+    seen = from_arrays(time, z, identity=names, sensors=sensors, sensor=which)
+    scans = [Scan(t, t, t, np.array([i]), int(which[i])) for i, t in enumerate(time.tolist())]
+    scans.insert(90, Scan(89.5, 89.5, 89.5, np.empty(0, int), 0))
+    assumed = model(sensors=sensors, max_coast=25.0)
+    live, parts = LiveTracker(assumed), []
+    for scan in scans:
+        one = scan.rows
+        named = [names[i] for i in one]
+        alone = named[0] if named and named[0] is not None else named
+        rows = live.update(scan.time, z[one], sensor=scan.sensor, identity=alone)
+        parts.append(rows._replace(detection=np.append(one, -1)[rows.detection]))
+    found = track(seen, scans, assumed, reports=True)
+    same(found, joined_rows(parts))
+    assert DELETED in found.status and len(np.unique(found.track)) > 5
 
 
 def test_a_static_object_is_not_confirmed_where_a_least_speed_is_asked_for():

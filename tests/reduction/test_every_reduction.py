@@ -47,7 +47,7 @@ def rounding(name):
 
 
 def test_every_reduction_has_its_row():
-    assert PROPERTIES.keys() >= REDUCERS.keys()
+    assert PROPERTIES.keys() == REDUCERS.keys()
     limits = {name: row.most for name, row in PROPERTIES.items() if row.most}
     assert limits == {"brute-force": oracles.PARTITIONED, "transportation-optimum": oracles.PROGRAMMED}
 
@@ -100,7 +100,8 @@ def test_a_component_and_its_double_are_merged_first_and_at_no_cost(name):
     four = mixture([0.1, 0.2, 0.3, 0.4], 9.0 * np.arange(8.0).reshape(4, 2) ** 1.5, [np.diag([1.0, 2.0])] * 4)
     doubled = take(four, np.array([0, 0, 1, 2, 3]))
     doubled.w[:2] /= 2
-    q, origin = reduced(name, doubled, 4)
+    # by its own rule it would merge further
+    q, origin = reduced("adaptive-2023:ratio=0" if name == "adaptive-2023" else name, doubled, 4)
     assert normalised_integral_squared_difference(q, four) < rounding(name)
     assert origin[0] == origin[1] and len({*origin}) == 4
 

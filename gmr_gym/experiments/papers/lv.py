@@ -22,8 +22,15 @@ from gmr_gym.evaluation.summary import bootstrap_mean
 from gmr_gym.experiments.claims import Asked, Claim, number
 from gmr_gym.experiments.drawings import by_tracker, legend_above, save
 from gmr_gym.experiments.evidence import Evidence, Quantities, Rows
-from gmr_gym.experiments.papers.lv_episode import LEARNED, TRACKS, UNIFORM, episode_figures, mean_by_time
-from gmr_gym.experiments.tables import Paper, Table, plainly
+from gmr_gym.experiments.papers.lv_episode import (
+    LEARNED,
+    TRACKS,
+    UNIFORM,
+    as_published,
+    episode_figures,
+    mean_by_time,
+)
+from gmr_gym.experiments.tables import Paper, Table
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 Results = Mapping[str, MultiTargetRuns]  # by tracker
@@ -103,18 +110,18 @@ _table = partial(
     paired=multi_target_differences,
 )  # fmt: skip
 TABLES = (
-    _table("groups", "section 7.1, trackers told that clutter is uniform", trackers=plainly(ALL)),
+    _table("groups", "section 7.1, trackers told that clutter is uniform", trackers=as_published(ALL)),
     _table("groups-told", "section 7.1, told the true clutter",
-           settings={"told": "true"}, trackers=plainly(TOLD)),
+           settings={"told": "true"}, trackers=as_published(TOLD)),
     _table("uniform", "clutter that is uniform indeed",
-           settings={"clutter": "uniform"}, trackers=plainly(ALL)),
-    _table("dense", "groups four times denser", settings={"clutter": "dense"}, trackers=plainly(ALL)),
+           settings={"clutter": "uniform"}, trackers=as_published(ALL)),
+    _table("dense", "groups four times denser", settings={"clutter": "dense"}, trackers=as_published(ALL)),
     _table("dense-told", "groups four times denser, told the true clutter",
-           settings={"clutter": "dense", "told": "true"}, trackers=plainly(TOLD)),
+           settings={"clutter": "dense", "told": "true"}, trackers=as_published(TOLD)),
     _table("drift", "groups that drift at 7 m/s",
-           settings={"groups": DRIFT}, trackers=plainly((UNIFORM, LEARNED, "pmb", TRACKS))),
+           settings={"groups": DRIFT}, trackers=as_published((UNIFORM, LEARNED, "pmb", TRACKS))),
     _table("reductions", "GM-PHD told the true clutter, by reduction",
-           settings={"told": "true"}, trackers=plainly(REDUCED),
+           settings={"told": "true"}, trackers=as_published(REDUCED),
            columns=(*COLUMNS[:-2], "components", "time_per_scan")),
 )  # fmt: skip
 

@@ -1,7 +1,8 @@
 """Lv, Lian and Han's Figs. 1-9: what is seen of one episode."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,6 +23,14 @@ from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScena
 UNIFORM, LEARNED, TRACKS = "gm-phd", "learning-phd", "learning-pmb"
 
 
+def as_published(trackers: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """PHD filters declare targets as Vo and Ma's do, and tracks are found by belief propagation, as
+    Williams's."""
+    phd, pmb = {"estimator": "components"}, {"association": "belief-propagation"}
+    own = {"gm-phd": phd, "fitted-phd": phd, "learning-phd": phd, "pmb": pmb, "learning-pmb": pmb}
+    return {name: own.get(name.partition(":")[0], {}) for name in trackers}
+
+
 def mean_by_time(distance: np.ndarray) -> np.ndarray:
     """Means (T,) over the runs (runs, T) in which there is a distance; a gap where there is none."""
     return mean_where(distance.T, np.isfinite(distance.T))
@@ -31,8 +40,10 @@ def episode_figures(scenario: MultiTargetScenario, results: Mapping[str, MultiTa
     """Figs. 1-9 of the first episode, and the clutter as fitted and as learned."""
     episode = draw(scenario, 0)
     said = {
-        name: [account for account, _ in play(tracker_of(name, scenario), episode)]
-        for name in (UNIFORM, "fmm-em", "fmm-em:repaired=True", LEARNED, TRACKS)
+        name: [account for account, _ in play(tracker_of(name, scenario, **parameters), episode)]
+        for name, parameters in as_published(
+            (UNIFORM, "fmm-em", "fmm-em:repaired=True", LEARNED, TRACKS)
+        ).items()
     }
     save(_tracks(scenario, episode), out / "figure-1.png")
     fits = said["fmm-em"]

@@ -1,0 +1,103 @@
+"""The track of one target through a file of detections, and the files it is written to."""
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from gmr_gym.envs.lookup import parsed
+from gmr_gym.evaluation import recordings
+from gmr_gym.evaluation.smoothed_recordings import smoothed_track
+from gmr_gym.experiments import specs
+from gmr_gym.experiments.detection_options import OUTPUT
+from gmr_gym.experiments.reading import one_target_model, one_target_scans
+from gmr_gym.experiments.tracks import is_smoothed, smoothed_beside
+from gmr_gym.filters.registry import make_tracker
+from gmr_gym.filters.tracker import Tracker
+from gmr_gym.mixture import Mixture
+from gmr_gym.models.priors import constant_velocity_model, prior_from_first_scan, prior_given
+from gmr_gym.recorded.configuration import Configuration
+
+USUAL = {"tracker": "runnalls-30", "prior": "", "prior_deviations": "", "speed": 150.0, "period": None}
+
+
+def track_one(
+    file: Path, out: Path | None, settings: Configuration, given: Mapping[str, Any], own: Mapping[str, Any]
+) -> Iterator[str]:
+    """Track the target of a file, write its track, and say what was done; `given` are options by name, `own`
+    those of one target alone, None where they were not."""
+    own = {name: USUAL[name] if value is None else value for name, value in own.items()}
+    smooth = is_smoothed(settings, given)
+    files = [out or Path("track.csv")]
+    files += [smoothed_beside(files[0])] if smooth else []
+    _check(given, own)
+    specs.check_writable(*files, beside=file)
+    specs.check_ending("--out", files[0], ".csv")
+    scans = one_target_scans(file, settings, given)
+    tracks, names = _tracked(file, scans, own, smooth, one_target_model(settings, given))
+    for name, track in zip(files, tracks, strict=True):
+        recordings.write_track(name, track, names)
+    times = tracks[0].times
+    for i in (~tracks[0].alive).nonzero()[0][:1]:
+        yield f"given up at scan {i + 1}, time {times[i]:g}: from there on it only coasts"
+    yield f"{len(times)} scans tracked; written to {', '.join(map(str, files))}"
+
+
+def _check(given: Mapping[str, Any], own: Mapping[str, Any]) -> None:
+    """ValueError for what one target's track does not have, and for a prior or speed that is none."""
+    for name, option in OUTPUT.items():
+        if given[name] != option.default and name != "smooth":
+            raise ValueError(f"--{name.replace('_', '-')} is of many targets; give --targets many")
+    if bool(own["prior"]) != bool(own["prior_deviations"]):
+        raise ValueError("give --prior and --prior-deviations together, or neither")
+    if not 0 < own["speed"] < float("inf"):
+        raise ValueError(f"--speed must be positive and finite, got {own['speed']}")
+
+
+def _tracked(
+    file: Path,
+    scans: recordings.Scans,
+    own: Mapping[str, Any],
+    smooth: bool,
+    assumed: dict[str, float],
+) -> tuple[list[recordings.Track], list[str]]:
+    """The track through the scans of a file, to `smooth` also the smoothed one, and the names of its state,
+    from the prior that was typed, its mean and standard deviations, or from the first scan; `assumed` is the
+    rest of the filter model."""
+    prior, period = (own["prior"], own["prior_deviations"]), own["period"]
+    axes = len(scans.coordinates)
+    if prior[0]:
+        start, prior_time = _prior_typed(prior, axes), None
+    else:
+        scans = recordings.from_first_detection(scans)
+        start = prior_from_first_scan(scans.z[0], assumed["sensor_deviation"], own["speed"])
+        prior_time = scans.times[0]
+    if len(scans.times) == 1 and not (prior[0] and period):
+        raise ValueError(
+            f"{file} holds one scan to start from and none after it: give --prior with --prior-deviations, "
+            "and --period, or a file with another scan"
+        )
+    build = _builder(own["tracker"], start, axes, assumed)
+    if smooth:
+        found = [*smoothed_track(scans, build, period, prior_time)]
+    else:
+        found = [recordings.track(scans, build, period, prior_time)]
+    return found, [*scans.coordinates, *(f"{name}_velocity" for name in scans.coordinates)]
+
+
+def _prior_typed(prior: tuple[str, str], axes: int) -> Mixture:
+    state = specs.numbers("--prior", prior[0]), specs.numbers("--prior-deviations", prior[1])
+    for name, values in zip(("--prior", "--prior-deviations"), state, strict=True):
+        if len(values) != 2 * axes:
+            raise ValueError(
+                f"{name} must be {axes} positions and {axes} velocities, got {len(values)} numbers"
+            )
+    return prior_given(*state)
+
+
+def _builder(tracker: str, start: Mixture, axes: int, assumed: dict[str, Any]) -> Callable[[float], Tracker]:
+    def build(interval: float) -> Tracker:
+        model = constant_velocity_model(interval, start, axes=axes, **assumed)
+        name, parameters = parsed(tracker)
+        return make_tracker(name, model, **parameters)
+
+    return build
