@@ -3,7 +3,7 @@
 from gmr_gym.checks import UNLIMITED, check_choice, check_count, check_loss_bound, check_not_negative
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.consistent_merging import merged_within
-from gmr_gym.reduction.measures import MEASURES, TELESCOPING
+from gmr_gym.reduction.measures import TELESCOPING
 from gmr_gym.reduction.protocol import Reduced
 
 
@@ -73,4 +73,4 @@ def adaptive_2023(
     check_choice("measure", measure, TELESCOPING)
     limit = UNLIMITED if components is None else check_count(components)
     loss_bound, ratio = check_loss_bound(loss_bound), check_not_negative("ratio", ratio)
-    return merged_within(p, limit, MEASURES.index(measure), loss_bound, ratio)
+    return merged_within(p, limit, measure, loss_bound, ratio)

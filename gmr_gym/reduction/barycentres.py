@@ -28,16 +28,7 @@ from gmr_gym.checks import check_choice
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, inverse_into, orthogonalise, solve_lower, solve_upper
 from gmr_gym.mixture import Mixture
-from gmr_gym.reduction.measures import (
-    CAUCHY_SCHWARZ,
-    ISD,
-    KL,
-    MEASURES,
-    SYMMETRISED_KL,
-    WASSERSTEIN,
-    aligned,
-    component_cost,
-)
+from gmr_gym.reduction.measures import CAUCHY_SCHWARZ, ISD, MEASURES, aligned, isd_cost
 from gmr_gym.reduction.overlap_descent import EXACT, STEPS, descend
 from gmr_gym.reduction.protocol import definite, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
@@ -90,44 +81,92 @@ def barycentre(p: Mixture, measure: str = "kl") -> Mixture:
     q, _ = weighing(p)
     if len(q.w) == 0:
         raise ValueError("p must have a component of positive weight")
-    mean, covariance, steps = barycentre_of(MEASURES.index(measure), *q)
+    mean, covariance, steps = BARYCENTRES[MEASURES.index(measure)](*q, EXACT)
     if steps == STEPS:
         warn_unfinished(f"the barycentre by {measure}", STEPS)
     return definite(Mixture(np.array([q.w.sum()]), mean[None], covariance[None]))
 
 
-@kernel
-def barycentre_of(code, w, m, P):
-    """Mean (d,), covariance (d, d) and steps of the barycentre of components of positive weights (n,); `code`
-    is the place of the measure in `MEASURES`. At `STEPS` steps the iteration was cut short. The covariance is
-    not positive definite where it is lost in rounding."""
-    return barycentre_within(code, w, m, P, EXACT)
+# A barycentre is a kernel of positive weights (n,), means and covariances, and of the relative change that
+# ends its iteration: the sum is then the least to the square of it. It returns the mean (d,), the covariance
+# (d, d), not positive definite where it is lost in rounding, and the steps; at `STEPS` the iteration was cut
+# short. Every measure has a kernel of its own, or it would wait for the compilation of all.
 
 
 @kernel
-def barycentre_within(code, w, m, P, exact):
-    """`barycentre_of` where an iteration ends at a relative change of `exact`: the sum is that of the
-    barycentre to the square of it."""
+def moment_match(w, m, P, _):
+    """Barycentre of the Kullback-Leibler divergence."""
+    a, x, centre = _about_mean(w, m)
+    return centre, _covariance_about_mean(a, x, P), 0
+
+
+@kernel
+def intersection(w, m, P, _):
+    """Barycentre of the reverse divergence."""
+    a, x, centre = _about_mean(w, m)
+    R, h = _joint_precision(a, x, P)
+    if np.isnan(R[0, 0]):
+        return centre, R, 0
+    root = np.eye(len(R))
+    solve_upper(R, h)
+    solve_upper(R, root)
+    return centre + h[:, 0], _square(root), 0
+
+
+@kernel
+def geometric_mean(w, m, P, exact):
+    """Barycentre of the symmetrised divergence."""
+    a, x, centre = _about_mean(w, m)
+    R, h = _joint_precision(a, x, P)
+    if np.isnan(R[0, 0]):
+        return centre, R, 0
+    root, steps = _geometric(h[:, 0], _seen_through(R, _covariance_about_mean(a, x, P)), exact)
+    solve_upper(R, h)
+    solve_upper(R, root)
+    return centre + h[:, 0], _square(root), steps
+
+
+@kernel
+def transported(w, m, P, exact):
+    """Barycentre of the Wasserstein distance."""
+    a, _, centre = _about_mean(w, m)
+    S, steps = _transported(a, P, exact)
+    return centre, S, steps
+
+
+@kernel
+def best_correlation(w, m, P, exact):
+    """Barycentre of the Cauchy-Schwarz measure."""
+    a, x, centre = _about_mean(w, m)
+    S = _covariance_about_mean(a, x, P)
+    mean, S, steps, _ = descend(CAUCHY_SCHWARZ, a, x, P, np.zeros(len(centre)), S, exact)
+    return centre + mean, S, steps
+
+
+@kernel
+def least_difference(w, m, P, exact):
+    """Barycentre of the integral squared difference."""
+    a, x, centre = _about_mean(w, m)
+    mean, S, steps = _best_overlap(a, x, P, exact)
+    return centre + mean, S, steps
+
+
+BARYCENTRES = moment_match, intersection, geometric_mean, transported, best_correlation, least_difference
+
+
+@kernel
+def _about_mean(w, m):
+    """Shares (n,), the means (n, d) about that of the whole, and that (d,): about it no digits are lost far
+    from the origin."""
     n, d = m.shape
     a, x, centre = w / w.sum(), np.empty((n, d)), np.zeros(d)
     for i in range(n):
         for r in range(d):
             centre[r] += a[i] * m[i, r]
-    for i in range(n):  # about the mean, no digits are lost far from the origin
+    for i in range(n):
         for r in range(d):
             x[i, r] = m[i, r] - centre[r]
-    if code == ISD:
-        mean, S, steps = _best_overlap(a, x, P, exact)
-    elif code == CAUCHY_SCHWARZ:
-        S = _covariance_about_mean(a, x, P)
-        mean, S, steps, _ = descend(code, a, x, P, np.zeros(d), S, exact)
-    elif code == WASSERSTEIN:
-        mean, (S, steps) = np.zeros(d), _transported(a, P, exact)
-    elif code == KL:
-        mean, S, steps = np.zeros(d), _covariance_about_mean(a, x, P), 0
-    else:
-        mean, S, steps = _intersected(a, x, P, code == SYMMETRISED_KL, exact)
-    return centre + mean, S, steps
+    return a, x, centre
 
 
 @kernel
@@ -155,8 +194,9 @@ def _square(root):
 
 
 @kernel
-def _intersected(a, x, P, symmetrised, exact):
-    """Barycentre of the reverse divergence, or of the symmetrised one, about the mean of the whole."""
+def _joint_precision(a, x, P):
+    """The Cholesky factor of the mean of the inverses, nan where it has none, and the mean (d, 1) of the
+    reverse divergence where its covariance is the identity."""
     n, d = x.shape
     precision, h, R, T = np.zeros((d, d)), np.zeros((d, 1)), np.zeros((d, d)), np.empty((d, d))
     for i in range(n):
@@ -166,15 +206,9 @@ def _intersected(a, x, P, symmetrised, exact):
                 precision[r, c] += a[i] * T[r, c]
                 h[r, 0] += a[i] * T[r, c] * x[i, c]
     if not cholesky_into(R, precision):
-        return np.zeros(d), np.full((d, d), np.nan), 0
-    solve_lower(R, h)  # the mean of the reverse divergence, where its covariance is the identity
-    root, steps = np.eye(d), 0
-    if symmetrised:
-        M = _seen_through(R, _covariance_about_mean(a, x, P))
-        root, steps = _geometric(h[:, 0], M, exact)
-    solve_upper(R, h)
-    solve_upper(R, root)
-    return h[:, 0].copy(), _square(root), steps
+        R[:], h[:] = np.nan, 0.0
+    solve_lower(R, h)
+    return R, h
 
 
 @kernel
@@ -279,7 +313,7 @@ def _best_overlap(a, x, P, exact):
     for k in range(n):
         cost = 0.0
         for i in range(n):
-            cost += a[i] * component_cost(ISD, x[i], P[i], x[k], P[k])
+            cost += a[i] * isd_cost(x[i], P[i], x[k], P[k])
         if cost < best:
             best, at = cost, k
     S = _covariance_about_mean(a, x, P)

@@ -28,9 +28,10 @@ from gmr_gym.reduction.merge_cost import logarithm
 
 
 @kernel
-def chi_square_costs(i, k, d, columns, row):
-    """Writes the costs of merging component i with each of the first k to row, for columns as those of
-    `components_last`."""
+def chi_square_costs(i, k, columns, room, row):
+    """Writes the costs of merging component i with each of the first k to row, for columns and room as those
+    of `components_last`."""
+    d = len(columns) - 1 - len(room)
     size = d * (d + 1) // 2
     S, one, two = np.empty((size + d, k)), np.empty((size + d, k)), np.empty((2 * d * d + 3 * d, k))
     volume, corner, log_S, share = np.empty(k), np.empty(k), np.empty(k), np.empty(k)

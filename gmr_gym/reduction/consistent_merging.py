@@ -1,5 +1,8 @@
 """Greedy merging by one measure throughout: pairs are chosen by it, and merged into its barycentre."""
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
 from gmr_gym.checks import check_choice, check_count
@@ -7,12 +10,20 @@ from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, half_log_determinant
 from gmr_gym.mixture import Mixture, mean_and_covariance
 from gmr_gym.reduction.agglomeration import absorb, nearest_others, relabelled
-from gmr_gym.reduction.barycentres import barycentre_of
+from gmr_gym.reduction.barycentres import BARYCENTRES, moment_match, transported
+from gmr_gym.reduction.chi_square import chi_square_costs
 from gmr_gym.reduction.greedy_merging import first_least
-from gmr_gym.reduction.measures import KL, MEASURES, REVERSE_KL, WASSERSTEIN, component_cost
+from gmr_gym.reduction.measures import COSTS, KL, MEASURES, WASSERSTEIN
 from gmr_gym.reduction.merge_cost import components_last
-from gmr_gym.reduction.overlap_descent import STEPS
-from gmr_gym.reduction.pair_costs import CHI_SQUARE, UNWEIGHTED, least_costs, pair_cost, pair_of
+from gmr_gym.reduction.overlap_descent import EXACT, STEPS
+from gmr_gym.reduction.pair_costs import (
+    PAIR_COSTS,
+    kl_costs,
+    no_more,
+    pair_of,
+    unweighted_bounds,
+    unweighted_pair,
+)
 from gmr_gym.reduction.protocol import TOO_FAR, Reduced, definite, through, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
 
@@ -70,7 +81,7 @@ def consistent(p: Mixture, components: int, measure: str) -> Reduced:
     ([[1.0], [9.0]], [1.0, 1.0], [0, 0, 1])
     """
     check_choice("measure", measure, MEASURES)
-    return merged_within(p, check_count(components), MEASURES.index(measure))
+    return merged_within(p, check_count(components), measure)
 
 
 def greedy_wasserstein(p: Mixture, components: int) -> Reduced:
@@ -104,7 +115,7 @@ def greedy_wasserstein(p: Mixture, components: int) -> Reduced:
     ----------
     Assa and Plataniotis 2018.
     """
-    return merged_within(p, check_count(components), UNWEIGHTED)
+    return _merged(p, check_count(components), _BY_DISTANCE)
 
 
 def greedy_chi_square(p: Mixture, components: int) -> Reduced:
@@ -133,92 +144,107 @@ def greedy_chi_square(p: Mixture, components: int) -> Reduced:
     ----------
     Kitagawa 2019.
     """
-    return merged_within(p, check_count(components), CHI_SQUARE)
+    return _merged(p, check_count(components), _BY_CHI_SQUARE)
 
 
 def merged_within(
-    p: Mixture, components: int, code: int, loss_bound: float = -1.0, ratio: float = np.inf
+    p: Mixture, components: int, measure: str, loss_bound: float = -1.0, ratio: float = np.inf
 ) -> Reduced:
     """Greedy merging by a measure to `components`; beyond, for a bound that is not negative, while the
     relative loss stays within it and the next cost within `ratio` times 2 / m of the cost of merging all m
     that are left."""
+    return _merged(p, components, _BY[MEASURES.index(measure)], loss_bound, ratio)
+
+
+class _By(NamedTuple):
+    """Kernels of a measure, compiled for it alone."""
+
+    merge: Callable
+    barycentre: Callable
+    cost: Callable  # D of a component and the barycentre
+    name: str  # of D
+
+
+def _merged(p: Mixture, components: int, by: _By, loss_bound: float = -1.0, ratio: float = np.inf) -> Reduced:
     q, place = weighing(p)
     if len(q.w) <= (components if loss_bound < 0 else 1):
         return q, place
     mean, _ = mean_and_covariance(q)  # about it, differences of merged means keep their digits
     about = q._replace(m=q.m - mean)
-    whole = 0.0 if loss_bound < 0 else cost_of_all(code, *about)
+    whole = 0.0 if loss_bound < 0 else _cost_of_all(by, about)
     loss_bound = np.inf if loss_bound == 1 else float(loss_bound)  # rounding must not prevent the last merge
-    group, m, P, longest = merge_by_measure(code, *about, components, loss_bound, ratio, whole)
+    group, m, P, longest = by.merge(*about, components, loss_bound, ratio, whole)
     if longest >= STEPS:
-        warn_unfinished(f"the barycentre by {MEASURES[code]}", STEPS)
+        warn_unfinished(f"the barycentre by {by.name}", STEPS)
     return definite(Mixture(np.bincount(group, q.w), mean + m, P)), through(place, group)
 
 
-@kernel
-def cost_of_all(code, w, m, P):
+def _cost_of_all(by: _By, p: Mixture) -> float:
     """The sum of w D(component, barycentre of all)."""
-    mean, S, _ = barycentre_of(code, w, m, P)
-    total = 0.0
-    for i in range(len(w)):
-        total += w[i] * component_cost(code, m[i], P[i], mean, S)
-    return total
+    mean, S, _ = by.barycentre(*p, EXACT)
+    return sum((w * by.cost(m, P, mean, S) for w, m, P in zip(*p, strict=True)), 0.0)
 
 
-@kernel
-def merge_by_measure(code, w, m, P, components, loss_bound, ratio, whole):
-    """Groups (n,) of greedy merging by the measure, the means and covariances of their barycentres, and the
-    most steps of an iteration. `whole` is the cost of merging all, for which a bound is needed."""
-    n, exact = len(w), code == KL or code == REVERSE_KL or code == CHI_SQUARE
-    w, m, P, group, alive, longest = w.copy(), m.copy(), P.copy(), np.arange(n), np.arange(n), 0
-    columns, room = components_last(w, m, P)
-    table, known, row = np.empty((n, n)), np.full((n, n), exact), np.empty(columns.shape[1])
-    for i in range(1, n):
-        least_costs(code, i, i, columns, room, row)
-        for j in range(i):
-            table[i, j] = table[j, i] = row[j]
-    nearest, least = nearest_others(table)
-    left, spent = n, 0.0
-    while left > (1 if loss_bound >= 0.0 else components):
-        i = first_least(least, n)
-        j = nearest[i]
-        if least[i] == np.inf:
-            i, j = _cheapest_by_kl(left, alive, columns, room, row)
-        elif not known[i, j]:
-            cost, steps = pair_cost(code, i, j, w, m, P)
+def _merging(costs: Callable, pair_cost: Callable, barycentre: Callable) -> Callable:
+    """The kernel of greedy merging by costs, or bounds of them and the costs of pairs, into barycentres."""
+
+    @kernel
+    def merge(w, m, P, components, loss_bound, ratio, whole):
+        """Groups (n,), the means and covariances of their barycentres, and the most steps of an iteration.
+        `whole` is the cost of merging all, for which a bound is needed."""
+        n = len(w)
+        w, m, P, group, alive, longest = w.copy(), m.copy(), P.copy(), np.arange(n), np.arange(n), 0
+        columns, room = components_last(w, m, P)
+        table, known, row = np.empty((n, n)), np.zeros((n, n), np.bool_), np.empty(columns.shape[1])
+        for i in range(1, n):
+            costs(i, i, columns, room, row)
+            for j in range(i):
+                table[i, j] = table[j, i] = row[j]
+        nearest, least = nearest_others(table)
+        left, spent = n, 0.0
+        while left > (1 if loss_bound >= 0.0 else components):
+            i = first_least(least, n)
+            j = nearest[i]
+            if least[i] == np.inf:
+                i, j = _cheapest_by_kl(left, alive, columns, room, row)
+            elif not known[i, j]:
+                cost, steps = pair_cost(i, j, w, m, P)
+                longest = max(longest, steps)
+                known[i, j] = known[j, i] = True
+                if cost > table[i, j]:
+                    table[i, j] = table[j, i] = cost
+                    for k in (i, j):
+                        nearest[k] = first_least(table[k], n)
+                        least[k] = table[k, nearest[k]]
+                    continue
+            slack = 4.0 * EPSILON * whole
+            high = min(loss_bound * whole - spent, ratio * (whole - spent) * 2.0 / left)
+            if left <= components and table[i, j] > high + slack:
+                break
+            spent += table[i, j]
+            m[i], P[i], steps = barycentre(*pair_of(i, j, w, m, P), EXACT)
+            w[i] += w[j]
             longest = max(longest, steps)
-            known[i, j] = known[j, i] = True
-            table[i, j] = table[j, i] = max(cost, table[i, j])
-            for k in (i, j):
-                nearest[k] = first_least(table[k], n)
-                least[k] = table[k, nearest[k]]
-            continue
-        slack = 4.0 * EPSILON * whole
-        high = min(loss_bound * whole - spent, ratio * (whole - spent) * 2.0 / left)
-        if left <= components and table[i, j] > high + slack:
-            break
-        spent += table[i, j]
-        longest = max(longest, _merge(code, i, j, w, m, P))
-        left -= 1
-        at = _renew(i, j, left, w, m, P, alive, columns)
-        least_costs(code, at, left, columns, room, row)
-        for k in range(left):
-            other = alive[k]
-            known[i, other] = known[other, i] = exact
-            table[i, other] = table[other, i] = row[k] if k != at else np.inf
-        absorb(i, j, group, table, nearest, least)
-    alive = alive[:left]
-    return relabelled(group), m[alive], P[alive], longest
+            left -= 1
+            at = _renew(i, j, left, w, m, P, alive, columns)
+            costs(at, left, columns, room, row)
+            for k in range(left):
+                other = alive[k]
+                known[i, other] = known[other, i] = False
+                table[i, other] = table[other, i] = row[k] if k != at else np.inf
+            absorb(i, j, group, table, nearest, least)
+        alive = alive[:left]
+        return relabelled(group), m[alive], P[alive], longest
+
+    return merge
 
 
-@kernel
-def _merge(code, i, j, w, m, P):
-    """Merges j into i; returns the steps of the barycentre."""
-    if code == UNWEIGHTED or code == CHI_SQUARE:
-        code = WASSERSTEIN if code == UNWEIGHTED else KL
-    m[i], P[i], steps = barycentre_of(code, *pair_of(i, j, w, m, P))
-    w[i] += w[j]
-    return steps
+_BY = [
+    _By(_merging(*costs, barycentre), barycentre, cost, name)
+    for costs, barycentre, cost, name in zip(PAIR_COSTS, BARYCENTRES, COSTS, MEASURES, strict=True)
+]
+_BY_DISTANCE = _BY[WASSERSTEIN]._replace(merge=_merging(unweighted_bounds, unweighted_pair, transported))
+_BY_CHI_SQUARE = _BY[KL]._replace(merge=_merging(chi_square_costs, no_more, moment_match))
 
 
 @kernel
@@ -226,7 +252,7 @@ def _cheapest_by_kl(left, alive, columns, room, row):
     """The pair i < j that costs least by the Kullback-Leibler divergence."""
     best, first, second = np.inf, -1, -1
     for i in range(1, left):
-        least_costs(KL, i, i, columns, room, row)
+        kl_costs(i, i, columns, room, row)
         j = first_least(row, i)
         if row[j] < best:
             best, first, second = row[j], j, i

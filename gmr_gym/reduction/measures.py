@@ -28,35 +28,76 @@ KL, REVERSE_KL, SYMMETRISED_KL, WASSERSTEIN, CAUCHY_SCHWARZ, ISD = range(len(MEA
 LOG_2 = float(np.log(2.0))
 
 
+# A cost D(f, q) >= 0 is a kernel of the means and covariances of f and q, infinite where a covariance is not
+# positive definite. Every measure has one of its own, or it would wait for the compilation of all.
+
+
 @kernel
-def component_cost(code, m1, P1, m2, P2):
-    """D(f, q) >= 0 of f = N(m1, P1) and q = N(m2, P2); `code` is the place of the measure in `MEASURES`.
-    Infinite where a covariance is not positive definite."""
-    d = len(m1)
-    L1, L2 = np.zeros((d, d)), np.zeros((d, d))
-    if not (cholesky_into(L1, P1) and cholesky_into(L2, P2)):
-        return np.inf
+def kl_cost(m1, P1, m2, P2):
+    """KL(f || q)."""
+    L1, L2, definite = _factors(P1, P2)
+    return max(_divergence(L1, L2, m1 - m2), 0.0) if definite else np.inf
+
+
+@kernel
+def reverse_kl_cost(m1, P1, m2, P2):
+    """KL(q || f)."""
+    return kl_cost(m2, P2, m1, P1)
+
+
+@kernel
+def symmetrised_kl_cost(m1, P1, m2, P2):
+    """The mean of the two."""
+    L1, L2, definite = _factors(P1, P2)
     apart = m1 - m2
-    if code == KL:
-        cost = _divergence(L1, L2, apart)
-    elif code == REVERSE_KL:
-        cost = _divergence(L2, L1, apart)
-    elif code == SYMMETRISED_KL:
-        cost = 0.5 * (_divergence(L1, L2, apart) + _divergence(L2, L1, apart))
-    elif code == WASSERSTEIN:
-        cost = _transport_cost(L1, L2, apart)
-    else:
-        L = np.zeros((d, d))
-        cholesky_into(L, P1 + P2)
-        half = half_log_determinant(L) - 0.5 * d * LOG_2
-        half1, half2 = half_log_determinant(L1), half_log_determinant(L2)
-        d2 = _whitened_square(L, apart)
-        if code == CAUCHY_SCHWARZ:
-            cost = half - 0.5 * (half1 + half2) + 0.5 * d2
-        else:
-            scale = np.exp(-0.5 * d * (LOG_2PI + LOG_2))
-            cost = scale * (np.exp(-half1) + np.exp(-half2) - 2.0 * np.exp(-half - 0.5 * d2))
-    return max(cost, 0.0)  # of two equals rounding may give -1e-16
+    return max(0.5 * (_divergence(L1, L2, apart) + _divergence(L2, L1, apart)), 0.0) if definite else np.inf
+
+
+@kernel
+def wasserstein_cost(m1, P1, m2, P2):
+    """The squared Wasserstein distance."""
+    L1, L2, definite = _factors(P1, P2)
+    return _transport_cost(L1, L2, m1 - m2) if definite else np.inf
+
+
+@kernel
+def cauchy_schwarz_cost(m1, P1, m2, P2):
+    """Minus the logarithm of the correlation."""
+    half, half1, half2, d2 = _overlap(m1, P1, m2, P2)
+    # of two equals rounding may give -1e-16
+    return max(half - 0.5 * (half1 + half2) + 0.5 * d2, 0.0) if half < np.inf else np.inf
+
+
+@kernel
+def isd_cost(m1, P1, m2, P2):
+    """The integral squared difference."""
+    half, half1, half2, d2 = _overlap(m1, P1, m2, P2)
+    scale = np.exp(-0.5 * len(m1) * (LOG_2PI + LOG_2))
+    cost = scale * (np.exp(-half1) + np.exp(-half2) - 2.0 * np.exp(-half - 0.5 * d2))
+    return max(cost, 0.0) if half < np.inf else np.inf
+
+
+COSTS = kl_cost, reverse_kl_cost, symmetrised_kl_cost, wasserstein_cost, cauchy_schwarz_cost, isd_cost
+
+
+@kernel
+def _factors(P1, P2):
+    """Cholesky factors of two covariances, and whether these are positive definite."""
+    L1, L2 = np.zeros(P1.shape), np.zeros(P1.shape)
+    return L1, L2, cholesky_into(L1, P1) and cholesky_into(L2, P2)
+
+
+@kernel
+def _overlap(m1, P1, m2, P2):
+    """log|(P1 + P2) / 2| / 2, log|P1| / 2, log|P2| / 2, and the squared distance of the means by P1 + P2; all
+    infinite where a covariance is not positive definite."""
+    L1, L2, definite = _factors(P1, P2)
+    if not definite:
+        return np.inf, np.inf, np.inf, np.inf
+    L = np.zeros(P1.shape)
+    cholesky_into(L, P1 + P2)
+    half = half_log_determinant(L) - 0.5 * len(m1) * LOG_2
+    return half, half_log_determinant(L1), half_log_determinant(L2), _whitened_square(L, m1 - m2)
 
 
 @kernel

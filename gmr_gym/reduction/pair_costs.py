@@ -23,58 +23,87 @@ and for KL it is Runnalls' cost B. Lower bounds, in a fraction of the time of th
   scale.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from gmr_gym.kernels import ZERO, kernel
 from gmr_gym.linalg import LOG_2PI
-from gmr_gym.reduction.barycentres import barycentre_within
-from gmr_gym.reduction.chi_square import chi_square_costs
+from gmr_gym.reduction.barycentres import best_correlation, geometric_mean, least_difference
 from gmr_gym.reduction.distances import eliminate, eliminate_four
 from gmr_gym.reduction.measures import (
-    CAUCHY_SCHWARZ,
-    ISD,
-    KL,
     LOG_2,
-    REVERSE_KL,
-    SYMMETRISED_KL,
-    WASSERSTEIN,
-    component_cost,
+    cauchy_schwarz_cost,
+    isd_cost,
+    symmetrised_kl_cost,
+    wasserstein_cost,
 )
 from gmr_gym.reduction.merge_cost import cost_row, logarithm, whole
 
-CHI_SQUARE = 7
-UNWEIGHTED = 6  # the squared Wasserstein distance of the two, whatever their weights
 CLOSE = 1.0 - 1e-9  # factor of the bounds, for rounding
 ENOUGH = 1e-5  # relative change that ends the computation of a barycentre: its cost is then known to 1e-10
 ROUNDING = 1e-14  # and what is taken from them, relative to the terms that cancel
 
+# ---- costs of merging component i with each of the first k, or lower bounds, written to row; columns and
+# room are those of `components_last` ----
+
 
 @kernel
-def least_costs(code, i, k, columns, room, row):
-    """Writes lower bounds of the costs of merging component i with each of the first k to row; `columns` and
-    `room` are those of `components_last`. For `KL` and `REVERSE_KL` they are exact."""
-    if code == CHI_SQUARE:
-        chi_square_costs(i, k, len(columns) - 1 - len(room), columns, row)
-        return
-    if code == KL or code == SYMMETRISED_KL:
-        cost_row(i, ZERO, whole(k), columns, room, row)
-    if code == WASSERSTEIN or code == UNWEIGHTED:
-        _transport_bounds(i, k, columns, row, code == WASSERSTEIN)
-    elif code != KL:
-        d = len(columns) - 1 - len(room)
-        bordered, root = np.empty((len(columns) - 1, k)), np.empty(k)
-        by_shares = code == REVERSE_KL or code == SYMMETRISED_KL
-        _border(i, k, columns, bordered, by_shares)
-        if d == 4 and code != CAUCHY_SCHWARZ:  # which needs what the other leaves
-            eliminate_four(root, bordered)
-        else:
-            eliminate(root, bordered, d)
-        if by_shares:
-            _reverse_costs(i, k, columns, bordered[0], root, row, code == SYMMETRISED_KL)
-        elif code == ISD:
-            _isd_bounds(i, k, d, columns, bordered[0], root, row)
-        else:
-            _overlap_bounds(i, k, d, columns, bordered, root, row)
+def kl_costs(i, k, columns, room, row):
+    """Exact."""
+    cost_row(i, ZERO, whole(k), columns, room, row)
+
+
+@kernel
+def reverse_kl_costs(i, k, columns, room, row):
+    """Exact."""
+    bordered, root = _sums(i, k, columns, True, True)
+    _reverse_costs(i, k, columns, bordered[0], root, row, False)
+
+
+@kernel
+def symmetrised_kl_bounds(i, k, columns, room, row):
+    cost_row(i, ZERO, whole(k), columns, room, row)
+    bordered, root = _sums(i, k, columns, True, True)
+    _reverse_costs(i, k, columns, bordered[0], root, row, True)
+
+
+@kernel
+def wasserstein_bounds(i, k, columns, room, row):
+    _transport_bounds(i, k, columns, row, True)
+
+
+@kernel
+def unweighted_bounds(i, k, columns, room, row):
+    """Of the squared Wasserstein distance of the two, whatever their weights."""
+    _transport_bounds(i, k, columns, row, False)
+
+
+@kernel
+def cauchy_schwarz_bounds(i, k, columns, room, row):
+    bordered, root = _sums(i, k, columns, False, False)  # what the plain elimination leaves is needed
+    _overlap_bounds(i, k, len(columns) - 1 - len(room), columns, bordered, root, row)
+
+
+@kernel
+def isd_bounds(i, k, columns, room, row):
+    bordered, root = _sums(i, k, columns, False, True)
+    _isd_bounds(i, k, len(columns) - 1 - len(room), columns, bordered[0], root, row)
+
+
+@kernel
+def _sums(i, k, columns, by_shares, fast):
+    """What `eliminate` leaves of b Pi + a Pj, or of Pi + Pj, bordered by the difference of the means, and the
+    inverse roots of their determinants (k,)."""
+    T = len(columns) - 2
+    d = int(np.sqrt(2.0 * T + 2.25) - 1.0)
+    bordered, root = np.empty((T + 1, k)), np.empty(k)
+    _border(i, k, columns, bordered, by_shares)
+    if d == 4 and fast:
+        eliminate_four(root, bordered)
+    else:
+        eliminate(root, bordered, d)
+    return bordered, root
 
 
 @kernel
@@ -215,15 +244,45 @@ def pair_of(i, j, w, m, P):
     return w2, m2, P2
 
 
+# ---- the cost of merging i and j, and the steps of its computation ----
+
+
 @kernel
-def pair_cost(code, i, j, w, m, P):
-    """The cost of merging i and j, and the steps of its computation."""
-    (wi, wj), m2, P2 = pair_of(i, j, w, m, P)
-    if code == WASSERSTEIN or code == UNWEIGHTED:
-        cost = component_cost(WASSERSTEIN, m2[0], P2[0], m2[1], P2[1])
-        return (cost if code == UNWEIGHTED else wi * (wj / (wi + wj)) * cost), 0
-    mean, S, steps = barycentre_within(code, np.array([wi, wj]), m2, P2, ENOUGH)
-    cost = wi * component_cost(code, m2[0], P2[0], mean, S) + wj * component_cost(code, m2[1], P2[1], mean, S)
-    # either of the two instead: that has more digits where one is far lighter
-    cost = min(cost, wi * component_cost(code, m2[0], P2[0], m2[1], P2[1]))
-    return min(cost, wj * component_cost(code, m2[1], P2[1], m2[0], P2[0])), steps
+def no_more(i, j, w, m, P):
+    """For a row of costs that is exact."""
+    return 0.0, 0
+
+
+@kernel
+def wasserstein_pair(i, j, w, m, P):
+    return w[i] * (w[j] / (w[i] + w[j])) * wasserstein_cost(m[i], P[i], m[j], P[j]), 0
+
+
+@kernel
+def unweighted_pair(i, j, w, m, P):
+    return wasserstein_cost(m[i], P[i], m[j], P[j]), 0
+
+
+def _pair_cost(barycentre: Callable, cost: Callable) -> Callable:
+    """The kernel for a measure whose barycentre is iterated for."""
+
+    @kernel
+    def pair_cost(i, j, w, m, P):
+        w2, m2, P2 = pair_of(i, j, w, m, P)
+        mean, S, steps = barycentre(w2, m2, P2, ENOUGH)
+        total = w2[0] * cost(m2[0], P2[0], mean, S) + w2[1] * cost(m2[1], P2[1], mean, S)
+        # either of the two instead: that has more digits where one is far lighter
+        total = min(total, w2[0] * cost(m2[0], P2[0], m2[1], P2[1]))
+        return min(total, w2[1] * cost(m2[1], P2[1], m2[0], P2[0])), steps
+
+    return pair_cost
+
+
+symmetrised_kl_pair = _pair_cost(geometric_mean, symmetrised_kl_cost)
+cauchy_schwarz_pair = _pair_cost(best_correlation, cauchy_schwarz_cost)
+isd_pair = _pair_cost(least_difference, isd_cost)
+PAIR_COSTS = (
+    (kl_costs, no_more), (reverse_kl_costs, no_more), (symmetrised_kl_bounds, symmetrised_kl_pair),
+    (wasserstein_bounds, wasserstein_pair), (cauchy_schwarz_bounds, cauchy_schwarz_pair),
+    (isd_bounds, isd_pair),
+)  # fmt: skip

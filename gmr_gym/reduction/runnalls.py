@@ -17,7 +17,7 @@ from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture, arrays_of
 from gmr_gym.reduction.consistent_merging import merged_within
 from gmr_gym.reduction.greedy_merging import merge_greedily
-from gmr_gym.reduction.measures import MEASURES, TELESCOPING
+from gmr_gym.reduction.measures import TELESCOPING
 from gmr_gym.reduction.merge_cost import total_cost
 from gmr_gym.reduction.protocol import TOO_FAR, Reduced
 from gmr_gym.reduction.pruning import above_threshold, select, weighing
@@ -114,7 +114,7 @@ def adaptive(p: Mixture, loss_bound: float, components: int | None = None, measu
     check_choice("measure", measure, TELESCOPING)
     if measure == "kl":
         return merging(p)
-    return merged_within(p, merging.components, MEASURES.index(measure), merging.loss_bound)
+    return merged_within(p, merging.components, measure, merging.loss_bound)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from gmr_gym.reduction.measures import KL, MEASURES
 from gmr_gym.reduction.overlap_descent import STEPS
 from gmr_gym.reduction.protocol import at_unit, definite, warn_unfinished
 from gmr_gym.reduction.transport_sweeps import (
-    barycentres,
+    GATHERED,
     half_log_determinants,
     keep_better,
     moment_matches,
@@ -83,7 +83,7 @@ def stepping(cost: str, p: Mixture) -> Callable[[np.ndarray], tuple]:
         if code == KL:
             v, c, *others = moment_matches(share, x, p.P, *packed)
         else:
-            v, c, *others = barycentres(code, share, x, p.P)
+            v, c, *others = GATHERED[code](share, x, p.P)
         return v, c + mean, *others
 
     return step

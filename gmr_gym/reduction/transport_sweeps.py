@@ -4,32 +4,42 @@ The Gaussians of the reduced mixture are the rows of tables of shares and of cos
 the mixture the columns.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, half_log_determinant, inverse_into
-from gmr_gym.reduction.barycentres import barycentre_of
-from gmr_gym.reduction.measures import component_cost
-from gmr_gym.reduction.overlap_descent import STEPS
+from gmr_gym.reduction.barycentres import BARYCENTRES
+from gmr_gym.reduction.measures import COSTS
+from gmr_gym.reduction.overlap_descent import EXACT, STEPS
 
 LEAST_SHARE = 1e-9  # of the weight of a Gaussian, that counts in a barycentre other than the moment match
 LEAST_WEIGHT = 1e-300  # of a Gaussian, beside components of weight 1: below it digits are lost
 
 
-@kernel
-def barycentres(code, share, m, P):
-    """Weights (L,), means and covariances of the barycentres of rows of shares of the components m, P, the
-    costs (L, n), and whether no barycentre was cut short; `code` is the place of the cost in `MEASURES`."""
-    v, c, S = _weights(share), np.zeros((len(share), m.shape[1])), np.zeros((len(share), *P.shape[1:]))
-    table, exact = np.full(share.shape, np.inf), True
-    for j in range(len(v)):
-        if v[j] > 0.0:
-            at = np.flatnonzero(share[j] > LEAST_SHARE * v[j])
-            c[j], S[j], steps = barycentre_of(code, share[j][at], m[at], P[at])
-            exact &= steps < STEPS
-            for i in range(len(m)):
-                table[j, i] = component_cost(code, m[i], P[i], c[j], S[j])
-    return v, c, S, table, exact
+def _gathering(barycentre: Callable, component_cost: Callable) -> Callable:
+    """The kernel for a measure."""
+
+    @kernel
+    def gather(share, m, P):
+        """Weights (L,), means and covariances of the barycentres of rows of shares of the components m, P,
+        the costs (L, n), and whether no barycentre was cut short."""
+        v, c, S = _weights(share), np.zeros((len(share), m.shape[1])), np.zeros((len(share), *P.shape[1:]))
+        table, exact = np.full(share.shape, np.inf), True
+        for j in range(len(v)):
+            if v[j] > 0.0:
+                at = np.flatnonzero(share[j] > LEAST_SHARE * v[j])
+                c[j], S[j], steps = barycentre(share[j][at], m[at], P[at], EXACT)
+                exact &= steps < STEPS
+                for i in range(len(m)):
+                    table[j, i] = component_cost(m[i], P[i], c[j], S[j])
+        return v, c, S, table, exact
+
+    return gather
+
+
+GATHERED = tuple(_gathering(*kernels) for kernels in zip(BARYCENTRES, COSTS, strict=True))
 
 
 @kernel

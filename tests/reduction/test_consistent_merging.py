@@ -11,11 +11,13 @@ from scipy.integrate import quad
 from gmr_gym.evaluation.mixture_problems import crouse
 from gmr_gym.mixture import Mixture, collapsed, log_density, mixture, take
 from gmr_gym.reduction.adaptive_merging import adaptive_2023
-from gmr_gym.reduction.barycentres import MEASURES, barycentre, component_cost
+from gmr_gym.reduction.barycentres import barycentre
+from gmr_gym.reduction.chi_square import chi_square_costs
 from gmr_gym.reduction.consistent_merging import consistent, greedy_chi_square, greedy_wasserstein
 from gmr_gym.reduction.distances import integral_squared_difference, kullback_leibler, wasserstein
+from gmr_gym.reduction.measures import COSTS, MEASURES
 from gmr_gym.reduction.merge_cost import components_last
-from gmr_gym.reduction.pair_costs import CHI_SQUARE, least_costs
+from gmr_gym.reduction.pair_costs import PAIR_COSTS
 from gmr_gym.reduction.prune_or_merge import prune_or_merge
 from gmr_gym.reduction.runnalls import adaptive, runnalls, total_merge_cost
 
@@ -33,8 +35,8 @@ def pair_cost(measure, p, i, j):
     """The least sum of w D(component, q) for two components."""
     pair = take(p, np.array([i, j]))
     q = barycentre(pair, measure)
-    code = MEASURES.index(measure)
-    return sum(w * component_cost(code, m, P, q.m[0], q.P[0]) for w, m, P in zip(*pair, strict=True))
+    cost = COSTS[MEASURES.index(measure)]
+    return sum(w * cost(m, P, q.m[0], q.P[0]) for w, m, P in zip(*pair, strict=True))
 
 
 def slowly(p, components, cost, merged):
@@ -79,7 +81,7 @@ def test_bounds_lie_below_the_costs_and_two_are_exact(measure, d):
     p = drawn(10 + d, 8, d)
     columns, room = components_last(*p)
     row = np.empty(columns.shape[1])
-    least_costs(MEASURES.index(measure), 7, 7, columns, room, row)
+    PAIR_COSTS[MEASURES.index(measure)][0](7, 7, columns, room, row)
     exact = [pair_cost(measure, p, 7, j) for j in range(7)]
     assert (row[:7] <= np.array(exact) * (1 + 1e-9)).all()
     assert (row[:7] > 0.15 * np.array(exact)).all()  # not so far below that they would be of no use
@@ -96,9 +98,9 @@ def test_kl_throughout_is_runnalls():
 
 @every
 def test_costs_of_both_divergences_alone_sum_to_the_same_in_any_order(measure):
-    p, code = drawn(2, 6, 3), MEASURES.index(measure)
+    p, cost = drawn(2, 6, 3), COSTS[MEASURES.index(measure)]
     whole = barycentre(p, measure)
-    at_once = sum(w * component_cost(code, m, P, whole.m[0], whole.P[0]) for w, m, P in zip(*p, strict=True))
+    at_once = sum(w * cost(m, P, whole.m[0], whole.P[0]) for w, m, P in zip(*p, strict=True))
     _, costs = slowly(p, 1, partial(pair_cost, measure), partial(barycentre, measure=measure))
     if measure in ("kl", "reverse-kl"):
         assert sum(costs) == pytest.approx(at_once, rel=1e-12)
@@ -150,7 +152,7 @@ def chi_square(p, i, j, reach=12.0):
 def chi_square_row(p, i):
     columns, room = components_last(*p)
     row = np.empty(columns.shape[1])
-    least_costs(CHI_SQUARE, i, i, columns, room, row)
+    chi_square_costs(i, i, columns, room, row)
     return row[:i]
 
 
@@ -277,12 +279,12 @@ def test_without_its_ratio_the_rule_of_2023_is_that_of_2022(measure):
 
 @pytest.mark.parametrize("measure", ["kl", "reverse-kl"])
 def test_the_relative_loss_of_the_result_stays_within_the_bound_and_one_merge_more_would_not(measure):
-    p, code = drawn(3, 10, 2), MEASURES.index(measure)
+    p, cost = drawn(3, 10, 2), COSTS[MEASURES.index(measure)]
 
     def loss(origin):
         parts = [take(p, np.flatnonzero(origin == g)) for g in range(origin.max() + 1)]
         return sum(
-            w * component_cost(code, m, P, *(a[0] for a in barycentre(part, measure)[1:]))
+            w * cost(m, P, *(a[0] for a in barycentre(part, measure)[1:]))
             for part in parts
             for w, m, P in zip(*part, strict=True)
         )
