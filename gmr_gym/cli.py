@@ -497,7 +497,7 @@ def reduce(
         return
     out = out or Path("reduction.html")
     specs.check_ending("--out", out, *reducing.ENDINGS)
-    specs.check_writable(out, beside=file)
+    specs.check_writable(out, beside=[file])
     specs.check_once("--method", method)
     name, mixture = reducing.mixture_asked(file, example)
     _show(reducing.reduction(name, mixture, method or ["runnalls"], components, axes, out))
@@ -595,7 +595,7 @@ def inspect(
     from gmr_gym.recorded.description import described
 
     specs.check_ending("--write", write, ".toml")
-    specs.check_writable(write, beside=file)
+    specs.check_writable(write, beside=[file])
     settings = reading.configuration_of(given)
     found = reading.detections_of(file, settings)
     scans = cut(found, window=given["scan_window"])
@@ -644,7 +644,9 @@ def main() -> None:
             raise
         from rich.console import Console
 
-        Console(stderr=True, soft_wrap=True).print(f"error: {_line(error)}", style="red", markup=False)
+        Console(stderr=True, soft_wrap=True, emoji=False).print(
+            f"error: {_line(error)}", style="red", markup=False
+        )
         sys.exit(2)
 
 

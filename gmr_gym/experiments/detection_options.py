@@ -40,15 +40,17 @@ INPUT = {
     "where": Option(Columns, "only rows that fulfil it, such as 'snr>10'; repeatable", []),
     "keep": Option(Columns, "column kept as metadata; repeatable; all unless given", []),
     "delimiter": Option(str, "one character, tab or space; found in the first line unless given"),
-    "decimal": Option(str, "what stands before decimals", ".", ("--decimal",)),
-    "encoding": Option(str, "of text", "utf-8"),
+    "decimal": Option(str, "what stands before decimals; a point unless given", names=("--decimal",)),
+    "encoding": Option(str, "of text; utf-8 unless given"),
     "header": Option(
-        bool, "whether the first line names the columns, else 1, 2, ...", True, ("--header/--no-header",)
+        bool | None, "whether the first line names the columns, as it does unless given, else 1, 2, ...",
+        None, ("--header/--no-header",),
     ),
     "day": Option(str, "YYYY-MM-DD of the first row, where times are of the day"),
-    "order": Option(str, "sort rows by time, or refuse those that are not: sort|strict", "sort"),
+    "order": Option(str, "sort rows by time, unless given, or refuse those that are not: sort|strict"),
     "drop_repeats": Option(
-        bool, "whether rows that repeat others are dropped", True, ("--drop-repeats/--keep-repeats",)
+        bool | None, "whether rows that repeat others are dropped, as they are unless given", None,
+        ("--drop-repeats/--keep-repeats",),
     ),
     "scan_window": Option(float | None, "s: rows within it are one scan", None),
 }  # fmt: skip
@@ -57,7 +59,7 @@ SENSOR = {
     "reference": Option(str, "LAT,LON,ALT of the origin of x, y; the sensor or first row unless given"),
     "north_offset": Option(str, "from true north to the sensor's, clockwise, such as 1.5deg"),
     "azimuth_convention": Option(
-        str, "compass: clockwise from north; math: counter-clockwise from x", "compass"
+        str, "compass: clockwise from north, unless given; math: counter-clockwise from x"
     ),
     "rotation_period": Option(str, "s, of an antenna: a turn is a scan"),
     "sensor_deviation": Option(str, "deviation, m, or range=50,azimuth=0.1deg,range_rate=1, or auto"),
@@ -66,10 +68,12 @@ SENSOR = {
     "clutter_per_scan": Option(float | None, "false alarms per scan", None),
 }
 TARGET = {
-    "motion": Option(str, "of many targets: imm, constant-velocity or constant-acceleration", "imm"),
+    "motion": Option(
+        str, "of many targets: imm, constant-velocity or constant-acceleration; imm unless given"
+    ),
     "acceleration_deviation": Option(
         str, "m/s^2 of one target, 3 unless given; of many for each motion model, what is added to the "
-        "velocity in a second, 0.1,3 unless given",
+        "velocity in a second, 0.1,3 unless given, or 0.1 of a single one",
     ),
     "max_speed": Option(float | None, "m/s, of a new target", None),
     "stay_probability": Option(float | None, "of a motion model, per second", None),
@@ -100,7 +104,7 @@ OUTPUT = {
     "report": Option(Path | None, "figures of their quality, .json or .md", None),
     "truth_file": Option(Path | None, "where targets were: such a file, or that of Autoferry", None),
     "cutoff": Option(float, "m from a target beyond which a track is not of it", 50.0),
-    "only": Option(str, "confirmed: tracks from their confirmation on; or all", "confirmed"),
+    "only": Option(str, "confirmed: tracks from their confirmation on, unless given; or all"),
     "overwrite": Option(bool, "replace files of many targets' tracks", False, ("--overwrite",)),
     "dry_run": Option(bool, "say what would be tracked and written, and do neither", False, ("--dry-run",)),
 }  # fmt: skip
@@ -154,6 +158,16 @@ def typed(given: Mapping[str, Any]) -> list[str]:
                     for word in (yes, f"{one}")
                 ]
     return words
+
+
+def said_by(given: Mapping[str, Any], *groups: Mapping[str, Option]) -> dict[str, Any]:
+    """What was typed of the options of these groups, by name."""
+    return {
+        name: given[name]
+        for group in groups
+        for name, option in group.items()
+        if given[name] != option.default
+    }
 
 
 def given_columns(given: Mapping[str, Any]) -> dict[str, list[str]]:

@@ -8,9 +8,10 @@ from typing import Any
 
 from gmr_gym.evaluation import recordings
 from gmr_gym.experiments import tracks
-from gmr_gym.experiments.detection_options import given_columns
+from gmr_gym.experiments.detection_options import INPUT, SENSOR, given_columns, said_by
 from gmr_gym.experiments.specs import numbers
 from gmr_gym.recorded.configuration import (
+    READING,
     Configuration,
     SensorSettings,
     deviations,
@@ -22,25 +23,15 @@ from gmr_gym.recorded.formats import TEXT, form_of
 from gmr_gym.recorded.reading import read
 from gmr_gym.recorded.units import ANGLE, TIME, quantity_typed
 
+CLUTTER = "clutter_density", "clutter_per_scan"  # one of which says how much clutter there is
+
 
 def configuration_of(given: Mapping[str, Any]) -> Configuration:
     """Settings of the file named by --config, with what was typed over them."""
     found = read_configuration(given["config"]) if given["config"] else Configuration()
     columns = {**found.columns, **given_columns(given)}
-    reading = dict(found.reading)
-    for name, usual in (
-        ("where", []),
-        ("keep", []),
-        ("decimal", "."),
-        ("encoding", "utf-8"),
-        ("header", True),
-        ("order", "sort"),
-        ("drop_repeats", True),
-        ("azimuth_convention", "compass"),
-        ("delimiter", ""),
-    ):
-        if given[name] != usual:
-            reading[name] = given[name]
+    typed = said_by(given, INPUT, SENSOR)
+    reading = {**found.reading, **{name: typed[name] for name in READING if name in typed}}
     if given["day"]:
         reading["day"] = _day(given["day"])
     if given["reference"]:
@@ -56,7 +47,8 @@ def detections_of(file: Path, found: Configuration) -> Detections:
 
 def one_target_scans(file: Path, found: Configuration, given: Mapping[str, Any]) -> recordings.Scans:
     """Scans of one target: of a plain file as they stand, or as the settings say."""
-    if not (found.columns or given["where"] or given["config"]) and form_of(file) == TEXT:
+    as_it_stands = not (found.columns or found.reading or given["config"] or given["scan_window"])
+    if as_it_stands and form_of(file) == TEXT:
         return tracks.plain_scans(file)
     return tracks.scans_of_positions(detections_of(file, found), given["scan_window"])
 
@@ -99,9 +91,15 @@ def _typed(given: Mapping[str, Any], settings: SensorSettings) -> SensorSettings
             **settings.deviation,
             **deviations("--sensor-deviation", given["sensor_deviation"]),
         }
-    for name in ("detection_probability", "clutter_density", "clutter_per_scan"):
-        if given[name] is not None:
-            changed[name] = given[name]
+    if given["detection_probability"] is not None:
+        changed["detection_probability"] = given["detection_probability"]
+    clutter = {name: given[name] for name in CLUTTER if given[name] is not None}
+    if len(clutter) > 1:
+        raise ValueError("--clutter-density and --clutter-per-scan both say the clutter; give one of them")
+    for name, value in clutter.items():
+        if not 0 <= value < math.inf:
+            raise ValueError(f"--{name.replace('_', '-')} must be 0 or more, got {value}")
+        changed |= dict.fromkeys(CLUTTER, math.nan) | clutter
     return settings._replace(**changed)
 
 

@@ -74,10 +74,10 @@ def parsed_all(specs: Iterable[str]) -> dict[str, dict[str, Any]]:
     return {spec: dict(zip(("name", "parameters"), parsed(spec), strict=True)) for spec in specs}
 
 
-def check_writable(*files: Path | None, beside: Path | None = None) -> None:
+def check_writable(*files: Path | None, beside: Sequence[Path | str | None] = ()) -> None:
     """OSError for a file that could not be made, or that is a folder: before the work, and leaving none.
-    ValueError for one that is to be written twice, or over the file `beside` that is read."""
-    taken = {beside.resolve()} if beside else set()
+    ValueError for one that is to be written twice, or over one of the files `beside` that are read."""
+    taken = {Path(file).resolve() for file in beside if file}
     for file in filter(None, files):
         if file.resolve() in taken:
             raise ValueError(f"{file} is named twice, and what it holds would be lost; choose another file")

@@ -95,6 +95,7 @@ def outputs(
         if name in OUTPUT and asked[name] == OUTPUT[name].default:
             asked[name] = Path(value) if name in KINDS and name != "smooth" else value
     asked["out"] = out or Path(settings.output.get("out", "tracks.csv"))
+    asked["only"] = asked["only"] or "confirmed"
     asked["smooth"] = smoothed_beside(asked["out"]) if is_smoothed(settings, given) else None
     check_choice("--only", asked["only"], ("confirmed", "all"))
     _check_positive(**{"--cutoff": asked["cutoff"]})
@@ -103,7 +104,7 @@ def outputs(
         specs.check_ending(f"--{name}", file, *KINDS[name])
         if file.is_file() and not asked["overwrite"]:
             raise ValueError(f"--{name}: {file} is there already; give --overwrite, or another name")
-    specs.check_writable(*files.values(), beside=source)
+    specs.check_writable(*files.values(), beside=(source, given["config"], given["truth_file"]))
     return asked
 
 

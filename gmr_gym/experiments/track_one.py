@@ -8,7 +8,7 @@ from gmr_gym.envs.lookup import parsed
 from gmr_gym.evaluation import recordings
 from gmr_gym.evaluation.smoothed_recordings import smoothed_track
 from gmr_gym.experiments import specs
-from gmr_gym.experiments.detection_options import OUTPUT
+from gmr_gym.experiments.detection_options import OUTPUT, TARGET, TRACKS, said_by
 from gmr_gym.experiments.reading import one_target_model, one_target_scans
 from gmr_gym.experiments.tracks import is_smoothed, smoothed_beside
 from gmr_gym.filters.registry import make_tracker
@@ -17,6 +17,7 @@ from gmr_gym.mixture import Mixture
 from gmr_gym.models.priors import constant_velocity_model, prior_from_first_scan, prior_given
 from gmr_gym.recorded.configuration import Configuration
 
+SHARED = "smooth", "acceleration_deviation"  # options of one target and of many
 USUAL = {"tracker": "runnalls-30", "prior": "", "prior_deviations": "", "speed": 150.0, "period": None}
 
 
@@ -30,7 +31,7 @@ def track_one(
     files = [out or Path("track.csv")]
     files += [smoothed_beside(files[0])] if smooth else []
     _check(given, own)
-    specs.check_writable(*files, beside=file)
+    specs.check_writable(*files, beside=[file])
     specs.check_ending("--out", files[0], ".csv")
     scans = one_target_scans(file, settings, given)
     tracks, names = _tracked(file, scans, own, smooth, one_target_model(settings, given))
@@ -44,8 +45,8 @@ def track_one(
 
 def _check(given: Mapping[str, Any], own: Mapping[str, Any]) -> None:
     """ValueError for what one target's track does not have, and for a prior or speed that is none."""
-    for name, option in OUTPUT.items():
-        if given[name] != option.default and name != "smooth":
+    for name in said_by(given, OUTPUT, TARGET, TRACKS):
+        if name not in SHARED:
             raise ValueError(f"--{name.replace('_', '-')} is of many targets; give --targets many")
     if bool(own["prior"]) != bool(own["prior_deviations"]):
         raise ValueError("give --prior and --prior-deviations together, or neither")

@@ -9,7 +9,7 @@ import numpy as np
 from gmr_gym.envs.lookup import tracker_of
 from gmr_gym.evaluation import recordings
 from gmr_gym.evaluation.loop import play
-from gmr_gym.experiments.detection_options import TARGET, TRACKS
+from gmr_gym.experiments.detection_options import TARGET, TRACKS, said_by
 from gmr_gym.experiments.specs import numbers
 from gmr_gym.models.intervals import Mode
 from gmr_gym.points import FARTHEST
@@ -70,7 +70,7 @@ def many_targets_model(found: Detections, settings: Configuration, given: Mappin
         if not all(deviation > 0 for deviation in spec.deviation):
             way = "50 (m)" if spec.kind == CARTESIAN else "range=50,azimuth=0.1deg"
             raise ValueError(f"sensor {spec.name!r} has no deviation; give --sensor-deviation, such as {way}")
-        if spec.clutter_density > 0:
+        if not np.isnan(spec.clutter_density):
             spec = spec._replace(clutter_per_scan=spec.clutter_density * volume)
         specs.append(spec)
     return tracking_model(specs, low.tolist(), high.tolist(), **_targets(settings, given))
@@ -78,8 +78,10 @@ def many_targets_model(found: Detections, settings: Configuration, given: Mappin
 
 def _targets(settings: Configuration, given: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of `tracking_model`, from the settings and what was typed over them."""
-    said = {**settings.target, **settings.tracks}
-    said |= {name: given[name] for name in (*TARGET, *TRACKS) if given[name] not in ("", None, False)}
+    typed = said_by(given, TARGET, TRACKS)
+    said = {**settings.target, **settings.tracks, **typed}
+    if "motion" in typed or "acceleration_deviation" in typed:
+        said.pop("modes", None)
     if "modes" in said:
         said["motion"] = [
             Mode(str(each.get("motion", "constant-velocity")), float(each["acceleration_deviation"]))
@@ -87,11 +89,20 @@ def _targets(settings: Configuration, given: Mapping[str, Any]) -> dict[str, Any
         ]
     elif "acceleration_deviation" in said:
         deviation = numbers("--acceleration-deviation", str(said["acceleration_deviation"]).strip("[]() "))
+        if len(deviation) > 1 and said.get("motion", "imm") != "imm":
+            raise ValueError(
+                f"--motion {said['motion']} has one acceleration deviation, got {len(deviation)}; give one, "
+                "or --motion imm"
+            )
         said["acceleration_deviation"] = tuple(deviation)
     for rule in ("confirm", "delete"):
-        existence = said.pop(f"{rule}_existence", None)
-        if rule in said:
-            said[rule] = _ratio(f"--{rule}", str(said[rule]))
+        ratio, existence = said.pop(rule, None), said.pop(f"{rule}_existence", None)
+        if ratio is not None and existence is not None:
+            if (rule in typed) == (f"{rule}_existence" in typed):
+                raise ValueError(f"--{rule} and --{rule}-existence are two rules; give one of them")
+            ratio = ratio if rule in typed else None
+        if ratio is not None:
+            said[rule] = _ratio(f"--{rule}", str(ratio))
         elif existence is not None:
             said[rule] = float(existence)
     for name in ("targets", "tracker"):
@@ -110,10 +121,7 @@ def _ratio(name: str, text: str) -> tuple[int, int]:
 
 def is_smoothed(settings: Configuration, given: Mapping[str, Any]) -> bool:
     """Whether smoothed tracks are asked for, too."""
-    found = given["smooth"] or settings.output.get("smooth", False)
-    if not isinstance(found, bool):
-        raise ValueError(f"[output], smooth: must be true or false, got {found!r}")
-    return found
+    return given["smooth"] or settings.output.get("smooth", False)
 
 
 def smoothed_beside(out: Path) -> Path:

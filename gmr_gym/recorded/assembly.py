@@ -41,6 +41,9 @@ def assembled(
     drop_repeats: bool,
 ) -> Detections:
     """Rows of all sensors in order of time, without those that repeat others or have no position."""
+    turned = any(each.settings.north_offset for each in rows)
+    if turned and not any(each.positions.family[0] == "range" for each in rows):
+        raise ValueError(f"{source_of(table)}: no azimuths for a north offset to turn; leave it out")
     n, p = len(table.line), max(each.positions.z.shape[1] for each in rows)
     reference = reference or _reference(rows)
     ns, sensor, origin = np.zeros(n, np.int64), np.zeros(n, int), np.zeros((n, 3))

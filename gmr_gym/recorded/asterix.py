@@ -36,7 +36,9 @@ def is_asterix(head: bytes) -> bool:
     """Whether a file that begins so is a recording of a network, or data blocks one after the other."""
     if head.startswith((*PCAP, PCAPNG)):
         return True
-    return len(head) > HEAD and head[0] > 0 and HEAD < int.from_bytes(head[1:3], "big") < LONGEST
+    if len(head) > 7 and not any(head[1:8:2]):  # text in UTF-16, and no record without items
+        return False
+    return len(head) > HEAD and head[0] > 0 and HEAD < int.from_bytes(head[1:HEAD], "big") < LONGEST
 
 
 def surveillance(path: Path | str, data: bytes) -> Decoded:

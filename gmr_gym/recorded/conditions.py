@@ -17,16 +17,19 @@ COMPARED = {
 
 
 def kept_rows(
-    conditions: Sequence[str], names: Sequence[str], cells: Mapping[str, Sequence], n: int
+    conditions: Sequence[str], names: Sequence[str], cells: Mapping[str, Sequence], n: int, decimal: str = "."
 ) -> np.ndarray:
-    """Mask (n,) of the rows that fulfil all conditions, such as `snr>10` or `type=plot`."""
+    """Mask (n,) of the rows that fulfil all conditions, such as `snr>10` or `type=plot`; `decimal` stands
+    before the decimals of numbers."""
     mask = np.ones(n, bool)
     for text in conditions:
         name, compare, value = condition(text, names)
         column = list(map(str, cells[name]))
-        if is_number(value):
-            held = [float(cell) if is_number(cell) else np.nan for cell in column]
-            mask &= np.array([compare(cell, float(value)) for cell in held], bool)
+        number = value.replace(decimal, ".")
+        if is_number(number):
+            written = [cell.replace(decimal, ".") for cell in column]
+            held = [float(cell) if is_number(cell) else np.nan for cell in written]
+            mask &= np.array([compare(cell, float(number)) for cell in held], bool)
         else:
             mask &= np.array([compare(cell, value) for cell in column], bool)
     return mask

@@ -24,20 +24,24 @@ READING: dict[str, Any] = {
     "keep": list, "where": list, "delimiter": str, "decimal": str, "encoding": str, "header": bool,
     "day": date, "drop_repeats": bool, "order": str, "reference": dict, "azimuth_convention": str,
 }  # fmt: skip
-KEYS = {
+KEYS: dict[str, Sequence[str] | Mapping[str, type]] = {  # of each section, with the types of their values
     "input": (*ROLES, *READING),
     "sensor": (
         "name", "position", "north_offset", "rotation_period", "deviation",
         "detection_probability", "clutter",
     ),
-    "target": (
-        "motion", "modes", "acceleration_deviation", "stay_probability", "survival_probability", "max_speed",
-    ),
-    "tracks": (
-        "targets", "tracker", "confirm", "confirm_existence", "delete", "delete_existence", "max_coast",
-        "gate_probability", "min_speed",
-    ),
-    "output": ("out", "geojson", "html", "report", "mot", "labelled", "smooth", "only", "overwrite"),
+    "target": {
+        "motion": str, "modes": list, "acceleration_deviation": object, "stay_probability": float,
+        "survival_probability": float, "max_speed": float,
+    },
+    "tracks": {
+        "targets": str, "tracker": str, "confirm": str, "confirm_existence": float, "delete": str,
+        "delete_existence": float, "max_coast": float, "gate_probability": float, "min_speed": float,
+    },
+    "output": {
+        "out": str, "geojson": str, "html": str, "report": str, "mot": str, "labelled": str, "smooth": bool,
+        "only": str, "overwrite": bool,
+    },
 }  # fmt: skip
 OF_ROLE = {"time": ("format", "day"), "azimuth": ("from", "turning")}  # keys of one role alone
 AUTO = "auto"
@@ -97,6 +101,13 @@ def read_configuration(path: Path | str) -> Configuration:
             raise ValueError(f"{path}: {section} must be a table, {form}")
         for table in tables if isinstance(tables, list) else [tables]:
             _check_keys(f"{path}, [{section}]", table, keys)
+            for key, kind in keys.items() if isinstance(keys, Mapping) else ():
+                if key in table:
+                    _check_type(f"{path}, [{section}], {key}", table[key], kind)
+    for mode in found.get("target", {}).get("modes", []):
+        where = f"{path}, [target], modes"
+        _check_keys(where, mode, ("motion", "acceleration_deviation"))
+        _check_type(f"{where}, acceleration_deviation", mode.get("acceleration_deviation"), float)
     columns, reading = _input(f"{path}, [input]", found.get("input", {}))
     sensors = tuple(sensor(f"{path}, [[sensor]]", table) for table in found.get("sensor", []))
     sections = {name: found.get(name, {}) for name in ("target", "tracks", "output")}
@@ -108,6 +119,9 @@ def sensor(where: str, table: Mapping[str, Any]) -> SensorSettings:
     position, clutter = table.get("position", {}), table.get("clutter", {})
     _check_keys(f"{where}, position", position, ("lat", "lon", "alt", "x", "y", "z"))
     _check_keys(f"{where}, clutter", clutter, ("density", "per_scan", "learn"))
+    _check_type(f"{where}, clutter, learn", clutter.get("learn", False), bool)
+    if {"density", "per_scan"} <= {key for key, value in clutter.items() if value != AUTO}:
+        raise ValueError(f"{where}, clutter: density and per_scan both say it; give one of them")
     geodetic = place = None
     if "lat" in position or "lon" in position:
         geodetic = _geodetic(f"{where}, position", position)
@@ -126,7 +140,7 @@ def sensor(where: str, table: Mapping[str, Any]) -> SensorSettings:
         _number(where, table, "detection_probability", None),
         _number(f"{where}, clutter", clutter, "per_scan", None),
         _number(f"{where}, clutter", clutter, "density", None),
-        bool(clutter.get("learn", False)),
+        clutter.get("learn", False),
     )
 
 
@@ -135,6 +149,10 @@ def deviations(where: str, typed: str | float | Mapping[str, Any]) -> dict[str, 
     if isinstance(typed, str) and "=" in typed:
         pairs = [part.partition("=") for part in typed.split(",")]
         typed = {role.strip(): value for role, _, value in pairs}
+        if len(typed) < len(pairs):
+            raise ValueError(
+                f"{where}: a coordinate is named twice: {', '.join(p[0].strip() for p in pairs)}"
+            )
     if not isinstance(typed, Mapping):
         typed = {"": typed}
     found = {}
@@ -180,12 +198,9 @@ def _input(where: str, table: Mapping[str, Any]) -> tuple[dict[str, list[str]], 
         if key in ROLES:
             entries = value if isinstance(value, list) else [value]
             columns[key] = [_column(f"{where}, {key}", key, entry, reading) for entry in entries]
-        elif not isinstance(value, READING[key]):
-            raise ValueError(f"{where}, {key}: must be of type {READING[key].__name__}, got {value!r}")
-        elif key == "reference":
-            reading[key] = _geodetic(f"{where}, reference", value)
-        else:
-            reading[key] = value
+            continue
+        _check_type(f"{where}, {key}", value, READING[key])
+        reading[key] = _geodetic(f"{where}, reference", value) if key == "reference" else value
     return columns, reading
 
 
@@ -227,7 +242,15 @@ def _number(where: str, table: Mapping[str, Any], key: str, quantity: str | None
     return number
 
 
+def _check_type(where: str, value: Any, kind: type) -> None:
+    fits = isinstance(value, int | float if kind is float else kind)
+    if not fits or (kind is float and isinstance(value, bool)):
+        raise ValueError(f"{where}: must be of type {kind.__name__}, got {value!r}")
+
+
 def _check_keys(where: str, table: Mapping[str, Any], known: Sequence[str] | Mapping) -> None:
+    if not isinstance(table, Mapping):
+        raise ValueError(f"{where}: must be a table, got {table!r}")
     for key in table:
         if key not in known:
             raise ValueError(

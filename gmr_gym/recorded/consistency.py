@@ -71,17 +71,20 @@ def _correlation(tracks: Tracks, found: Innovations, of: str) -> Iterator[Figure
 
 
 def _means(tracks: Tracks, found: Innovations, names: Sequence[str], of: str) -> Iterator[Figure]:
-    """Mean innovations along and across the track, and in the coordinates of these names."""
+    """Mean innovations along and across the track, where it has a course, and in the coordinates of these
+    names."""
     axes = tracks.x.shape[1] // 2
-    course = tracks.x[found.row, axes : axes + 2]
+    velocity = tracks.x[found.row, axes : axes + 2]
+    course = velocity[velocity.any(axis=1)]
     course = course / np.linalg.norm(course, axis=1, keepdims=True)
-    along = (found.cartesian * course).sum(axis=1)
-    across = found.cartesian[:, 1] * course[:, 0] - found.cartesian[:, 0] * course[:, 1]
+    cartesian = found.cartesian[velocity.any(axis=1)]
+    along = (cartesian * course).sum(axis=1)
+    across = cartesian[:, 1] * course[:, 0] - cartesian[:, 0] * course[:, 1]
     columns = [("along track", along, "m"), ("to the left of the track", across, "m")]
     columns += [
         (f"in {name}", column if name == "range" else np.degrees(column), "m" if name == "range" else "deg")
         for name, column in zip(names, found.v.T, strict=False)
     ]
-    for name, column, unit in columns:
+    for name, column, unit in (each for each in columns if len(each[1])):
         half = 2 * float(column.std()) / np.sqrt(len(column))
         yield Figure(f"mean innovation {name}{of}", float(column.mean()), unit, len(column), -half, half)

@@ -4,6 +4,7 @@ import io
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +18,7 @@ from gmr_gym.recorded.extras import Decoded, module_of
 from gmr_gym.recorded.times import is_number
 
 ABSENT = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})  # cells that stand for no value
+NOTHING = frozenset({"None", "nan", "NaT", "<NA>"})  # how values print that stand for none
 RECORDS = re.compile(rb"\[?\s*\{")  # how JSON begins, and no log of sentences
 PATH = re.compile(r"[^.\[\]]+")
 TEXT, JSON, PARQUET, AIS, ASTERIX = "text", "JSON", "Parquet", "AIS", "ASTERIX"
@@ -76,8 +78,16 @@ def columns_of(source: Any, choose: Choose, form: TextForm, kept: Callable[[Mapp
         number = partial(numbers, absent=ABSENT, decimal=form.decimal)
         return {name: number if is_number else texts for name, is_number in choose(where, names, {}).items()}
 
-    delimiter = {"tab": "\t", "\\t": "\t", "space": " "}.get(form.delimiter or "", form.delimiter)
+    delimiter = delimiter_typed(form.delimiter)
     return read_columns(source, convert, delimiter=delimiter, encoding=form.encoding, header=form.header)
+
+
+def delimiter_typed(delimiter: str | None) -> str | None:
+    """The sign of a delimiter, which may have been typed by its name; None for none."""
+    sign = {"tab": "\t", "\\t": "\t", "space": " "}.get(delimiter or "", delimiter)
+    if sign and len(sign) > 1:
+        raise ValueError(f"delimiter must be one character, tab or space, got {delimiter!r}")
+    return sign or None
 
 
 def form_of(path: Path | str) -> str:
@@ -94,6 +104,8 @@ def form_of(path: Path | str) -> str:
 
 
 def _check_names(where: str, names: Sequence[str]) -> None:
+    if not any(names):
+        raise ValueError(f"{where}: no names of columns, and no rows")
     if sum(map(is_number, names)) > 1 and names[0] != "1":
         raise ValueError(
             f"{where}: a header names the columns, got {', '.join(names)[:60]}; without one give "
@@ -120,15 +132,23 @@ def _of_frame(frame: Any, choose: Choose) -> Columns:
 
 def _of_parquet(path: Path | str, choose: Choose) -> Columns:
     parquet = module_of("tables", "pyarrow.parquet", "Parquet")
-    try:
-        file = parquet.ParquetFile(io.BytesIO(file_bytes(path)))
-    except (ValueError, OSError) as error:
-        raise ValueError(f"{path}: a damaged Parquet file: {error}".partition("\n")[0]) from None
+    data = io.BytesIO(file_bytes(path))
+    with _undamaged(path):
+        file = parquet.ParquetFile(data)
     names = file.schema_arrow.names
     wanted = choose(f"{path}", names, {})
-    return _of_frame(file.read(columns=[*wanted]), lambda *_: wanted)._replace(
-        where=f"{path}", names=tuple(names)
-    )
+    with _undamaged(path):
+        frame = file.read(columns=[*wanted])
+    return _of_frame(frame, lambda *_: wanted)._replace(where=f"{path}", names=tuple(names))
+
+
+@contextmanager
+def _undamaged(path: Path | str) -> Iterator[None]:
+    """What a reader of Parquet says of a damaged file, with its name and in one line."""
+    try:
+        yield
+    except (ValueError, OSError) as error:
+        raise ValueError(f"{path}: a damaged Parquet file: {error}".partition("\n")[0]) from None
 
 
 def _of_json(path: Path | str, choose: Choose, kept: Callable[[Mapping], bool]) -> Columns:
@@ -144,6 +164,8 @@ def _of_json(path: Path | str, choose: Choose, kept: Callable[[Mapping], bool]) 
     if not all(isinstance(record, dict) for record in records):
         raise ValueError(f"{path}: JSON must be a list of records in braces, one for each row or scan")
     names = list(dict.fromkeys(name for record in records for name in _entries(record)))
+    if not names:
+        raise ValueError(f"{path}: JSON without records")
     wanted = choose(f"{path}", names, {})
     rows: list[list[str]] = []
     lines: list[int] = []
@@ -208,4 +230,5 @@ def _rows(where: str, wanted: Mapping[str, bool], values: list) -> list[list[str
 
 
 def _text(value: Any) -> str:
-    return "" if value is None or value != value else str(value)
+    text = str(value)
+    return "" if text in NOTHING and not isinstance(value, str) else text

@@ -11,7 +11,7 @@ from gmr_gym.evaluation.csv_columns import delimiter_of
 from gmr_gym.evaluation.text_files import file_bytes
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.recorded.detections import Detections
-from gmr_gym.recorded.formats import TEXT, form_of
+from gmr_gym.recorded.formats import TEXT, delimiter_typed, form_of
 from gmr_gym.recorded.positions import geodetic, local_positions
 from gmr_gym.recorded.tracks import Tracks
 
@@ -84,13 +84,13 @@ def write_labelled(
     else:
         of_line = dict(zip(detections.row.tolist(), cells, strict=True))
         text = file_bytes(source).decode(encoding).removeprefix("\ufeff")
-        lines = _labelled(text.splitlines(keepends=True), of_line, delimiter, header)
+        lines = _labelled(io.StringIO(text, newline="\n"), of_line, delimiter, header)
     with whole(path) as partial, partial.open("w", encoding=encoding, newline="") as file:
         file.writelines(lines)
 
 
 def _labelled(
-    lines: list[str], of_line: dict[int, tuple[str, str]], delimiter: str | None, header: bool
+    lines: Iterable[str], of_line: dict[int, tuple[str, str]], delimiter: str | None, header: bool
 ) -> Iterator[str]:
     """The lines with two cells more."""
     for number, line in enumerate(lines, 1):
@@ -98,8 +98,7 @@ def _labelled(
         if not content.strip() or content.startswith("#"):
             yield line
             continue
-        delimiter = {"tab": "\t", "\\t": "\t", "space": " "}.get(delimiter or "", delimiter)
-        delimiter = delimiter or delimiter_of(content)
+        delimiter = delimiter_typed(delimiter) or delimiter_of(content)
         more, header = APPENDED if header else of_line.get(number, ("", "")), False
         yield delimiter.join([content, *more]) + line[len(content) :]
 

@@ -191,8 +191,9 @@ def _rule(name: str, rule: Rule) -> Rule:
 
 def _check(model: TrackingModel) -> None:
     """ValueError for a number out of range."""
-    if not model.sensors:
-        raise ValueError("sensors must be at least one")
+    for name in ("sensors", "modes"):
+        if not getattr(model, name):
+            raise ValueError(f"{name} must be at least one")
     if not np.less(model.low, model.high).all():
         raise ValueError(f"low must be less than high, got {model.low} and {model.high}")
     for name in ("stay_probability", "survival_probability", "gate_probability"):

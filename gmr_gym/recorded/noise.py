@@ -133,6 +133,6 @@ def _innovations(
         x, P = x @ F.T, F @ P @ F.T + Q
         v, S = z[k] - x[:, :p], P[:, :p, :p] + R[:, k]
         d2 = np.einsum("ci,ci->c", v, np.linalg.solve(S, v[..., None])[..., 0])
-        K = P[:, :, :p] @ np.linalg.inv(S) * np.minimum(worst / d2, 1.0)[:, None, None]
+        K = P[:, :, :p] @ np.linalg.inv(S) * (worst / np.maximum(d2, worst))[:, None, None]
         yield d2, np.linalg.slogdet(S)[1]
         x, P = x + (K @ v[..., None])[..., 0], P - K @ P[:, :p]

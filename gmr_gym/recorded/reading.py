@@ -15,7 +15,7 @@ from gmr_gym.recorded.conditions import condition, kept_rows
 from gmr_gym.recorded.configuration import SensorSettings
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.formats import TextForm, columns_of
-from gmr_gym.recorded.measured import COMPASS, read_positions
+from gmr_gym.recorded.measured import COMPASS, MATH, read_positions
 from gmr_gym.recorded.times import on_one_day, read_times
 from gmr_gym.recorded.units import did_you_mean, unit_in_name
 
@@ -76,6 +76,9 @@ def read(
         Naming file, line and column, and the option to give.
     """
     check_choice("order", order, ("sort", "strict"))
+    check_choice("decimal", decimal, (".", ","))
+    _check_encoding(encoding)
+    check_choice("azimuth_convention", azimuth_convention, (COMPASS, MATH))
     found: dict[str | None, Layout] = {}
     names: list[str] = []
 
@@ -86,14 +89,21 @@ def read(
 
     def kept(record: Mapping[str, str]) -> bool:
         tested = {name: [record[name]] for name in (condition(text, names)[0] for text in where)}
-        return bool(kept_rows(where, names, tested, 1)[0])
+        return bool(kept_rows(where, names, tested, 1, decimal)[0])
 
     table = columns_of(source, choose, TextForm(delimiter, decimal, encoding, header), kept)
-    table = _filtered(table, where)
+    table = _filtered(table, where, decimal)
     rows = _by_sensor(table, found, sensors, day, decimal)
     if len({each.times.absolute for each in rows}) > 1:
         raise ValueError(f"{table.where}: times of one sensor are absolute and those of another are not")
     return assembled(table, rows, found, reference, azimuth_convention, order == "strict", drop_repeats)
+
+
+def _check_encoding(encoding: str) -> None:
+    try:
+        "".encode(encoding)
+    except LookupError:
+        raise ValueError(f"encoding must be one of text, such as utf-8 or cp1252, got {encoding!r}") from None
 
 
 def _wanted(
@@ -118,7 +128,7 @@ def _wanted(
     return dict.fromkeys(rest, False) | wanted | numeric
 
 
-def _filtered(table: Columns, conditions: Sequence[str]) -> Columns:
+def _filtered(table: Columns, conditions: Sequence[str], decimal: str) -> Columns:
     n = len(table.line)
     if not n:
         raise ValueError(
@@ -126,7 +136,7 @@ def _filtered(table: Columns, conditions: Sequence[str]) -> Columns:
         )
     if not conditions:
         return table
-    mask = kept_rows(conditions, table.names, table.values, n)
+    mask = kept_rows(conditions, table.names, table.values, n, decimal)
     if not mask.any():
         raise ValueError(f"{table.where}: none of {n} rows fulfils --where {' '.join(conditions)}")
     return table._replace(values={k: _taken(v, mask) for k, v in table.values.items()}, line=table.line[mask])
@@ -176,7 +186,7 @@ def _by_sensor(
                 f"{table.where}: sensor {name!r} has no columns; give --time {name}=COLUMN:UNIT and others"
             )
         form = time.unit or unit_in_name(time.name)
-        times = read_times(values[time.name], form, partial(at, time.name), day)
+        times = read_times(values[time.name], form, partial(at, time.name), day, decimal)
         positions = read_positions(layout, values, table.where, at, decimal)
         said = [s for s in settings if s.name == name] or [
             s for s in settings if s.name is None or not column

@@ -32,7 +32,9 @@ class Times(NamedTuple):
         return EPOCH + timedelta(microseconds=int(self.ns.min()) // 1000) if self.absolute else None
 
 
-def read_times(cells: Cells, form: str | None, at: Callable[[int], str], day: date | None = None) -> Times:
+def read_times(
+    cells: Cells, form: str | None, at: Callable[[int], str], day: date | None = None, decimal: str = "."
+) -> Times:
     """Times of a column.
 
     Parameters
@@ -46,6 +48,8 @@ def read_times(cells: Cells, form: str | None, at: Callable[[int], str], day: da
         Where the cell of an index stands, for the message.
     day : date, optional
         Day on which seconds of the day begin; past midnight they go on.
+    decimal : str
+        What stands before the decimals of numbers.
 
     Returns
     -------
@@ -62,6 +66,8 @@ def read_times(cells: Cells, form: str | None, at: Callable[[int], str], day: da
         return Times(cells.astype("datetime64[ns]").astype(np.int64), True, "datetimes")
     if form is not None and "%" not in form and form.lower() != ISO:
         scale_of(form, TIME, at(0))
+        if decimal != "." and not isinstance(cells, np.ndarray):
+            cells = [cell.replace(decimal, ".") for cell in cells]
         return _numeric(
             cells, next(u for u in UNITS[TIME] if UNITS[TIME][u] == scale_of(form, TIME, "")), at, day
         )
@@ -132,7 +138,7 @@ def _too_late(count: int, unit: str) -> str:
             break
     else:
         way = "another unit?"
-    return f"{value} {unit} is {count / DAY / 365.25:.3g} years; {way}"
+    return f"{value:.19g} {unit} is {count / DAY / 365.25:.3g} years; {way}"
 
 
 def _counted(cells: Cells, unit: str, at: Callable[[int], str]) -> Sequence[int] | np.ndarray:
@@ -146,7 +152,7 @@ def _counted(cells: Cells, unit: str, at: Callable[[int], str]) -> Sequence[int]
         found = numbers(cells, at)
     for i in np.flatnonzero(~np.isfinite(found))[:1].tolist():
         raise ValueError(f"{at(i)}: no time; leave such rows out with --where, or give them one")
-    if np.abs(found).max(initial=0.0) * scale < FLOATS * SECOND:
+    if np.abs(found).max(initial=0.0) < FLOATS * SECOND / scale:
         return np.rint(found * scale).astype(np.int64)
     written = found.tolist() if isinstance(cells, np.ndarray) else cells
     try:

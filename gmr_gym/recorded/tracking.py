@@ -1,5 +1,6 @@
 """Tracks of many targets, with labels, scan by scan: live, or over a whole file with the same numbers."""
 
+import zipfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -7,10 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gmr_gym.evaluation.writing import whole
 from gmr_gym.models.positions import Look
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.fixed_lag import smoothed_late, with_scan, without_old
-from gmr_gym.recorded.model import TrackingModel, as_text, from_text, polar
+from gmr_gym.recorded.looks import checked_look
+from gmr_gym.recorded.model import TrackingModel, as_text, from_text
 from gmr_gym.recorded.report_runs import LONGEST, SHORTEST, reports_of, run
 from gmr_gym.recorded.scans import Scan
 from gmr_gym.recorded.track_state import initial_state, leaves, rebuilt
@@ -18,6 +21,7 @@ from gmr_gym.recorded.track_update import assumed, report, scan
 from gmr_gym.recorded.tracks import Tracks, joined_rows, no_rows
 
 TOGETHER = 1000  # scans whose rows are joined at a time
+DAMAGES = zipfile.BadZipFile, EOFError, KeyError, StopIteration  # of a file that is not whole
 
 
 class LiveTracker:
@@ -53,7 +57,6 @@ class LiveTracker:
         self.lag = int(lag)
         self.state = initial_state(model, self.lag)
         self._of = assumed(model)
-        self._deviations = [np.array([*s.deviation, s.range_rate_deviation]) for s in model.sensors]
 
     def update(
         self,
@@ -100,7 +103,7 @@ class LiveTracker:
         ValueError
             Naming the argument that has another shape, is not finite, or goes back in time.
         """
-        look = self._look(time, z, range_rate, times, sensor, origin)
+        look = checked_look(self.model, self.state.time, time, z, range_rate, times, sensor, origin)
         table, k = self.state.identities, len(look.at)
         if isinstance(identity, str):
             if k != 1:
@@ -136,20 +139,23 @@ class LiveTracker:
             If the tracker keeps fewer scans.
         """
         lag = self.lag if lag is None else lag
-        if not (self.lag and 0 <= lag <= self.lag):
+        if not (self.lag and lag in range(self.lag + 1)):
             raise ValueError(f"lag must be in 0..{self.lag}, got {lag}; give LiveTracker(model, lag=...)")
         return smoothed_late(self.state.last[0], lag, self.model)
 
     def save(self, path: str | Path) -> None:
-        """Write model and state to a file, from which `load` goes on as if there had been no break.
+        """Write model and state to a file, from which `load` goes on as if there had been no break. A file
+        that is there stays as it was until the new one is whole.
 
         Parameters
         ----------
         path : str or Path
             `.npz` is appended if it is not there.
         """
-        arrays = {f"{i:03d}": leaf for i, leaf in enumerate(leaves(self.state))}
-        np.savez(path, model=np.array(as_text(self.model)), lag=np.array(self.lag), **arrays)  # type: ignore[arg-type]
+        arrays: dict[str, Any] = {f"{i:03d}": leaf for i, leaf in enumerate(leaves(self.state))}
+        name = f"{path}" if f"{path}".endswith(".npz") else f"{path}.npz"
+        with whole(name) as partial:
+            np.savez(partial, model=np.array(as_text(self.model)), lag=np.array(self.lag), **arrays)
 
     @classmethod
     def load(cls, path: str | Path) -> "LiveTracker":
@@ -166,14 +172,16 @@ class LiveTracker:
         Raises
         ------
         ValueError
-            For another file.
+            For another file, or one that is damaged.
         """
-        with np.load(path, allow_pickle=False) as file:
-            if "model" not in file:
-                raise ValueError(f"{path}: not a file of a saved tracker, which `LiveTracker.save` writes")
-            tracker = cls(from_text(str(file["model"])), int(file["lag"]))
-            names = sorted(name for name in file.files if name.isdigit())
-            tracker.state = rebuilt(tracker.state, iter([file[name] for name in names]))
+        with Path(path).open("rb") as opened:
+            try:
+                file = np.lib.npyio.NpzFile(opened)
+                tracker = cls(from_text(str(file["model"])), int(file["lag"]))
+                names = sorted(name for name in file.files if name.isdigit())
+                tracker.state = rebuilt(tracker.state, iter([file[name] for name in names]))
+            except (*DAMAGES, ValueError, TypeError) as error:
+                raise ValueError(f"{path}: no whole file of `LiveTracker.save`: {error!r}") from None
         return tracker
 
     def _kept(self, rows: Tracks, look: Look) -> Tracks:
@@ -183,27 +191,6 @@ class LiveTracker:
             last = without_old(with_scan(last, rows, look, self.model), self.lag, alive)
             self.state = self.state._replace(last=(last,))
         return rows
-
-    def _look(self, time: float, z: Any, range_rate: Any, times: Any, sensor: int, origin: Any) -> Look:
-        """The checked scan."""
-        spec, p, k = self.model.sensors[sensor], self.model.axes, len(z)
-        z = np.array(z, float) if k else np.empty((0, p))
-        at = np.full(k, float(time)) if times is None else np.array(times, float)
-        rate = np.full(k, np.nan) if range_rate is None else np.array(range_rate, float)
-        if z.shape != (k, p) or not np.isfinite(z).all():
-            raise ValueError(f"z must be finite with shape (k, {p}), got shape {z.shape}")
-        if not self.state.time <= time < np.inf:
-            raise ValueError(f"time must be finite and not go back: got {time} after {self.state.time}")
-        for name, column in (("times", at), ("range_rate", rate)):
-            if column.shape != (k,):
-                raise ValueError(f"{name} must have shape ({k},), one for each detection, got {column.shape}")
-        if not np.isfinite(at).all():
-            raise ValueError("times must be finite")
-        if not (spec.range_rate_deviation > 0 or np.isnan(rate).all()):
-            raise ValueError(f"sensor {spec.name!r} needs a range_rate_deviation for range rates")
-        place = np.empty((k, 3))
-        place[:] = spec.position if origin is None else origin
-        return Look(float(time), at, z, rate, place, self._deviations[sensor], polar(spec))
 
 
 def track(

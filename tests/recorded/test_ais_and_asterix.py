@@ -235,6 +235,17 @@ def test_parquet_is_read_by_its_columns(tmp_path):
     )
     (tmp_path / "cut.parquet").write_bytes((tmp_path / "z.parquet").read_bytes()[:-9])
     refused("cut.parquet: a damaged Parquet file", tmp_path / "cut.parquet")
+    data = bytearray((tmp_path / "z.parquet").read_bytes())
+    data[8:200] = bytes(192)
+    (tmp_path / "cut.parquet").write_bytes(data)
+    refused("cut.parquet: a damaged Parquet file", tmp_path / "cut.parquet")
+    lists = pyarrow.table({"time_s": [0.0], "x_m": [[1.0, 2.0]], "y_m": [0.0]})
+    refused("Table, record 1, column x_m: '[1. 2.]' is not a finite number", lists)
+
+
+def test_text_in_two_bytes_a_sign_is_no_surveillance_data(tmp_path):
+    (tmp_path / "z.csv").write_text("time_s,x_m,y_m\n0,1,2\n", encoding="utf-16-le")
+    assert read(tmp_path / "z.csv", encoding="utf-16-le").z.tolist() == [[1, 2]]
 
 
 def test_parquet_needs_its_extra(tmp_path, monkeypatch):

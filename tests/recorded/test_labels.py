@@ -50,6 +50,19 @@ def test_lines_of_text_stay_as_they_are(tmp_path, delimiter, ending):
     assert after[-1] == before[-1] == ""
 
 
+def test_signs_that_end_no_line_of_a_file_end_none_here(tmp_path):
+    source, out = tmp_path / "plots.csv", tmp_path / "labelled.csv"
+    text = plots().replace("plot", "a\u2028b\x0bc")
+    source.write_text(text, encoding="utf-8")
+    write_labelled(out, MADE.tracks, read(source), source)
+    assert [line.rsplit(",", 2)[0] for line in out.read_text(encoding="utf-8").split("\n")[2:-1]] == (
+        text.split("\n")[2:-1]
+    )
+    track, _ = labels(MADE.tracks, len(MADE.detections.time))
+    found = [line.split(",")[-2] for line in out.read_text(encoding="utf-8").split("\n")[2:-1]]
+    assert found == [str(one or "") for one in track]
+
+
 def test_rows_that_were_not_tracked_have_no_label(tmp_path):
     source, out = tmp_path / "plots.csv", tmp_path / "labelled.csv"
     lines = plots().splitlines()

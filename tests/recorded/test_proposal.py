@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from gmr_gym import cli
 from gmr_gym.recorded import SensorSpec, cut, from_arrays, read_configuration
-from gmr_gym.recorded.noise import deviation_of, differences
+from gmr_gym.recorded.noise import deviation_of, differences, likelihoods
 from gmr_gym.recorded.proposal import propose
 
 PROBABILITY, CLUTTER, NOISE = 0.9, 3.0, 0.3
@@ -174,6 +174,15 @@ def test_differences_have_the_deviation_of_a_detection_whatever_the_intervals():
     assert len(away) == 2998
     np.testing.assert_allclose(deviation, (4.0, 0.5), rtol=0.12)
     assert 1.0 < factor < 1.1
+
+
+def test_a_track_exactly_on_a_line_has_innovations_of_zero():
+    time = np.arange(12.0)
+    z = np.stack([4 * time, -2 * time], 1)
+    found = from_arrays(time, z, sensors=[SensorSpec("", deviation=(1.0, 1.0))])
+    with np.errstate(all="raise"):
+        nis = likelihoods([np.arange(12)], found, z, np.array([[1.0, 0.5]])).nis
+    assert (nis == 0).all() and nis.size == 10
 
 
 def test_settings_are_written_as_track_reads_them_and_what_is_given_is_kept(tmp_path, monkeypatch):

@@ -239,6 +239,12 @@ def test_conditions_and_kept_columns(tmp_path):
     refused("no column 'typ' to keep, did you mean 'type'?", file, keep=["typ"])
 
 
+def test_times_and_conditions_have_decimal_commas_too(tmp_path):
+    file = written(tmp_path, "time_s;x_m;y_m;snr\n0,5;1;1;9,5\n1,5;2;2;10,5\n2,0;3;3;11\n")
+    found = read(file, decimal=",", where=["snr>9,5"])
+    assert found.time.tolist() == [0, 0.5] and found.metadata["snr"] == ["10,5", "11"]
+
+
 def test_scans_truth_and_names_of_sensors_are_taken_from_their_columns(tmp_path):
     file = written(
         tmp_path, "time_s,x_m,y_m,turn,who,radar\n0,1,1,7,A,north\n1,2,2,7,,south\n2,2,2,9,B,north\n"
@@ -272,6 +278,8 @@ def test_a_large_file_is_read_in_blocks_and_one_too_large_is_refused_with_its_me
 @pytest.mark.parametrize(
     "text, columns, message",
     [
+        ("", None, "line 1: no names of columns, and no rows"),
+        ("[]", None, "JSON without records"),
         # a name without a unit, and units that are wrong
         ("time_s,x,y_m\n0,1,1\n", None, "column x: no unit in its name; give --x x:m (or km, ft, nmi, FL)"),
         (

@@ -90,6 +90,15 @@ def test_a_filter_that_doubts_its_detections_is_told(told):
     assert not figures["correlation of successive innovations"].sound
 
 
+def test_a_row_without_a_velocity_has_no_course_and_the_others_keep_theirs(told):
+    x = MADE.tracks.x.copy()
+    rows = innovations(MADE.tracks, MADE.detections, 0).row
+    x[rows[np.linalg.norm(x[rows, 2:], axis=1).argmax()], 2:] = 0.0
+    found = by_name(quality(MADE.tracks._replace(x=x), MADE.detections, MADE.scans))
+    for name in ("mean innovation along track", "mean innovation to the left of the track"):
+        assert found[name].of == told[name].of - 1 and np.isfinite(found[name].value)
+
+
 def test_echoes_that_stand_still_do_not_count(told):
     static = [life.static for life in lives_of(MADE.tracks)]
     assert static == [False, False, True]

@@ -56,6 +56,33 @@ def test_a_tracker_restored_goes_on_as_if_there_had_been_no_break(tmp_path):
             same(whole.update(float(t), z), second.update(float(t), z))
 
 
+def test_a_file_that_holds_no_whole_tracker_is_refused(tmp_path):
+    LiveTracker(model()).save(tmp_path / "whole")
+    whole = (tmp_path / "whole.npz").read_bytes()
+    with np.load(tmp_path / "whole.npz") as file:
+        np.savez(tmp_path / "fewer.npz", **{name: file[name] for name in file.files[:-1]})
+    for name, data in (("cut.npz", whole[:-99]), ("empty.npz", b""), ("text.npz", b"text")):
+        (tmp_path / name).write_bytes(data)
+    for name in ("cut.npz", "empty.npz", "text.npz", "fewer.npz"):
+        with pytest.raises(ValueError, match=rf"{name}: no whole file of `LiveTracker.save`"):
+            LiveTracker.load(tmp_path / name)
+
+
+def test_a_saved_tracker_stays_until_the_next_is_written_whole(tmp_path, monkeypatch):
+    tracker = LiveTracker(model())
+    tracker.save(tmp_path / "tracker.npz")
+    before = (tmp_path / "tracker.npz").read_bytes()
+
+    def interrupted(path, **arrays):
+        path.write_bytes(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(np, "savez", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        tracker.save(tmp_path / "tracker.npz")
+    assert (tmp_path / "tracker.npz").read_bytes() == before and len([*tmp_path.iterdir()]) == 1
+
+
 def test_a_file_gives_the_rows_of_the_live_loop():
     scans = crossing()
     tracker, live = LiveTracker(model()), []
@@ -198,6 +225,8 @@ def test_many_detections_stay_within_the_most_tracks():
     ({"time": 2.0, "z": [[0, 0]], "times": [1, 2]}, r"times must have shape \(1,\), one for each detection"),
     ({"time": 2.0, "z": [[0, 0]], "identity": ["a", "b"]}, "identity must have 1 entries"),
     ({"time": 2.0, "z": [[0, 0]], "range_rate": [1.0]}, "needs a range_rate_deviation"),
+    ({"time": 2.0, "z": [[0, 0]], "sensor": -1}, r"sensor must be an index in 0\.\.0, got -1"),
+    ({"time": 2.0, "z": [[0, 0]], "origin": [0, np.nan, 0]}, r"origin must be finite with shape \(3,\) or"),
 ])  # fmt: skip
 def test_what_is_wrong_with_a_scan_is_named(arguments, message):
     tracker = LiveTracker(model())

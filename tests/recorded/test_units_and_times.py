@@ -122,6 +122,7 @@ def test_seconds_of_the_day_go_on_past_midnight():
             "1477010443000000 s is 4.68e+07 years; it is a time since 1970 in us: give --time C",
         ),
         (["1620114893034"], "s", "it is a time since 1970 in ms"),
+        (["1e300"], "s", "1.000000000000000053e+300 s is 3.17e+292 years; another unit?"),
         (
             ["86399.9", "0.1"],
             "s",
