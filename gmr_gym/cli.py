@@ -72,7 +72,7 @@ def _options(
 
 @command("list")
 def list_() -> None:
-    """Environments, trackers and papers."""
+    """Environments, trackers, reductions and papers."""
     screen = console()
     for title, entries in (
         ("environments", ABOUT),

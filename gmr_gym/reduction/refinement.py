@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from gmr_gym.checks import check_flag, check_whole, sound
+from gmr_gym.checks import check_count, check_flag, sound
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.distances import pack
 from gmr_gym.reduction.ise_descent import descend
@@ -128,7 +128,7 @@ def gmrc(p: Mixture, components: int, match: bool = False, steps: int = STEPS) -
 
 
 def _refined(p: Mixture, place: np.ndarray, start: Mixture, match: bool, steps: int) -> Reduced:
-    check_whole("steps", steps, 1)
+    steps = check_count(steps, "steps")
     check_flag("match", match)
     if len(start.w) == len(p.w):
         return start, place

@@ -81,8 +81,8 @@ def reducer(name: str, components: int, **parameters: Any) -> partial:
     Raises
     ------
     ValueError
-        For an unknown name, suggesting the nearest one, for a function that cannot be imported, and for a
-        parameter that it does not take, or that is given twice.
+        For a name that is unknown, suggesting the nearest one, or no text, for a function that cannot be
+        imported, and for a parameter that it does not take, or that is given twice.
 
     Examples
     --------
@@ -92,7 +92,9 @@ def reducer(name: str, components: int, **parameters: Any) -> partial:
     >>> len(q.w)
     2
     """
-    name, given = name_and_parameters(name) if isinstance(name, str) else (name, {})
+    if not isinstance(name, str):
+        raise ValueError(f"the reduction must be named by a text, got {name!r}")
+    name, given = name_and_parameters(name)
     reduction = REDUCERS[name] if name in REDUCERS else _imported(name)
     for parameter in (*given, *parameters):
         _, *accepted = (key for key in signature(reduction).parameters if key != "components")
@@ -107,7 +109,7 @@ def reducer(name: str, components: int, **parameters: Any) -> partial:
 def _imported(name: str) -> Callable:
     """The reduction that an installed package gives the name, or "module:function"."""
     point = reduction_entry_points().get(name)
-    module, colon, function = (point.value if point else str(name)).partition(":")
+    module, colon, function = (point.value if point else name).partition(":")
     if not colon:
         known = reductions()
         near = get_close_matches(module, known, n=1)

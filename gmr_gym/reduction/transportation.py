@@ -28,6 +28,7 @@ from gmr_gym.reduction.runnalls import runnalls
 from gmr_gym.reduction.transport_descent import Descent, descent, shares, stepping
 from gmr_gym.reduction.transport_sweeps import divergences, half_log_determinants
 
+STARTS = 10_000  # at most
 ALIKE = 1e-8  # divergence below which two Gaussians of a soft form have become one
 
 
@@ -52,7 +53,7 @@ def transportation(
         alone in their groups.
     starts : int
         Groups to start from, of whose ends the best is taken: those of `runnalls`, then random ones, always
-        the same.
+        the same. At most 10 000.
 
     Returns
     -------
@@ -62,8 +63,8 @@ def transportation(
     Raises
     ------
     ValueError
-        For an unknown cost, a negative or infinite entropy, `starts` or `components` below 1, components too
-        far apart to be merged, or a mixture that fails `checked`.
+        For an unknown cost, a negative or infinite entropy, `starts` or `components` below 1, too many
+        `starts`, components too far apart to be merged, or a mixture that fails `checked`.
 
     Warns
     -----
@@ -188,6 +189,8 @@ def _best(
     if not check_not_negative("entropy", entropy) < np.inf:
         raise ValueError(f"entropy must be finite, got {entropy}")
     components, starts = check_count(components), check_count(starts, "starts")
+    if starts > STARTS:
+        raise ValueError(f"starts must be at most {STARTS}, got {starts}")
     q, place = weighing(p)
     if len(q.w) <= components:
         return q, place, None

@@ -253,8 +253,10 @@ def test_stopping_early_is_told_and_leaves_what_was_gained():
 
 def test_wrong_arguments_are_refused_in_words():
     p = random_mixture(0, 4, 2)
-    with pytest.raises(ValueError, match="steps must be at least 1, got 0"):
-        refine(p, 2, steps=0)
+    for steps, message in ((0, "at least 1, got 0"), (2.5, "a whole number, got 2.5")):
+        with pytest.raises(ValueError, match=f"steps must be {message}"):
+            refine(p, 2, steps=steps)
+    same(refine(p, 2, steps=1e308)[0], refine(p, 2)[0], 0.0)
     with pytest.raises(ValueError, match="unknown reduction 'runnals'; did you mean 'runnalls'"):
         refine(p, 2, "runnals")
     for reduce in (refine, gmrc):

@@ -67,6 +67,12 @@ def test_a_parameter_that_is_given_in_the_name_and_beside_it_is_refused():
         reducer("salmond:distance=1", 3, distance=2)
 
 
+@pytest.mark.parametrize("name", [None, 3, [1], salmond])
+def test_a_reduction_is_named_by_a_text(name):
+    with pytest.raises(ValueError, match="the reduction must be named by a text, got "):
+        reducer(name, 3)
+
+
 def test_the_mht_by_name_scans_in_compiled_code_where_its_reduction_can():
     assert make_tracker("mht-5", TURNING).reduce == Greedy(5)
     assert make_tracker("mht-5", TURNING, reduction="adaptive:loss_bound=0.2").reduce == greedy(5, 0.2)

@@ -276,6 +276,7 @@ def test_an_unfinished_descent_is_reported(monkeypatch):
         ({"entropy": -1.0}, "entropy must be a number, at least 0, got -1.0"),
         ({"entropy": np.inf}, "entropy must be finite, got inf"),
         ({"starts": 0}, "starts must be at least 1, got 0"),
+        ({"starts": 10_001}, "starts must be at most 10000, got 10001"),
         ({"components": 0}, "components must be at least 1, got 0"),
     ],
 )
