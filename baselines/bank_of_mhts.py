@@ -365,7 +365,9 @@ def single_model_mht(
     max_hypotheses: int = 500,
     give_up_ratio: float = 20.0,
 ) -> BankOfMhts:
-    """MHT that assumes one of the model's motions throughout, gated as the other trackers of this module.
+    """MHT that assumes one of the model's motions throughout.
+
+    Gated as the other trackers of this module.
 
     Parameters
     ----------

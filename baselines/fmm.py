@@ -304,7 +304,7 @@ def fmm_gibbs(
     gate: float = 9.21,
     seed: int = 0,
 ) -> Fmm:
-    """Finite-mixture tracker fitted by Gibbs sampling; otherwise as `fmm_em`.
+    """Finite-mixture tracker fitted by Gibbs sampling.
 
     Parameters
     ----------

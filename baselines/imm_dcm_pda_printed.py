@@ -150,7 +150,7 @@ def imm_dcm_pda_printed(
     likelihood_as_printed: bool = True,
     mixing: str = MIXINGS[0],
 ) -> Printed:
-    """IMMDCMPDA with the formulas of the paper as printed, for comparison with PDA's.
+    """`imm-dcm-pda` with the formulas of the paper as printed, for comparison.
 
     Parameters
     ----------

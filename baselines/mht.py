@@ -157,7 +157,7 @@ def mht(
 
 
 def capping(model: Model, components: int = 30, prune_weight: float = 0.0, prune_density: float = 0.0) -> Mht:
-    """MHT that keeps the heaviest `components` hypotheses and does not prune otherwise.
+    """MHT that keeps the heaviest `components` hypotheses, without other pruning.
 
     Parameters
     ----------

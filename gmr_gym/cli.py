@@ -44,7 +44,7 @@ from gmr_gym.experiments.options import (
     tracker_option,
 )
 from gmr_gym.experiments.papers.registry import PAPERS
-from gmr_gym.experiments.screen import console, progress, spell_out
+from gmr_gym.experiments.screen import console, progress, spell_out, waiting
 from gmr_gym.version import __version__
 
 app = typer.Typer(
@@ -72,7 +72,7 @@ def _options(
 
 @command("list")
 def list_() -> None:
-    """Environments, trackers, reductions and papers."""
+    """Names of environments, trackers, reductions and papers, with a line about each."""
     screen = console()
     for title, entries in (
         ("environments", ABOUT),
@@ -102,14 +102,15 @@ def evaluate(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", help="folder of results; one in results/evaluate, named by what is asked, unless given"
+            "--out",
+            help="folder of results; by default one of its own in results/evaluate for every question",
         ),
     ] = None,
     json_file: Json = None,
     metric: Metrics = [],  # noqa: B006
     form: Format = "table",
 ) -> None:
-    """Trackers on the same episodes of an environment, with intervals and paired differences."""
+    """Compare trackers on the same episodes of an environment, with intervals and paired differences."""
     from gmr_gym.envs import lookup
     from gmr_gym.experiments import evaluating, figures, formats, records, specs, sweeps
     from gmr_gym.literals import key_values
@@ -153,7 +154,7 @@ def sweep(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", help="folder of results; one in results/sweep, named by what is asked, unless given"
+            "--out", help="folder of results; by default one of its own in results/sweep for every question"
         ),
     ] = None,
     json_file: Json = None,
@@ -164,7 +165,7 @@ def sweep(
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="run a grid of more than a thousand settings")] = False,
 ) -> None:
-    """Trackers over a grid of settings, on the same episodes: how figures change with a setting."""
+    """Compare trackers over a grid of settings of an environment, on the same episodes."""
     from gmr_gym.experiments import evaluating, figures, formats, grid, records, specs, sweeps
 
     part = sweeps.shard_of(shard, out)
@@ -200,7 +201,7 @@ def sweep(
 def leaderboard(
     environment: Environments = [],  # noqa: B006
     tracker: Annotated[
-        list[str], tracker_option("also this tracker, NAME or NAME:key=value,key=value; repeatable")
+        list[str], tracker_option("add this tracker: NAME or NAME:key=value,key=value; repeatable")
     ] = [],  # noqa: B006
     *,
     runs: RunCount = 200,
@@ -212,7 +213,7 @@ def leaderboard(
     out: Annotated[Path, typer.Option("--out", help="folder of results")] = Path("results/leaderboard"),
     json_file: Json = None,
 ) -> None:
-    """Every installed tracker in every environment that it has a model for, on one page."""
+    """Rank every installed tracker in every environment that it can be used in, on one page."""
     from gmr_gym.experiments import leaderboard, records, specs, sweeps
 
     part = sweeps.shard_of(shard, out)
@@ -238,7 +239,7 @@ def compare_reductions(
         list[str],
         typer.Option(
             "--reduction",
-            help="NAME, beside runnalls; repeatable; all unless given",
+            help="reduction to compare with runnalls; repeatable; by default all",
             autocompletion=completing(described_reductions()),
         ),
     ] = [],  # noqa: B006
@@ -247,7 +248,7 @@ def compare_reductions(
         list[str],
         typer.Option(
             "--track",
-            help="of these only NAME tracks, beside runnalls; repeatable; all unless given",
+            help="compare only this one with runnalls in tracking; repeatable; by default all",
             autocompletion=completing(described_reductions()),
         ),
     ] = [],  # noqa: B006
@@ -255,7 +256,7 @@ def compare_reductions(
         list[str],
         typer.Option(
             "--env",
-            help="tracking in this environment of one target; repeatable",
+            help="environment of one target to track in; repeatable",
             **choices("environment", {env_id: ABOUT[env_id] for env_id in TRACKING}),
         ),
     ] = ["gmr_gym/TurningTarget-v0", "gmr_gym/JumpMarkov-v0"],  # noqa: B006
@@ -263,12 +264,14 @@ def compare_reductions(
         list[int], typer.Option("--components", min=1, help="hypotheses kept in tracking; repeatable")
     ] = [2, 3, 5, 10, 20],  # noqa: B006
     mixtures: Annotated[
-        int, typer.Option("--mixtures", min=1, help="posteriors of every environment that are reduced")
+        int, typer.Option("--mixtures", min=1, help="mixtures from every environment that are reduced")
     ] = 20,
     slowest: Annotated[
         float,
         typer.Option(
-            "--slowest", min=1, help="a reduction that takes so many times as long as runnalls does not track"
+            "--slowest",
+            min=1,
+            help="leave out of tracking what takes more than this many times as long as runnalls",
         ),
     ] = 40.0,
     runs: RunCount = 100,
@@ -283,7 +286,7 @@ def compare_reductions(
     json_file: Json = None,
     form: Format = "table",
 ) -> None:
-    """Reductions against the time they take: what they lose of mixtures, and what that does to tracking."""
+    """Compare reductions: the error that each makes, how tracking suffers, and the time it takes."""
     from gmr_gym.envs.lookup import scenario_of
     from gmr_gym.experiments import formats, records, reductions_compared, specs, sweeps
     from gmr_gym.reduction.registry import reducer
@@ -324,7 +327,7 @@ def reproduce(
     tracker: MoreTrackers = [],  # noqa: B006
     runs: Annotated[
         int | None,
-        typer.Option("--runs", min=1, help="Monte Carlo runs; as many as the paper's page has unless given"),
+        typer.Option("--runs", min=1, help="Monte Carlo runs; by default as many as on the paper's page"),
     ] = None,
     seed: Seed = 0,
     jobs: Jobs = -1,
@@ -335,7 +338,7 @@ def reproduce(
     json_file: Json = None,
     form: Format = "table",
 ) -> None:
-    """A paper's tables and figures: its numbers beside ours, with intervals and verdicts."""
+    """Reproduce a paper's tables and figures: its numbers beside ours, and whether they agree."""
     from gmr_gym.experiments import formats, records, running, specs, sweeps
     from gmr_gym.experiments.papers.registry import paper_named
 
@@ -368,11 +371,13 @@ def reproduce(
 
 @command()
 def merge(
-    folders: Annotated[list[Path], typer.Argument(help="folders of results that shards left")],
-    into: Annotated[Path, typer.Option("--into", help="folder of results that the whole goes to")],
+    folders: Annotated[list[Path], typer.Argument(help="folders of results, one of each shard")],
+    into: Annotated[Path, typer.Option("--into", help="folder of results to write")],
 ) -> None:
-    """Brings together what shards of a sweep left on machines that share nothing: the same command without
-    its shard, with this folder as its --out, then finds every block of runs."""
+    """Join the results of shards that ran on several machines.
+
+    Then give their command once more, without --shard and with this folder as --out: it shows the whole.
+    """
     from gmr_gym.evaluation.blocks import check_folder
     from gmr_gym.experiments.sweeps import BLOCKS, merge_results
 
@@ -384,22 +389,22 @@ def merge(
 def watch(
     env_id: EnvId,
     tracker: Annotated[
-        list[str], tracker_option("repeatable, up to 4; runnalls-30, mmg-15 or learning-pmb unless given")
+        list[str], tracker_option("up to four, repeatable; by default runnalls-30, mmg-15 or learning-pmb")
     ] = [],  # noqa: B006
     *,
     settings: Settings = [],  # noqa: B006
     seed: Seed = 0,
     scans: Annotated[
-        int | None, typer.Option("--scans", help="only the first scans; all unless given")
+        int | None, typer.Option("--scans", help="how many scans, from the first; by default all")
     ] = None,
     frame: Annotated[
-        int | None, typer.Option("--frame", help="number of the scan, from 1, of a .png or .svg")
+        int | None, typer.Option("--frame", help="the scan that a .png or .svg shows, counted from 1")
     ] = None,
     size: Annotated[
         str, typer.Option("--size", help="pixels of a film or picture: WIDTH or WIDTHxHEIGHT")
     ] = "",
     fps: Annotated[
-        float | None, typer.Option("--fps", help="scans a second of a film; 10 unless given")
+        float | None, typer.Option("--fps", help="scans a second of a film; by default 10")
     ] = None,
     out: Annotated[
         Path,
@@ -409,7 +414,7 @@ def watch(
         ),
     ] = Path("episode.html"),
 ) -> None:
-    """One episode as a page, film or picture: detections, gates, hypotheses and their merging, estimates."""
+    """Draw one episode as a page, film or picture: detections, gates, hypotheses, merges and estimates."""
     from gmr_gym.envs.lookup import scenario_of
     from gmr_gym.experiments import specs
     from gmr_gym.literals import key_values
@@ -464,7 +469,7 @@ def reduce(
         list[str],
         typer.Option(
             "--method",
-            help="NAME or NAME:key=value,key=value of a reduction; repeatable, to 4; runnalls unless given",
+            help="reduction, NAME or NAME:key=value,key=value; up to four, repeatable; by default runnalls",
             autocompletion=completing(described_reductions()),
         ),
     ] = [],  # noqa: B006
@@ -472,21 +477,21 @@ def reduce(
     compare: Compared = None,
     components: Annotated[
         int | None,
-        typer.Option("--components", help="how many remain; half of them unless given, and 1 on a page"),
+        typer.Option(
+            "--components", help="how many remain; by default half of them, and on a page down to 1"
+        ),
     ] = None,
-    axes: Annotated[
-        str, typer.Option("--axes", help="two coordinates that are drawn; 1,2 unless given")
-    ] = "",
+    axes: Annotated[str, typer.Option("--axes", help="two coordinates that are drawn; by default 1,2")] = "",
     out: Annotated[
         Path | None,
         typer.Option(
             "--out",
-            help="a page, .html, of every step, reduction.html unless given; a picture, .png or .svg; or the "
-            "mixture reduced by one method, .json, .npz or .csv",
+            help="a page of every step, .html (by default reduction.html); a picture, .png or .svg; or the "
+            "reduced mixture, .json, .npz or .csv",
         ),
     ] = None,
 ) -> None:
-    """A mixture reduced by several methods: what each loses and takes, and every merge to watch."""
+    """Reduce a mixture by several methods: the error and time of each, and a page that shows every merge."""
     from gmr_gym.experiments import reducing, specs
 
     if compare:
@@ -507,15 +512,14 @@ def reduce(
 def record(
     env_id: EnvId,
     tracker: Annotated[
-        str, tracker_option("whom a following window follows; pda or imm-pda unless given")
+        str, tracker_option("tracker that a moving field of view follows; by default pda or imm-pda")
     ] = "",
     settings: Settings = [],  # noqa: B006
     seed: Seed = 0,
     out: Annotated[Path, typer.Option("--out", help="CSV of detections")] = Path("detections.csv"),
     truth: Annotated[Path | None, typer.Option("--truth", help="also a CSV of the truth")] = None,
 ) -> None:
-    """One episode's detections in a file, as `track` reads them; of a radar in range and angles, which it
-    does not."""
+    """Write the detections of one episode to a file. `track` reads it, unless they are ranges and angles."""
     from gmr_gym.experiments import specs
     from gmr_gym.experiments.tracks import record_episode
     from gmr_gym.literals import key_values
@@ -524,9 +528,9 @@ def record(
     specs.check_ending("--out", out, ".csv")
     specs.check_ending("--truth", truth, ".csv")
     scenario = specs.single_target(env_id, key_values(settings))
-    record_episode(
-        scenario, tracker or ("imm-pda" if len(scenario.model.motions) > 1 else "pda"), seed, out, truth
-    )
+    tracker = tracker or ("imm-pda" if len(scenario.model.motions) > 1 else "pda")
+    with waiting("recording"):
+        record_episode(scenario, tracker, seed, out, truth)
     _show([f"written to {out}"])
 
 
@@ -538,32 +542,41 @@ def track_(
     targets: Annotated[
         str | None,
         typer.Option(
-            metavar="|".join(TARGETS), help="in the file; many unless given", **choice("targets", TARGETS)
+            metavar="|".join(TARGETS),
+            help="how many are in the file; by default many",
+            **choice("targets", TARGETS),
         ),
     ] = None,
     tracker: Annotated[
         str | None,
-        tracker_option("of one target; NAME or NAME:key=value,key=value; runnalls-30 unless given"),
+        tracker_option("tracker of one target, NAME or NAME:key=value,key=value; by default runnalls-30"),
     ] = None,
     model: MotionModel = "constant-velocity",
     prior: Annotated[
-        str | None, typer.Option(help="first state of one target: positions, velocities, comma between")
+        str | None,
+        typer.Option(help="initial state of one target: positions, then velocities, with commas between"),
     ] = None,
-    prior_deviations: Annotated[str | None, typer.Option(help="its standard deviations likewise")] = None,
+    prior_deviations: Annotated[
+        str | None, typer.Option(help="standard deviations of --prior, in the same order")
+    ] = None,
     speed: Annotated[
         float | None,
-        typer.Option(help="deviation of one target's unknown first velocity, m/s; 150 unless given"),
+        typer.Option(help="standard deviation of one target's unknown initial velocity, m/s; by default 150"),
     ] = None,
     period: Annotated[
-        float | None, typer.Option(help="s, if empty scans leave no row, of one target")
+        float | None,
+        typer.Option(help="s between scans of one target, if empty scans have no row in the file"),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", help="CSV of estimates; track.csv or tracks.csv unless given")
+        Path | None,
+        typer.Option("--out", help="CSV of estimates; by default track.csv (one target) or tracks.csv"),
     ] = None,
     **given: Any,
 ) -> None:
-    """Recorded detections in, estimates with their covariances out: labelled tracks of many targets, or the
-    track of one. That starts without --prior from the first scan: any of its detections may be the target."""
+    """Track the targets in a file of detections, and write labelled tracks of many, or the track of one.
+
+    Both have covariances. Without --prior one target may be any detection of the first scan.
+    """
     from gmr_gym.experiments.reading import configuration_of
     from gmr_gym.experiments.track_files import targets_asked, track_many
     from gmr_gym.experiments.track_one import track_one
@@ -584,12 +597,17 @@ def inspect(
     *,
     write: Annotated[
         Path | None,
-        typer.Option("--write", help="TOML for track --config: also propose deviations, clutter and motion"),
+        typer.Option(
+            "--write",
+            help="also estimate deviations, clutter and motion, and write them as TOML for `track --config`",
+        ),
     ] = None,
     **given: Any,
 ) -> None:
-    """What is understood of a file of detections: columns, units, times, scans, sensors; and with --write
-    what tracking may assume of them, as the file itself shows."""
+    """Show how a file of detections is read: columns, units, times, scans, sensors.
+
+    With --write, also estimate from the file what `track` needs to know.
+    """
     from gmr_gym.experiments import reading, specs
     from gmr_gym.recorded import cut
     from gmr_gym.recorded.description import described
@@ -610,12 +628,14 @@ def inspect(
 def warm(
     environments: Environments = [],  # noqa: B006
     tracker: Annotated[
-        list[str], tracker_option("NAME or NAME:key=value,key=value; repeatable; all unless given")
+        list[str], tracker_option("NAME or NAME:key=value,key=value; repeatable; by default all")
     ] = [],  # noqa: B006
     jobs: Jobs = -1,
 ) -> None:
-    """Compile now what environments and trackers need, and unless some are chosen what `track` needs, so that
-    no later start waits for it."""
+    """Compile ahead, so that no later command waits for the compiler.
+
+    Without options all environments and trackers, and what `track` needs.
+    """
     from gmr_gym.experiments.warming import warm
 
     with progress("compiled") as tell:

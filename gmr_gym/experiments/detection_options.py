@@ -24,46 +24,50 @@ ROLES = {
     "time": "COLUMN:UNIT, COLUMN:iso, or COLUMN:FORMAT as in %d/%m/%Y %H:%M:%S",
     "x": f"east: {COLUMN}", "y": "north", "z": "up",
     "lat": "latitude", "lon": "longitude", "alt": "altitude",
-    "range": "slant range", "azimuth": "see --azimuth-convention",
-    "elevation": "above the horizon",
-    "range_rate": "away from the sensor is positive",
+    "range": "slant range", "azimuth": "azimuth; see --azimuth-convention",
+    "elevation": "elevation above the horizon",
+    "range_rate": "range rate; positive away from the sensor",
     "own_x": "where a moving sensor is, from which x, y are measured",
-    "own_y": "likewise", "own_z": "likewise",
+    "own_y": "as --own-x", "own_z": "as --own-x",
     "own_lat": "latitude of a moving sensor, from which x, y or range and azimuth are measured",
-    "own_lon": "likewise", "own_alt": "likewise",
+    "own_lon": "longitude of it", "own_alt": "altitude of it",
     "scan": "number of the scan", "sensor": "name of the sensor", "id": "identity that the sensor reports",
     "truth": "target that a row is of, for evaluation",
 }  # fmt: skip
 INPUT = {
     "config": Option(str | None, "TOML file of settings, which options override", None),
     **{name: Option(Columns, text, []) for name, text in ROLES.items()},
-    "where": Option(Columns, "only rows that fulfil it, such as 'snr>10'; repeatable", []),
-    "keep": Option(Columns, "column kept as metadata; repeatable; all unless given", []),
-    "delimiter": Option(str, "one character, tab or space; found in the first line unless given"),
-    "decimal": Option(str, "what stands before decimals; a point unless given", names=("--decimal",)),
-    "encoding": Option(str, "of text; utf-8 unless given"),
+    "where": Option(Columns, "only rows that satisfy a condition, such as 'snr>10'; repeatable", []),
+    "keep": Option(Columns, "column kept as metadata; repeatable; by default all", []),
+    "delimiter": Option(str, "one character, tab or space; by default found in the first line"),
+    "decimal": Option(str, "decimal separator; by default a point", names=("--decimal",)),
+    "encoding": Option(str, "encoding of text; by default utf-8"),
     "header": Option(
-        bool | None, "whether the first line names the columns, as it does unless given, else 1, 2, ...",
+        bool | None, "whether the first line has the columns' names (default), else 1, 2, ...",
         None, ("--header/--no-header",),
     ),
-    "day": Option(str, "YYYY-MM-DD of the first row, where times are of the day"),
-    "order": Option(str, "sort rows by time, unless given, or refuse those that are not: sort|strict"),
+    "day": Option(str, "YYYY-MM-DD, date of the first row, where times are seconds of the day"),
+    "order": Option(str, "sort rows by time (default), or refuse those that are not sorted: sort|strict"),
     "drop_repeats": Option(
-        bool | None, "whether rows that repeat others are dropped, as they are unless given", None,
+        bool | None, "whether duplicate rows are dropped; by default they are", None,
         ("--drop-repeats/--keep-repeats",),
     ),
-    "scan_window": Option(float | None, "s: rows within it are one scan", None),
+    "scan_window": Option(float | None, "s; rows within this time of the first are one scan", None),
 }  # fmt: skip
 SENSOR = {
-    "sensor_position": Option(str, "LAT,LON,ALT in degrees and metres"),
-    "reference": Option(str, "LAT,LON,ALT of the origin of x, y; the sensor or first row unless given"),
-    "north_offset": Option(str, "from true north to the sensor's, clockwise, such as 1.5deg"),
+    "sensor_position": Option(str, "LAT,LON,ALT of the sensor, in degrees and metres"),
+    "reference": Option(str, "LAT,LON,ALT of the origin of x, y; by default the sensor, or the first row"),
+    "north_offset": Option(str, "angle from true north to the sensor's north, clockwise, such as 1.5deg"),
     "azimuth_convention": Option(
-        str, "compass: clockwise from north, unless given; math: counter-clockwise from x"
+        str, "compass: clockwise from north (default); math: counter-clockwise from x"
     ),
-    "rotation_period": Option(str, "s, of an antenna: a turn is a scan"),
-    "sensor_deviation": Option(str, "deviation, m, or range=50,azimuth=0.1deg,range_rate=1, or auto"),
-    "detection_probability": Option(float | None, "of a target, per scan; 0.9 unless given", None),
+    "rotation_period": Option(str, "s a turn of the antenna; a turn is a scan"),
+    "sensor_deviation": Option(
+        str, "standard deviation of a detection: in m, or as range=50,azimuth=0.1deg,range_rate=1, or auto"
+    ),
+    "detection_probability": Option(
+        float | None, "probability that a target is detected in a scan; by default 0.9", None
+    ),
     "clutter_density": Option(float | None, "false alarms per scan and m^2 (m^3 in space)", None),
     "clutter_per_scan": Option(float | None, "false alarms per scan", None),
 }
@@ -75,27 +79,29 @@ TARGET = {
         str, "m/s^2 of one target, 3 unless given; of many for each motion model, what is added to the "
         "velocity in a second, 0.1,3 unless given, or 0.1 of a single one",
     ),
-    "max_speed": Option(float | None, "m/s, of a new target", None),
-    "stay_probability": Option(float | None, "of a motion model, per second", None),
-    "survival_probability": Option(float | None, "of a target, per second", None),
+    "max_speed": Option(float | None, "m/s, the highest speed of a new target", None),
+    "stay_probability": Option(float | None, "probability to keep the motion model for a second", None),
+    "survival_probability": Option(float | None, "probability to exist a second later", None),
 }  # fmt: skip
 TRACKS = {
-    "confirm": Option(str, "M/N: when M of the last N looks detected it"),
+    "confirm": Option(str, "M/N: confirm a track when M of the last N scans detected it"),
     "confirm_existence": Option(
-        float | None, "or when it exists with this probability; 0.9 unless given", None
+        float | None, "or when its existence has this probability; by default 0.9", None
     ),
-    "delete": Option(str, "M/N: when M of the last N looks missed it; 5/5 unless given"),
-    "delete_existence": Option(float | None, "or when it exists with less probability", None),
-    "max_coast": Option(float | None, "s without a detection after which a track ends", None),
-    "gate_probability": Option(float | None, "that a target's detection is in its gate", None),
-    "min_speed": Option(float | None, "m/s; slower ones are not confirmed", None),
+    "delete": Option(str, "M/N: delete a track when M of the last N scans missed it; by default 5/5"),
+    "delete_existence": Option(
+        float | None, "or when the probability of its existence is less than this", None
+    ),
+    "max_coast": Option(float | None, "s; delete a track that is not detected for so long", None),
+    "gate_probability": Option(float | None, "probability that a target's detection is in its gate", None),
+    "min_speed": Option(float | None, "m/s; slower tracks are not confirmed", None),
     "learn_clutter": Option(
-        bool, "estimate the clutter from what no track explains", False, ("--learn-clutter",)
+        bool, "estimate the clutter from the detections of no track", False, ("--learn-clutter",)
     ),
 }
 OUTPUT = {
     "smooth": Option(
-        bool, "also smoothed tracks, from later detections too, in NAME-smoothed.csv", False, ("--smooth",)
+        bool, "also write NAME-smoothed.csv, where tracks use later detections too", False, ("--smooth",)
     ),
     "geojson": Option(Path | None, "GeoJSON of many targets' tracks", None),
     "html": Option(Path | None, "page to look at them, scan by scan", None),

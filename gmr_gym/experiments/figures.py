@@ -33,7 +33,7 @@ METRICS = {
     "time_in_pda_scans": Metric("time, in scans of PDA"),
     "ospa": Metric("OSPA", "m"), "gospa": Metric("GOSPA", "m"),
     **{part: Metric(part, "m^2") for part in ("localisation", "missed", "false")},
-    "cardinality_bias": Metric("named less there"), "cardinality_error": Metric("number wrong by"),
+    "cardinality_bias": Metric("cardinality bias"), "cardinality_error": Metric("cardinality error"),
     "wasserstein": Metric("Wasserstein", "m"), "wasserstein_printed": Metric("Wasserstein by eq. 41", "m"),
     **{f"{measure}{key}": Metric(f"{words}{name}")
        for measure, name in (("ise", "ISE"), ("nise", "NISE"), ("divergence", "KL(f||g)"),
@@ -42,7 +42,8 @@ METRICS = {
     "time_per_reduction": Metric("time a call", *TIME),
     "track_loss_difference": Metric("lost, difference", *SHARE),
     "error_difference": Metric("capped error, difference", "m"),
-    "wasserstein_undefined": Metric("without one", *SHARE), "density_error": Metric("clutter wrong by"),
+    "wasserstein_undefined": Metric("Wasserstein undefined", *SHARE),
+    "density_error": Metric("clutter error"),
 }  # fmt: skip
 HEADINGS = {
     name: ", ".join(filter(None, (

@@ -22,6 +22,7 @@ EXAMPLES = {
 }
 TARGETS = ("one", "many")
 COMPARED = ("all",)
+IMPORTS = "reduction=MODULE:FUNCTION imports MODULE"
 MODELS = {"constant-velocity": "a target whose velocity changes by a random acceleration"}
 
 Named = Mapping[str, str]  # what a shell completes to, each with a line about it
@@ -92,7 +93,7 @@ class Once(TyperCommand):
 EnvId = Annotated[
     str,
     typer.Argument(
-        help=f"{', '.join(TRACKED)}; or MODULE:ID for one of your own, which imports MODULE",
+        help=f"{', '.join(TRACKED)}; or MODULE:ID for one of your own (imports MODULE)",
         autocompletion=completing({env_id: ABOUT[env_id] for env_id in TRACKED}),
     ),
 ]
@@ -100,7 +101,7 @@ Environments = Annotated[
     list[str],
     typer.Option(
         "--env",
-        help="environment; repeatable; all that need no files unless given",
+        help="environment; repeatable; by default all that need no files",
         **choices("environment", ABOUT),
     ),
 ]
@@ -113,7 +114,7 @@ TrackerNames = Annotated[
     list[str],
     typer.Option(
         "--tracker",
-        help="NAME or NAME:key=value,key=value; repeat for several. reduction=MODULE:FUNCTION imports MODULE",
+        help=f"NAME or NAME:key=value,key=value; repeat for several. {IMPORTS}",
         autocompletion=complete_tracker,
     ),
 ]
@@ -121,7 +122,7 @@ MoreTrackers = Annotated[
     list[str],
     typer.Option(
         "--tracker",
-        help="also this tracker, a row more in every table; NAME or NAME:key=value,key=value; repeatable",
+        help="add this tracker as a row of every table: NAME or NAME:key=value,key=value; repeatable",
         autocompletion=complete_tracker,
     ),
 ]
@@ -130,7 +131,7 @@ Example = Annotated[
     typer.Option(
         "--example",
         metavar="|".join(EXAMPLES),
-        help="a mixture to try",
+        help="mixture to reduce, in place of a file",
         **choice("example", EXAMPLES),
     ),
 ]
@@ -139,41 +140,51 @@ Compared = Annotated[
     typer.Option(
         "--compare",
         metavar="|".join(COMPARED),
-        help="every reduction in one table, and nothing written",
+        help="show every reduction in one table, and write no file",
         **choice("reductions to compare", COMPARED),
     ),
 ]
-Settings = Annotated[list[str], typer.Option("--set", help="key=value for the environment")]
+Settings = Annotated[
+    list[str], typer.Option("--set", help="argument of the environment, key=value; repeatable")
+]
 GridSettings = Annotated[
     list[str],
-    typer.Option("--set", help="key=value,value for the environment; repeat for a grid; (1, 2) is one value"),
+    typer.Option(
+        "--set",
+        help="argument of the environment, key=value,value; repeat for a grid; (1, 2) is one value",
+    ),
 ]
 Metrics = Annotated[
     list[str],
-    typer.Option("--metric", help="only this figure; repeatable", autocompletion=completing(ALL_FIGURES)),
+    typer.Option(
+        "--metric", help="show only this figure; repeatable", autocompletion=completing(ALL_FIGURES)
+    ),
 ]
 Format = Annotated[
     str,
     typer.Option(
         "--format",
         metavar="|".join(FORMATS),
-        help="of what is printed; remarks go to the error stream, but for a table",
+        help="format of the printed output; with all but table, remarks go to the error stream",
         **choice("format", FORMATS),
     ),
 ]
 RunCount = Annotated[int, typer.Option("--runs", min=1, help="Monte Carlo runs")]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="of the random numbers")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="seed of the random numbers")]
 Jobs = Annotated[int, typer.Option("--jobs", help="worker processes; -1 for one per core, -2 for one less")]
 Backend = Annotated[
     str,
     typer.Option(
-        "--backend", metavar="|".join(BACKENDS), help="loky is this machine", **choice("backend", BACKENDS)
+        "--backend",
+        metavar="|".join(BACKENDS),
+        help="where runs are computed; loky: on this machine",
+        **choice("backend", BACKENDS),
     ),
 ]
 Scheduler = Annotated[
-    str | None, typer.Option("--scheduler", help="address of the Dask or Ray cluster, all of which is used")
+    str | None, typer.Option("--scheduler", help="address of the Dask or Ray cluster; all of it is used")
 ]
-Shard = Annotated[str | None, typer.Option("--shard", help="I/N: only every N-th block of runs; see `merge`")]
+Shard = Annotated[str | None, typer.Option("--shard", help="I/N: only part I of N of the runs; see `merge`")]
 Json = Annotated[Path | None, typer.Option("--json", help="also write the figures to this file")]
 MotionModel = Annotated[
     str,
@@ -185,5 +196,4 @@ MotionModel = Annotated[
 
 def tracker_option(help: str) -> Any:
     """The option --tracker of a command that takes one."""
-    imports = "reduction=MODULE:FUNCTION imports MODULE"
-    return typer.Option("--tracker", help=f"{help}; {imports}", autocompletion=complete_tracker)
+    return typer.Option("--tracker", help=f"{help}. {IMPORTS}", autocompletion=complete_tracker)

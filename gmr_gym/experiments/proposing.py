@@ -27,6 +27,7 @@ def write_proposal(
     out: Path, source: Path, found: Detections, scans: list[Scan], settings: Configuration
 ) -> Iterator[str]:
     """Write the settings, and say what is proposed, on what it rests, and how much better tracks are."""
+    yield "tracking with rough numbers, and again with those found"
     settings, proposal = proposed(found, scans, settings)
     write_configuration(out, settings, [f"proposed from {source.name}", *proposal.lines])
     yield from (f"proposed: {line}" for line in proposal.lines)

@@ -4,7 +4,7 @@ import codecs
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from io import TextIOWrapper
 from typing import Any
 
@@ -36,6 +36,11 @@ def console() -> Console:
     spell_out(sys.stdout)
     screen = Console()
     return screen if screen.is_terminal or "COLUMNS" in os.environ else Console(width=240)
+
+
+def waiting(label: str) -> AbstractContextManager:
+    """Within it a terminal shows that work is done; elsewhere nothing is printed."""
+    return Console(stderr=True).status(label)
 
 
 @contextmanager

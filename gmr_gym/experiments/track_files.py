@@ -65,6 +65,7 @@ def track_many(
     if asked["dry_run"]:
         yield from planned(run, asked)
     else:
+        yield f"tracking {n} detections in {len(scans)} scans"
         yield from write_all(track(found, scans, model, reports=run.reports), run, asked, truth)
 
 

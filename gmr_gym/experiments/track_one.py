@@ -10,6 +10,7 @@ from gmr_gym.evaluation.smoothed_recordings import smoothed_track
 from gmr_gym.experiments import specs
 from gmr_gym.experiments.detection_options import OUTPUT, TARGET, TRACKS, said_by
 from gmr_gym.experiments.reading import one_target_model, one_target_scans
+from gmr_gym.experiments.screen import waiting
 from gmr_gym.experiments.tracks import is_smoothed, smoothed_beside
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.filters.tracker import Tracker
@@ -34,7 +35,8 @@ def track_one(
     specs.check_writable(*files, beside=[file])
     specs.check_ending("--out", files[0], ".csv")
     scans = one_target_scans(file, settings, given)
-    tracks, names = _tracked(file, scans, own, smooth, one_target_model(settings, given))
+    with waiting(f"tracking {len(scans.times)} scans"):
+        tracks, names = _tracked(file, scans, own, smooth, one_target_model(settings, given))
     for name, track in zip(files, tracks, strict=True):
         recordings.write_track(name, track, names)
     times = tracks[0].times

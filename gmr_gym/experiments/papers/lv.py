@@ -136,7 +136,7 @@ def less(quantity: str, own: Evidence, phd: Evidence) -> np.ndarray:
 
 PRINTED = (
     Claim("estimation accuracy of the target number improves",
-          "number wrong by: gm-phd's less its own", 0.0, less("off")),
+          "cardinality error: gm-phd's less its own", 0.0, less("off")),
     Claim("fake targets decrease",
           "estimates of nothing in a scan: gm-phd's less its own", 0.0, less("false")),
     Claim("the Wasserstein distance is better",

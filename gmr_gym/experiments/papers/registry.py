@@ -52,7 +52,7 @@ for _name, _about in {
     "li": "a radar's converted measurements, models and data association: Figs. 1-4, three regimes, a map",
     "lv": "several targets in clutter fitted as a finite mixture: Figs. 1-9, what the trackers score",
     "maybeck": "an F-16 in clutter, filter banks and hypotheses: Table I, Figs. 3-7",
-    "maybeck-zhang": "models in the mixture or in filter banks: either paper's trackers in either's world",
+    "maybeck-zhang": "models in the mixture or in filter banks: both papers' trackers and scenarios",
     "zhang": "models and hypotheses of a manoeuvring target reduced jointly: cases 1 and 2, Figs. 1-2",
 }.items():
     register_paper(_name, _about, f"gmr_gym.experiments.papers.{_name.replace('-', '_')}:PAPER")
