@@ -85,18 +85,17 @@ def usual_speed(run: Evidence) -> float:
 
 
 def static_speed(run: Evidence) -> tuple[float, int]:
-    """Speed that half of the estimates of static tracks do not exceed, from the first one of each on average,
-    and the number of these tracks; 0 where there is none. No track that moves is as slow."""
-    place, time = run.tracks.x[:, : run.tracks.x.shape[1] // 2], run.tracks.time
-    static = [life.rows[life.hits] for life in lives_of(run.tracks) if life.static and life.hits.sum() >= ECHOES]
-    speeds = [
-        np.linalg.norm(place[rows[1:]] - place[rows[0]], axis=1) / (time[rows[1:]] - time[rows[0]])
-        for rows in static
-    ]
-    if not static:
-        return 0.0, 0
-    speed = float(np.median(np.concatenate(speeds)))
-    return min(max(float(f"{speed:.2g}"), LEAST_SPEED), SLOW), len(static)
+    """Average speed since the first detection that half of the estimates of static tracks do not exceed, at
+    most `SLOW`, and the number of these tracks; 0 where there is none."""
+    place, time, speeds = run.tracks.x[:, : run.tracks.x.shape[1] // 2], run.tracks.time, []
+    for life in lives_of(run.tracks):
+        first, later = np.split(life.rows[life.hits], [1])
+        later = later[time[later] > time[first]]
+        if life.static and len(later) >= ECHOES - 1:
+            away = np.linalg.norm(place[later] - place[first], axis=1)
+            speeds.append(away / (time[later] - time[first]))
+    speed = float(np.median(np.concatenate(speeds))) if speeds else 0.0
+    return min(max(float(f"{speed:.2g}"), LEAST_SPEED), SLOW) if speeds else 0.0, len(speeds)
 
 
 def check_enough(run: Evidence, points: np.ndarray) -> None:

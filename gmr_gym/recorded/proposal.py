@@ -135,8 +135,8 @@ def propose(found: Detections, scans: Sequence[Scan], *, reports: bool = False) 
     if static:
         target["min_speed"] = least
         lines.append(
-            f"least speed: {least:g} m/s, which half of the estimates of {static} static tracks do not exceed; "
-            "targets are hidden until they have moved beyond errors, and those that are slower"
+            f"least speed: {least:g} m/s, the median of {static} static tracks; slower targets are hidden, "
+            "and others until they have moved beyond errors"
         )
     sensors = tuple(s._replace(deviation=tuple(factor * d for d in s.deviation)) for s in sensors)
     last = run_with(found._replace(sensors=sensors), scans, target, still, reports, learn_clutter=learn)
