@@ -73,11 +73,11 @@ SENSOR = {
 }
 TARGET = {
     "motion": Option(
-        str, "of many targets: imm, constant-velocity or constant-acceleration; imm unless given"
+        str, "motion of many targets: imm (default), constant-velocity or constant-acceleration"
     ),
     "acceleration_deviation": Option(
-        str, "m/s^2 of one target, 3 unless given; of many for each motion model, what is added to the "
-        "velocity in a second, 0.1,3 unless given, or 0.1 of a single one",
+        str, "m/s^2, one target: standard deviation, by default 3; many: for each motion model, how much "
+        "the velocity changes in a second, by default 0.1,3, or 0.1 of a single one",
     ),
     "max_speed": Option(float | None, "m/s, the highest speed of a new target", None),
     "stay_probability": Option(float | None, "probability to keep the motion model for a second", None),
@@ -104,15 +104,15 @@ OUTPUT = {
         bool, "also write NAME-smoothed.csv, where tracks use later detections too", False, ("--smooth",)
     ),
     "geojson": Option(Path | None, "GeoJSON of many targets' tracks", None),
-    "html": Option(Path | None, "page to look at them, scan by scan", None),
-    "mot": Option(Path | None, "the ten columns of the MOTChallenge, .txt", None),
-    "labelled": Option(Path | None, "the file's own rows, each with its track", None),
-    "report": Option(Path | None, "figures of their quality, .json or .md", None),
-    "truth_file": Option(Path | None, "where targets were: such a file, or that of Autoferry", None),
-    "cutoff": Option(float, "m from a target beyond which a track is not of it", 50.0),
-    "only": Option(str, "confirmed: tracks from their confirmation on, unless given; or all"),
-    "overwrite": Option(bool, "replace files of many targets' tracks", False, ("--overwrite",)),
-    "dry_run": Option(bool, "say what would be tracked and written, and do neither", False, ("--dry-run",)),
+    "html": Option(Path | None, "page that shows the tracks scan by scan", None),
+    "mot": Option(Path | None, "tracks in the ten columns of the MOTChallenge, .txt", None),
+    "labelled": Option(Path | None, "rows of the input, each with its track", None),
+    "report": Option(Path | None, "how good the tracks are, .json or .md", None),
+    "truth_file": Option(Path | None, "true positions of the targets: a table, or a file of Autoferry", None),
+    "cutoff": Option(float, "m; a track farther from a target than this is not counted as its track", 50.0),
+    "only": Option(str, "which rows: confirmed (tracks from their confirmation on; default) or all"),
+    "overwrite": Option(bool, "replace files that exist; many targets", False, ("--overwrite",)),
+    "dry_run": Option(bool, "show what would be tracked and written, and do neither", False, ("--dry-run",)),
 }  # fmt: skip
 INPUT_GROUPS = (("input", INPUT), ("sensor", SENSOR))
 ALL_GROUPS = (*INPUT_GROUPS, ("target", TARGET), ("tracks", TRACKS), ("output", OUTPUT))

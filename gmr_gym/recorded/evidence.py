@@ -9,7 +9,7 @@ from gmr_gym.recorded.detections import POLAR, Detections
 from gmr_gym.recorded.figures import Figure
 from gmr_gym.recorded.model import tracking_model
 from gmr_gym.recorded.positions import box_of
-from gmr_gym.recorded.quality import SHORT, Life, lives_of, quality
+from gmr_gym.recorded.quality import SHORT, SLOW, Life, lives_of, quality
 from gmr_gym.recorded.scans import Scan
 from gmr_gym.recorded.tracking import track
 from gmr_gym.recorded.tracks import Tracks
@@ -17,6 +17,8 @@ from gmr_gym.recorded.tracks import Tracks
 FASTEST = 350.0  # m/s, of the first run; less in a small place
 CROSSED = 10  # periods in which no target crosses the place
 LEAST_INNOVATIONS = 50  # coordinates of detections of tracks that move
+LEAST_SPEED = 0.01  # m/s, of static tracks
+ECHOES = 5  # detections, from which on a static track is of something, and not of false alarms
 
 
 class Evidence(NamedTuple):
@@ -80,6 +82,20 @@ def usual_speed(run: Evidence) -> float:
     axes = run.tracks.x.shape[1] // 2
     rows = np.concatenate([life.rows[life.hits][1:] for life in run.moving])
     return float(f"{1.5 * np.quantile(np.linalg.norm(run.tracks.x[rows, axes:], axis=1), 0.95):.2g}")
+
+
+def static_speed(run: Evidence) -> tuple[float, int]:
+    """Average speed since the first detection that half of the estimates of static tracks do not exceed, at
+    most `SLOW`, and the number of these tracks; 0 where there is none."""
+    place, time, speeds = run.tracks.x[:, : run.tracks.x.shape[1] // 2], run.tracks.time, []
+    for life in lives_of(run.tracks):
+        first, later = np.split(life.rows[life.hits], [1])
+        later = later[time[later] > time[first]]
+        if life.static and len(later) >= ECHOES - 1:
+            away = np.linalg.norm(place[later] - place[first], axis=1)
+            speeds.append(away / (time[later] - time[first]))
+    speed = float(np.median(np.concatenate(speeds))) if speeds else 0.0
+    return min(max(float(f"{speed:.2g}"), LEAST_SPEED), SLOW) if speeds else 0.0, len(speeds)
 
 
 def check_enough(run: Evidence, points: np.ndarray) -> None:

@@ -16,6 +16,7 @@ from gmr_gym.recorded.evidence import (
     independent,
     looks_of,
     run_with,
+    static_speed,
     usual_speed,
     wide,
 )
@@ -57,7 +58,8 @@ class Proposal(NamedTuple):
     sensors : tuple of SensorSpec
     learn_clutter : bool
     target : dict
-        `motion`, `acceleration_deviation` (or two) and `max_speed`, as `tracking_model` takes them.
+        `motion`, `acceleration_deviation` (or two) and `max_speed`, as `tracking_model` takes them; and
+        `min_speed` where there are static tracks.
     lines : list of str
         Each number with its interval and what it rests on.
     before, after : list of Figure
@@ -128,7 +130,14 @@ def propose(found: Detections, scans: Sequence[Scan], *, reports: bool = False) 
         lines += more
     factor, motion, more = _noise(third, found._replace(sensors=sensors), points)
     lines += more
-    target |= motion | {"max_speed": usual_speed(second)}
+    target |= motion | {"max_speed": usual_speed(third)}
+    least, static = (0.0, 0) if reports else static_speed(third)
+    if static:
+        target["min_speed"] = least
+        lines.append(
+            f"least speed: {least:g} m/s, the median of {static} static tracks; slower targets are hidden, "
+            "and others until they have moved beyond errors"
+        )
     sensors = tuple(s._replace(deviation=tuple(factor * d for d in s.deviation)) for s in sensors)
     last = run_with(found._replace(sensors=sensors), scans, target, still, reports, learn_clutter=learn)
     lines.append(_rests_on(second, points))
@@ -150,10 +159,12 @@ def completed(settings: Configuration, proposal: Proposal) -> Configuration:
     """
     sensors = tuple(_completed(settings.sensors, spec, proposal) for spec in proposal.sensors)
     target = dict(proposal.target)
+    tracks = {name: target.pop(name) for name in ("min_speed",) if name in target}
     target["acceleration_deviation"] = list(target["acceleration_deviation"])
     if {"motion", "modes", "acceleration_deviation"} & set(settings.target):
         target = {"max_speed": target["max_speed"]}
-    return settings._replace(sensors=sensors, target={**target, **settings.target})
+    target, tracks = {**target, **settings.target}, {**tracks, **settings.tracks}
+    return settings._replace(sensors=sensors, target=target, tracks=tracks)
 
 
 def _completed(settings: Sequence[SensorSettings], spec: SensorSpec, proposal: Proposal) -> SensorSettings:

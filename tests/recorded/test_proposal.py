@@ -8,9 +8,18 @@ import pytest
 from typer.testing import CliRunner
 
 from gmr_gym import cli
-from gmr_gym.recorded import SensorSpec, cut, from_arrays, read_configuration
+from gmr_gym.recorded import (
+    STATUS,
+    Configuration,
+    SensorSpec,
+    cut,
+    from_arrays,
+    read_configuration,
+    track,
+    tracking_model,
+)
 from gmr_gym.recorded.noise import deviation_of, differences, likelihoods
-from gmr_gym.recorded.proposal import propose
+from gmr_gym.recorded.proposal import completed, propose
 
 PROBABILITY, CLUTTER, NOISE = 0.9, 3.0, 0.3
 
@@ -60,6 +69,7 @@ def test_what_the_file_was_made_of_lies_in_the_intervals(polar, deviation):
         assert low <= value <= high, name
         assert high < 2 * low or name == "clutter a scan"
     assert proposal.target["motion"] == "constant-velocity" and not proposal.learn_clutter
+    assert "min_speed" not in proposal.target  # nothing stands still
     (spec,) = proposal.sensors
     np.testing.assert_allclose(spec.deviation, deviation, rtol=0.3)
     assert proposal.lines[-1].startswith("rests on 5 tracks that move")
@@ -161,6 +171,33 @@ def test_two_motion_models_are_on_both_sides_of_the_one_likeliest_alone():
     quiet, swift = proposal.target["acceleration_deviation"]
     assert proposal.target["motion"] == "imm"
     assert quiet < float(alone.split()[2]) < swift
+
+
+def test_of_static_echoes_a_least_speed_is_proposed_that_hides_them_and_no_slow_ship():
+    rng, period, scans = np.random.default_rng(8), 2.0, 60
+    moored = rng.uniform(-400, 400, (6, 2))
+    ships, velocity = rng.uniform(-200, 200, (3, 2)), np.array([[4.0, 0.0], [0.0, -3.0], [0.4, 0.3]])
+    times, z, slow = [], [], ships[2] + period * np.multiply.outer(np.arange(scans), velocity[2])
+    for k in range(scans):
+        echoes = np.vstack([ships + k * period * velocity, moored[rng.random(6) < 0.6]])
+        z.append(np.vstack([echoes + rng.normal(0, 1.0, echoes.shape), rng.uniform(-500, 500, (1, 2))]))
+        times += [k * period] * len(z[-1])
+    found = from_arrays(times, np.vstack(z))
+    proposal = propose(found, cut(found))
+    least = proposal.target["min_speed"]
+    assert 0.0 < least < 0.25
+    assert any(line.startswith(f"least speed: {least:g} m/s") for line in proposal.lines)
+    assert next(one for one in proposal.after if one.name == "static tracks").value <= 1
+    settings = completed(Configuration(), proposal)
+    assert settings.tracks == {"min_speed": least} and "min_speed" not in settings.target
+    assert completed(Configuration(tracks={"min_speed": 0.0}), proposal).tracks == {"min_speed": 0.0}
+    model = tracking_model(proposal.sensors, (-600, -600), (600, 600), **proposal.target)
+    tracks = track(found._replace(sensors=model.sensors), cut(found), model)
+    shown = np.flatnonzero(tracks.status == STATUS.index("confirmed"))
+    away = np.linalg.norm(
+        tracks.x[shown, :2] - slow[(tracks.time[shown] / period).round().astype(int)], axis=1
+    )
+    assert len(np.unique(tracks.time[shown[away < 10.0]])) > 0.7 * scans
 
 
 def test_differences_have_the_deviation_of_a_detection_whatever_the_intervals():
