@@ -86,7 +86,7 @@ def usual_speed(run: Evidence) -> float:
 
 def static_speed(run: Evidence) -> tuple[float, int]:
     """Average speed since the first detection that half of the estimates of static tracks do not exceed, and
-    the number of these tracks; 0 where there is none. Those that only large errors make static are left out."""
+    the number of these tracks; 0 where there is none. Those static by large errors alone are left out."""
     place, time, speeds = run.tracks.x[:, : run.tracks.x.shape[1] // 2], run.tracks.time, []
     for life in lives_of(run.tracks):
         first, later = np.split(life.rows[life.hits], [1])
