@@ -79,7 +79,8 @@ def many_targets_model(found: Detections, settings: Configuration, given: Mappin
 def _targets(settings: Configuration, given: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of `tracking_model`, from the settings and what was typed over them."""
     said = {**settings.target, **settings.tracks}
-    said |= {name: given[name] for name in (*TARGET, *TRACKS) if given[name] not in ("", None, False)}
+    typed = {name: given[name] for name in (*TARGET, *TRACKS) if given[name] not in ("", None)}
+    said |= {name: value for name, value in typed.items() if value is not False}
     if "modes" in said:
         said["motion"] = [
             Mode(str(each.get("motion", "constant-velocity")), float(each["acceleration_deviation"]))
