@@ -18,7 +18,7 @@ FASTEST = 350.0  # m/s, of the first run; less in a small place
 CROSSED = 10  # periods in which no target crosses the place
 LEAST_INNOVATIONS = 50  # coordinates of detections of tracks that move
 LEAST_SPEED = 0.01  # m/s, of static tracks
-ECHOES = 5  # detections, from which on a static track is of something, and not of false alarms
+ECHOES = 3  # detections, from which on a static track is of something, and not of false alarms
 
 
 class Evidence(NamedTuple):
@@ -85,17 +85,17 @@ def usual_speed(run: Evidence) -> float:
 
 
 def static_speed(run: Evidence) -> tuple[float, int]:
-    """Average speed since the first detection that half of the estimates of static tracks do not exceed, at
-    most `SLOW`, and the number of these tracks; 0 where there is none."""
+    """Average speed since the first detection that half of the estimates of static tracks do not exceed, and
+    the number of these tracks; 0 where there is none. Those static by large errors alone are left out."""
     place, time, speeds = run.tracks.x[:, : run.tracks.x.shape[1] // 2], run.tracks.time, []
     for life in lives_of(run.tracks):
         first, later = np.split(life.rows[life.hits], [1])
         later = later[time[later] > time[first]]
         if life.static and len(later) >= ECHOES - 1:
-            away = np.linalg.norm(place[later] - place[first], axis=1)
-            speeds.append(away / (time[later] - time[first]))
+            own = np.linalg.norm(place[later] - place[first], axis=1) / (time[later] - time[first])
+            speeds += [own] if np.median(own) <= SLOW else []
     speed = float(np.median(np.concatenate(speeds))) if speeds else 0.0
-    return min(max(float(f"{speed:.2g}"), LEAST_SPEED), SLOW) if speeds else 0.0, len(speeds)
+    return max(float(f"{speed:.2g}"), LEAST_SPEED) if speeds else 0.0, len(speeds)
 
 
 def check_enough(run: Evidence, points: np.ndarray) -> None:

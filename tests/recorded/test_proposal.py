@@ -8,6 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from gmr_gym import cli
+from gmr_gym.experiments.detection_options import TARGET, TRACKS
+from gmr_gym.experiments.tracks import many_targets_model
 from gmr_gym.recorded import (
     STATUS,
     Configuration,
@@ -16,7 +18,6 @@ from gmr_gym.recorded import (
     from_arrays,
     read_configuration,
     track,
-    tracking_model,
 )
 from gmr_gym.recorded.noise import deviation_of, differences, likelihoods
 from gmr_gym.recorded.proposal import completed, propose
@@ -191,7 +192,12 @@ def test_of_static_echoes_a_least_speed_is_proposed_that_hides_them_and_no_slow_
     settings = completed(Configuration(), proposal)
     assert settings.tracks == {"min_speed": least} and "min_speed" not in settings.target
     assert completed(Configuration(tracks={"min_speed": 0.0}), proposal).tracks == {"min_speed": 0.0}
-    model = tracking_model(proposal.sensors, (-600, -600), (600, 600), **proposal.target)
+    typed = dict.fromkeys((*TARGET, *TRACKS)) | {"min_speed": 0.0}
+    assert many_targets_model(found._replace(sensors=proposal.sensors), settings, typed).min_speed == 0.0
+    model = many_targets_model(
+        found._replace(sensors=proposal.sensors), settings, typed | {"min_speed": None}
+    )
+    assert model.min_speed == least
     tracks = track(found._replace(sensors=model.sensors), cut(found), model)
     shown = np.flatnonzero(tracks.status == STATUS.index("confirmed"))
     away = np.linalg.norm(
