@@ -1,16 +1,22 @@
 """The rows of the table on reduction."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
 import plain
+import plain_reductions
 from problems import drawn, partition, posteriors
 from timing import Plan, Row, compared, timed
 
 from gmr_gym.mixture import Mixture
+from gmr_gym.reduction.consistent_merging import consistent
+from gmr_gym.reduction.distances import integral_squared_difference
 from gmr_gym.reduction.ise import integral_squared_error
+from gmr_gym.reduction.refinement import refine
 from gmr_gym.reduction.runnalls import adaptive, runnalls
+from gmr_gym.reduction.transportation import transportation
 
 if find_spec("stonesoup"):
     import stone_soup
@@ -44,6 +50,24 @@ def reduction_rows(plan: Plan) -> Iterator[Row]:
         what, given = f"Williams ISE 6-D {n} to {components}, weights nearly equal", drawn(n, 6, 1, 100.0)
         yield from _reducer_rows(plan, what, integral_squared_error, plainly, components, given)
         plainly = {"plain, compiled": plain.williams_compiled}
+    reduce, given = partial(consistent, measure="reverse-kl"), drawn(150, 4, COUNT)
+    plainly = {
+        "plain, compiled": plain_reductions.reverse_kl_compiled,
+        "plain, NumPy": plain_reductions.reverse_kl_in_numpy,
+    }
+    yield from _reducer_rows(plan, "merging by reverse KL 4-D 150 to 30", reduce, plainly, 30, given)
+    plainly = {"plain, NumPy": plain_reductions.transportation_in_numpy}
+    yield from _reducer_rows(plan, "transportation 4-D 150 to 30", transportation, plainly, 30, given)
+    yield _refinement_row(plan)
+
+
+def _refinement_row(plan: Plan) -> Row:
+    arguments = [(p, 5) for p in drawn(10, 4, 1)]  # theirs takes seconds
+    forms = (lambda p, limit: refine(p, limit)[0]), plain_reductions.refine_in_scipy
+    errors = [np.mean([integral_squared_difference(p, form(p, 5)) for p, _ in arguments]) for form in forms]
+    note = f"mean errors {errors[0]:.3g}, theirs {errors[1]:.3g}"
+    ours, theirs = (timed(form, arguments) for form in (refine, forms[1]))
+    return compared(plan, "refinement of the ISE 4-D 10 to 5", ours, "SciPy's BFGS on NumPy", theirs, note)
 
 
 def _reducer_rows(plan: Plan, what: str, reduce: Callable, plainly: dict, limit: float, given: list):

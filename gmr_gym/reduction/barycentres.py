@@ -33,6 +33,8 @@ from gmr_gym.reduction.overlap_descent import EXACT, STEPS, descend
 from gmr_gym.reduction.protocol import definite, warn_unfinished
 from gmr_gym.reduction.pruning import weighing
 
+NEAR = 1.1  # of 18 000 random pairs, a second start led lower in 383, whose first sum was above 1.23 bounds
+
 
 def barycentre(p: Mixture, measure: str = "kl") -> Mixture:
     """The one Gaussian q with the least sum of w D(component, q), with the weight of all.
@@ -306,19 +308,24 @@ def _settled(before, after, exact):
 
 @kernel
 def _best_overlap(a, x, P, exact):
-    """The lower of the minima of the integral squared difference reached from the moment match and from the
-    best component."""
+    """The lower of the minima of the integral squared difference reached from the moment match and, where the
+    first is not near the least of all functions, from the best component."""
     n, d = x.shape
-    best, at = np.inf, 0
+    cost = np.zeros(n)
     for k in range(n):
-        cost = 0.0
-        for i in range(n):
-            cost += a[i] * isd_cost(x[i], P[i], x[k], P[k])
-        if cost < best:
-            best, at = cost, k
+        for i in range(k):
+            apart = isd_cost(x[i], P[i], x[k], P[k])
+            cost[k] += a[i] * apart
+            cost[i] += a[k] * apart
     S = _covariance_about_mean(a, x, P)
     mean, S, steps, least = descend(ISD, a, x, P, np.zeros(d), S, exact)
-    mean_k, S_k, steps_k, value = descend(ISD, a, x, P, x[at], P[at], exact)
-    if value < least:
-        mean, S = mean_k, S_k
-    return mean, S, max(steps, steps_k)
+    total, bound, at = 0.0, 0.0, np.argmin(cost)
+    for i in range(n):
+        bound += 0.5 * a[i] * cost[i]  # of the mixture itself
+        total += a[i] * isd_cost(x[i], P[i], mean, S)
+    if total > NEAR * bound:
+        mean_k, S_k, steps_k, value = descend(ISD, a, x, P, x[at], P[at], exact)
+        steps = max(steps, steps_k)
+        if value < least:
+            mean, S = mean_k, S_k
+    return mean, S, steps

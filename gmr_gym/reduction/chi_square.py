@@ -23,7 +23,8 @@ and m_l - m, gives everything: what is left of it below the first block is S - C
 
 import numpy as np
 
-from gmr_gym.kernels import kernel, leaf_kernel
+from gmr_gym.kernels import kernel
+from gmr_gym.reduction.distances import times_exponentials
 from gmr_gym.reduction.merge_cost import logarithm
 
 
@@ -35,6 +36,7 @@ def chi_square_costs(i, k, columns, room, row):
     size = d * (d + 1) // 2
     S, one, two = np.empty((size + d, k)), np.empty((size + d, k)), np.empty((2 * d * d + 3 * d, k))
     volume, corner, log_S, share = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+    factor, log_I = np.empty(k), np.empty(k)
     for j in range(k):
         share[j] = columns[0, i] / (columns[0, i] + columns[0, j])
     _fill(i, k, d, columns, share, S, two)
@@ -44,28 +46,31 @@ def chi_square_costs(i, k, columns, room, row):
         log_S[j], row[j] = logarithm(volume[j]), 0.0
     _eliminate(two, 2 * d, d, volume, corner)
     for j in range(k):
-        a = share[j]
-        log_I = log_S[j] - 0.5 * (logarithm(volume[j]) + corner[j])
-        row[j] += _above(log_I, 2.0 * a * (1.0 - a)) if volume[j] > 0.0 else np.inf
+        factor[j] = 2.0 * share[j] * (1.0 - share[j])
+        log_I[j] = log_S[j] - 0.5 * (logarithm(volume[j]) + corner[j])
+    _add_excess(factor, log_I, volume, row)
     for own in (True, False):
         _fill_own(i, k, d, columns, share, S, one, own)
         _eliminate(one, d, 0, volume, corner)
         for j in range(k):
             a = share[j] if own else 1.0 - share[j]
             log_P = columns[1, i] if own else columns[1, j]
-            log_I = log_S[j] - 0.5 * (logarithm(2.0**d * volume[j]) + corner[j] + log_P)
-            row[j] += _above(log_I, a * a) if volume[j] > 0.0 else np.inf
+            factor[j], log_I[j] = a * a, log_S[j] - 0.5 * (logarithm(2.0**d * volume[j]) + corner[j] + log_P)
+        _add_excess(factor, log_I, volume, row)
     for j in range(k):
         # for two equal components rounding may give -1e-16
         row[j] = max((columns[0, i] + columns[0, j]) * row[j], 0.0) if row[j] < np.inf else np.inf
 
 
-@leaf_kernel
-def _above(log_I, factor):
-    """factor (I - 1), to all digits near 1 and without overflow for a tiny factor."""
-    if log_I < 1.0:
-        return factor * np.expm1(log_I)
-    return np.exp(log_I + np.log(factor)) - factor if factor > 0.0 else 0.0
+@kernel
+def _add_excess(factor, log_I, volume, row):
+    """Adds factor (I - 1) to row, infinite where the volume is not a number; I counts up to e^699."""
+    scaled = factor.copy()
+    for j in range(len(factor)):
+        log_I[j] = min(log_I[j], 699.0)
+    times_exponentials(scaled, log_I, np.empty(len(factor)))
+    for j in range(len(factor)):
+        row[j] += scaled[j] - factor[j] if volume[j] > 0.0 else np.inf
 
 
 @kernel

@@ -372,7 +372,7 @@ def _density_at_border(out, bordered):
     peak = (2.0 * np.pi) ** (-0.5 * d)
     for i in range(len(out)):
         out[i] *= peak
-    _times_exponentials(out, bordered[0], bordered[1])
+    times_exponentials(out, bordered[0], bordered[1])
 
 
 @kernel
@@ -489,8 +489,8 @@ def eliminate_four(out, bordered):
 
 
 @kernel
-def _times_exponentials(out, x, room):
-    """out[i] *= exp(x[i]) for x <= 0, to the last bits; room (n,) is workspace.
+def times_exponentials(out, x, room):
+    """out[i] *= exp(x[i]) for x < 700, to the last bits; room (n,) is workspace.
 
     A call of the library's exponential would prevent the loops from being vectorised.
     """

@@ -30,7 +30,7 @@ import numpy as np
 from gmr_gym.kernels import ZERO, kernel
 from gmr_gym.linalg import LOG_2PI
 from gmr_gym.reduction.barycentres import best_correlation, geometric_mean, least_difference
-from gmr_gym.reduction.distances import eliminate, eliminate_four
+from gmr_gym.reduction.distances import eliminate, eliminate_four, times_exponentials
 from gmr_gym.reduction.measures import (
     LOG_2,
     cauchy_schwarz_cost,
@@ -41,7 +41,7 @@ from gmr_gym.reduction.measures import (
 from gmr_gym.reduction.merge_cost import cost_row, logarithm, whole
 
 CLOSE = 1.0 - 1e-9  # factor of the bounds, for rounding
-ENOUGH = 1e-5  # relative change that ends the computation of a barycentre: its cost is then known to 1e-10
+ENOUGH = 1e-4  # relative change that ends the computation of a barycentre: its cost is then known to 1e-8
 ROUNDING = 1e-14  # and what is taken from them, relative to the terms that cancel
 
 # ---- costs of merging component i with each of the first k, or lower bounds, written to row; columns and
@@ -175,33 +175,37 @@ def _transport_bounds(i, k, columns, row, weighted):
 @kernel
 def _isd_bounds(i, k, d, columns, exponent, root, row):
     w, log_det = columns[0], columns[1]
-    peak = np.exp(-0.5 * d * LOG_2PI)
+    peak, x, room = np.exp(-0.5 * d * LOG_2PI), np.empty(k), np.empty(k)
     ii = peak * np.exp(-0.5 * (log_det[i] + d * LOG_2))
     for j in range(k):
-        jj, ij = peak * np.exp(-0.5 * (log_det[j] + d * LOG_2)), peak * root[j] * np.exp(exponent[j])
-        cost = ii + jj - 2.0 * ij - ROUNDING * (ii + jj)
+        row[j], x[j] = peak, -0.5 * (log_det[j] + d * LOG_2)
+    times_exponentials(root, exponent, room)
+    times_exponentials(row[:k], x, room)
+    for j in range(k):
+        both = ii + row[j]
+        cost = both - 2.0 * peak * root[j] - ROUNDING * both
         row[j] = max(CLOSE * w[i] * (w[j] / (w[i] + w[j])) * cost, 0.0)
 
 
 @kernel
 def _overlap_bounds(i, k, d, columns, bordered, root, row):
     w, log_det, exponent = columns[0], columns[1], bordered[0]
-    part = _parts_along(i, k, d, columns, bordered)
+    part, square, x, room = _parts_along(i, k, d, columns, bordered), np.ones(k), np.empty(k), np.empty(k)
+    for j in range(k):
+        own = -d * LOG_2 - 0.5 * (log_det[i] + log_det[j])
+        x[j] = min(2.0 * (logarithm(root[j]) + exponent[j]) - own, 0.0)
+    times_exponentials(square, x, room)  # of the correlation of the two
     for j in range(k):
         W = w[i] + w[j]
         a, b = w[i] / W, w[j] / W
-        # minus twice the logarithm of the correlation of the two
-        twice = -d * LOG_2 - 0.5 * (log_det[i] + log_det[j]) - 2.0 * (logarithm(root[j]) + exponent[j])
-        rest = -np.expm1(-max(twice, 0.0))  # 1 - correlation^2
-        cot = np.sqrt((1.0 - rest) / rest)
+        cot = np.sqrt(square[j] / (1.0 - square[j]))
         nearest = 2.0 / (cot + np.sqrt(cot * cot + 4.0 * a * b))
-        between = 0.5 * (a * np.log1p((b * nearest) ** 2) + b * np.log1p((a * nearest) ** 2))
-        x = -2.0 * a * b * exponent[j] / max(part[j], 1.0 - part[j])
-        s = x + np.sqrt(x * x + 1.0)
-        along = 0.5 * (x / (1.0 + s) + np.log((1.0 + s) / (2.0 * np.sqrt(s))))
-        row[j] = max(
-            W * (CLOSE * max(between, along) - ROUNDING * (1.0 + abs(log_det[i]) + abs(log_det[j]))), 0.0
-        )
+        between = a * logarithm(1.0 + (b * nearest) ** 2) + b * logarithm(1.0 + (a * nearest) ** 2)
+        apart = -2.0 * a * b * exponent[j] / max(part[j], 1.0 - part[j])
+        s = apart + np.sqrt(apart * apart + 1.0)
+        along = apart / (1.0 + s) + logarithm((1.0 + s) / (2.0 * np.sqrt(s)))
+        lost = ROUNDING * (1.0 + abs(log_det[i]) + abs(log_det[j]))
+        row[j] = max(W * (0.5 * CLOSE * max(between, along) - lost), 0.0)
 
 
 @kernel
@@ -264,16 +268,15 @@ def unweighted_pair(i, j, w, m, P):
 
 
 def _pair_cost(barycentre: Callable, cost: Callable) -> Callable:
-    """The kernel for a measure whose barycentre is iterated for."""
+    """The kernel for a symmetric measure whose barycentre is iterated for."""
 
     @kernel
     def pair_cost(i, j, w, m, P):
         w2, m2, P2 = pair_of(i, j, w, m, P)
         mean, S, steps = barycentre(w2, m2, P2, ENOUGH)
         total = w2[0] * cost(m2[0], P2[0], mean, S) + w2[1] * cost(m2[1], P2[1], mean, S)
-        # either of the two instead: that has more digits where one is far lighter
-        total = min(total, w2[0] * cost(m2[0], P2[0], m2[1], P2[1]))
-        return min(total, w2[1] * cost(m2[1], P2[1], m2[0], P2[0])), steps
+        # the heavier instead: that has more digits where the other is far lighter
+        return min(total, min(w2[0], w2[1]) * cost(m2[0], P2[0], m2[1], P2[1])), steps
 
     return pair_cost
 
