@@ -127,13 +127,11 @@ def _check(family: Sequence[str], z: np.ndarray, at: Callable[[int, int], str]) 
     elif family[0] == "range":
         refuse(0, z[:, 0] < 0, "m is a negative range: leave such rows out with --where")
         many = np.abs(z[:, 1]) > TURN * 1.001
-        refuse(1, many, "rad is more than a turn: degrees? give --azimuth COLUMN:deg")
+        else_out = "COLUMN:deg, or leave such rows out with --where"
+        refuse(1, many, f"rad is more than a turn: degrees? give --azimuth {else_out}")
         if len(family) > 2:
-            refuse(
-                2,
-                np.abs(z[:, 2]) > np.pi / 2 * 1.001,
-                "rad is above the zenith: degrees? give --elevation COLUMN:deg",
-            )
+            above = np.abs(z[:, 2]) > np.pi / 2 * 1.001
+            refuse(2, above, f"rad is above the zenith: degrees? give --elevation {else_out}")
     lengths = [j for j, role in enumerate(family) if role in ("x", "y", "z", "alt", "range")]
     for j in lengths:
         refuse(j, np.abs(z[:, j]) > FARTHEST, "m is beyond 1e9 m: another unit?")

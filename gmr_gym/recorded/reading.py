@@ -10,7 +10,7 @@ import numpy as np
 from gmr_gym.checks import check_choice
 from gmr_gym.evaluation.csv_columns import Columns
 from gmr_gym.recorded.assembly import TEXTS, Layouts, Reference, SensorRows, assembled, row_name, source_of
-from gmr_gym.recorded.columns import ROLES, Layout, layouts, unit_of
+from gmr_gym.recorded.columns import ROLES, Layout, family_of, layouts, unit_of
 from gmr_gym.recorded.conditions import condition, kept_rows
 from gmr_gym.recorded.configuration import SensorSettings
 from gmr_gym.recorded.detections import Detections
@@ -181,7 +181,7 @@ def _by_sensor(
             return f"{source}, {unit} {lines[k]}, column {cell}"
 
         time = layout.get("time")
-        if time is None:
+        if time is None or not family_of(layout):
             raise ValueError(
                 f"{table.where}: sensor {name!r} has no columns; give --time {name}=COLUMN:UNIT and others"
             )

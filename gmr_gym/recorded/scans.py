@@ -12,6 +12,7 @@ TIMES, COLUMN, TURNS, REPORTS, WINDOW = WAYS = ("times", "column", "turns", "rep
 TURN = 2 * np.pi
 FOLLOWED = 0.05  # share of each row's phase error by which the antenna's phase is corrected
 SPREAD = 0.1  # of a turn: phases that spread more are not of an antenna of this period
+SPARSE = 1000  # turns a row: more are of a period that is mistaken
 SINGLE = 1.5  # rows a time, on average, below which rows with identities are reports of their own
 
 
@@ -79,7 +80,13 @@ def equal_times(found: Detections, scans: list[Scan]) -> tuple[np.ndarray, list[
 
 
 def _usual(found: Detections, rows: np.ndarray, spec: SensorSpec, window: float | None) -> str:
-    if len(rows) and (found.scan[rows] >= 0).all():
+    numbered = found.scan[rows] >= 0
+    if numbered.any():
+        if not numbered.all():
+            raise ValueError(
+                f"{(~numbered).sum()} of {len(rows)} rows of sensor {spec.name!r} have no scan; leave them "
+                "out with --where, or --scan"
+            )
         return COLUMN
     if window is not None:
         return WINDOW
@@ -114,6 +121,11 @@ def _scans(
             x, y = (found.z[rows, :2] - found.origin[rows, :2]).T
             azimuth = np.arctan2(y, x)
         number, azimuths = turns(time, azimuth, spec.rotation_period)
+        if len(number) and number.max() > SPARSE * len(number):
+            raise ValueError(
+                f"a rotation period of {spec.rotation_period:g} s makes {number.max() + 1} turns of "
+                f"{len(number)} rows; another unit?"
+            )
     else:
         number = np.cumsum(np.diff(time, prepend=time[:1]) > 0)
     yield from _grouped(

@@ -340,6 +340,11 @@ def test_a_large_file_is_read_in_blocks_and_one_too_large_is_refused_with_its_me
             {"x": "L=x_m", "y": "L=y_m"},
             "L=COLUMN is of one sensor; give --sensor COLUMN as well",
         ),
+        (
+            "time_s,x_m,y_m,s\n0,1,1,L\n1,1,1,R\n",
+            {"sensor": "s", "x": "L=x_m", "y": "L=y_m"},
+            "sensor 'R' has no columns; give --time R=COLUMN:UNIT and others",
+        ),
         # coordinates that cannot be
         ("time_s,lat,lon\n0,1,1\n1,91,0\n", None, "line 3, column lat: 91 is no latitude in degrees"),
         ("time_s,lat,lon\n0,1,1\n1,0,999\n", None, "line 3, column lon: 999 is no longitude in degrees"),

@@ -87,6 +87,15 @@ def test_each_sensor_has_its_own_scans_and_empty_looks_are_scans():
     assert cut(from_arrays([], np.empty((0, 2)))) == []
 
 
+def test_scans_that_some_rows_lack_and_turns_beyond_number_are_refused():
+    found = from_arrays([0, 1, 2], np.ones((3, 2)), scan=[0, -1, 1])
+    with pytest.raises(ValueError, match="1 of 3 rows of sensor '' have no scan; leave them out"):
+        cut(found)
+    found = from_arrays([0, 1], np.ones((2, 2)), sensors=[SensorSpec("", rotation_period=1e-6)])
+    with pytest.raises(ValueError, match="a rotation period of 1e-06 s makes 1000001 turns of 2 rows"):
+        cut(found)
+
+
 @pytest.mark.parametrize(
     "by, message",
     [
