@@ -352,6 +352,8 @@ def reproduce(
     part, usual = sweeps.shard_of(shard, out), asked_for.tables[0].runs
     runs, names = runs or usual, table or list(known)
     entries = [known[name].with_rows(tracker) for name in names]
+    if tracker and all(entry is known[entry.name] for entry in entries):
+        raise ValueError(f"--tracker has no row in {', '.join(names)}: it compares reductions, or settings")
     trackers = {entry.name: entry.trackers for entry in entries}
     asked = records.question(paper=paper, asked=names, trackers=trackers, runs=runs, seed=seed)
     root = out or Path("results") / paper

@@ -588,6 +588,10 @@ TRACK = "track", "z.csv", "--targets", "one", "--sensor-deviation", "10", "--clu
         ),
         (("reproduce", "zhang", "--table", "9"), "zhang has no table '9'; choose from 1, 2, 1-quiet,"),
         (("reproduce", "dortenzio", "--table", "1-quiet"), "no table '1-quiet'; choose from 1, 2, 3, 4"),
+        (
+            ("reproduce", "crouse", "--table", "1d-5", "--tracker", "pda"),
+            "--tracker has no row in 1d-5: it compares reductions, or settings",
+        ),
         ((*EVALUATE, "pda"), "choose one with modes, such as imm-pda, imm-mht or mmg"),
         ((*EVALUATE, "mgg-5"), "unknown tracker 'mgg-5'; did you mean 'mmg'?"),
         ((*EVALUATE, "mmg-5:reduction=runalls"), "unknown reduction 'runalls'; did you mean 'runnalls'?"),

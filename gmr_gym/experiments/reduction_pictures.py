@@ -14,7 +14,7 @@ from gmr_gym.mixture import Mixture, log_density, take
 from gmr_gym.reduction.protocol import Reduced
 
 SIGMAS, REACH = 2.0, 4.0  # standard deviations: of an ellipse, and that are drawn of a density
-POINTS = 1000
+POINTS, OF_EACH = 1000, 41  # where densities are drawn: on the whole, and beside those for each component
 
 
 def picture(p: Mixture, reduced: Mapping[str, Reduced], axes: Sequence[int]) -> Drawing:
@@ -36,8 +36,7 @@ def picture(p: Mixture, reduced: Mapping[str, Reduced], axes: Sequence[int]) -> 
 
 def _densities(axes: Any, p: Mixture, q: Mixture, origin: np.ndarray, _: list[int]) -> list[Line2D]:
     """Draw the densities, and give what stands for them in a legend."""
-    deviations = REACH * np.sqrt(p.P[:, 0, 0])
-    x = np.linspace((p.m[:, 0] - deviations).min(), (p.m[:, 0] + deviations).max(), POINTS)[:, None]
+    x = _points(p, q)
     full = axes.plot(x, np.exp(log_density(p, x)), color=TRUTH, lw=2, label="full")
     reduced = axes.plot(x, np.exp(log_density(q, x)), color=INK, lw=1, label="reduced")
     for j in range(len(q.w)):
@@ -45,6 +44,14 @@ def _densities(axes: Any, p: Mixture, q: Mixture, origin: np.ndarray, _: list[in
         part = axes.plot(x, one, color=HYPOTHESIS, lw=1, ls=":", label="its components")
     axes.set(ylim=(0, None))
     return [*full, *reduced, *part]
+
+
+def _points(p: Mixture, q: Mixture) -> np.ndarray:
+    """Points (k, 1), in order, as far as p reaches, that show every component of both, however narrow."""
+    reach = REACH * np.sqrt(p.P[:, 0])
+    low, high = (p.m - reach).min(), (p.m + reach).max()
+    about = [(m + np.sqrt(P[:, 0]) * np.linspace(-REACH, REACH, OF_EACH)).ravel() for _, m, P in (p, q)]
+    return np.unique(np.clip(np.concatenate([np.linspace(low, high, POINTS), *about]), low, high))[:, None]
 
 
 def _ellipses(axes: Any, p: Mixture, q: Mixture, origin: np.ndarray, drawn: list[int]) -> list[Line2D]:

@@ -21,10 +21,10 @@ def check_reduced(reduced, n: int) -> None:
     """Raise ValueError unless a reduction of n components has returned a Mixture and an origin (n,)."""
     try:
         mixture, origin = reduced
-        sound = isinstance(mixture, Mixture) and np.shape(origin) == (n,)
+        fits = isinstance(mixture, Mixture) and np.shape(origin) == (n,)
     except (TypeError, ValueError):
-        sound = False
-    if not sound:
+        fits = False
+    if not fits:
         raise ValueError(f"a reduction must return a Mixture and the origin ({n},) of its input")
 
 

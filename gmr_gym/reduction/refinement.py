@@ -63,6 +63,9 @@ def refine(
     integral of the square of p: the least error is found no closer than that. The error itself, a difference
     of near equals, is accurate to about 1e-16 of that integral.
 
+    A step takes a square matrix of L (1 + d + d^2) rows, for L components left in d dimensions: from 300 to
+    150 in four dimensions, the descent takes some 40 s.
+
     A component that overlaps with nothing of p stays where it is. Where the covariance of the whole is lost
     in rounding, the reduction is returned as it is.
 
