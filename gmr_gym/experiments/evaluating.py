@@ -56,7 +56,7 @@ def evaluated(
     yield from remarks
     left = [metric for metric in tables[0]["rows"][0]["metrics"] if metric not in metrics]
     if left:
-        yield f"{', '.join(left)} are in evaluate.json besides; --metric NAME shows one"
+        yield f"evaluate.json also has {', '.join(left)}; --metric NAME shows one"
     yield f"written to {out}"
 
 

@@ -377,7 +377,7 @@ def _density_at_border(out, bordered):
 
 @kernel
 def eliminate(out, bordered, d):
-    """Set out to |S|^(-1/2) and the first row to -e' S^-1 e / 2.
+    """Set out to det(S)^(-1/2) and the first row to -e' S^-1 e / 2.
 
     L D L' of the bordered matrix in place, without square roots, leaves -e' S^-1 e in the corner.
     """

@@ -114,8 +114,8 @@ def _overlap(m1, P1, m2, P2):
 
 @kernel
 def aligned(L1, L2):
-    """L2 R (d, d) with the rotation R for which it is nearest to L1: |L1 - L2 R|^2 is the covariance part of
-    the squared Wasserstein distance of covariances L1 L1' and L2 L2'."""
+    """L2 R (d, d) with the rotation R for which it is nearest to L1: the squared norm of L1 - L2 R is the
+    covariance part of the squared Wasserstein distance of covariances L1 L1' and L2 L2'."""
     d = len(L1)
     A, V = np.zeros((d, d)), np.eye(d)
     for r in range(d):

@@ -124,7 +124,7 @@ def test_what_latex_and_markdown_take_for_themselves_is_escaped():
 
 def test_chosen_metrics_are_those_that_a_table_shows_and_it_says_where_the_others_are(call):
     _, printed, _ = call(*QUICK)
-    assert "rmse_common, error_own, nci_own, inclination_own are in evaluate.json besides" in printed
+    assert "evaluate.json also has rmse_common, error_own, nci_own, inclination_own;" in printed
     code, printed, _ = call(*QUICK, "--metric", "nci_own", "--metric", "components")
     assert code == 0 and re.search(r"\| NCI, dB +\| components +\|\n", printed) and "lost, %" not in printed
     assert "paired differences" not in printed and len(the_record()["tables"]) == 2

@@ -110,17 +110,17 @@ _table = partial(
     paired=multi_target_differences,
 )  # fmt: skip
 TABLES = (
-    _table("groups", "section 7.1, trackers told that clutter is uniform", trackers=as_published(ALL)),
-    _table("groups-told", "section 7.1, told the true clutter",
+    _table("groups", "section 7.1, clutter assumed uniform", trackers=as_published(ALL)),
+    _table("groups-told", "section 7.1, the true clutter assumed",
            settings={"told": "true"}, trackers=as_published(TOLD)),
     _table("uniform", "clutter that is uniform indeed",
            settings={"clutter": "uniform"}, trackers=as_published(ALL)),
     _table("dense", "groups four times denser", settings={"clutter": "dense"}, trackers=as_published(ALL)),
-    _table("dense-told", "groups four times denser, told the true clutter",
+    _table("dense-told", "groups four times denser, the true clutter assumed",
            settings={"clutter": "dense", "told": "true"}, trackers=as_published(TOLD)),
     _table("drift", "groups that drift at 7 m/s",
            settings={"groups": DRIFT}, trackers=as_published((UNIFORM, LEARNED, "pmb", TRACKS))),
-    _table("reductions", "GM-PHD told the true clutter, by reduction",
+    _table("reductions", "GM-PHD with the true clutter, by reduction",
            settings={"told": "true"}, trackers=as_published(REDUCED),
            columns=(*COLUMNS[:-2], "components", "time_per_scan")),
 )  # fmt: skip
@@ -160,7 +160,7 @@ DENSER = Claim(
     less("false"), UNIFORM, UNIFORM,
 )  # fmt: skip
 AS_GOOD = Claim(
-    "ours: a clutter that is learned is as good as one that is told",
+    "ours: clutter that is learned is as good as clutter that is known",
     f"{CLOSE:g} m less the OSPA by which gm-phd with the true clutter is better", 0.0,
     CLOSE + less("ospa"), LEARNED, UNIFORM,
 )  # fmt: skip
