@@ -171,7 +171,7 @@ def _merged(p: Mixture, components: int, by: _By, loss_bound: float = -1.0, rati
         return q, place
     mean, _ = mean_and_covariance(q)  # about it, differences of merged means keep their digits
     about = q._replace(m=q.m - mean)
-    whole = 0.0 if loss_bound < 0 else _cost_of_all(by, about)
+    whole = 0.0 if loss_bound < 0 else _whole_cost(by, about)
     loss_bound = np.inf if loss_bound == 1 else float(loss_bound)  # rounding must not prevent the last merge
     group, m, P, longest = by.merge(*about, components, loss_bound, ratio, whole)
     if longest >= STEPS:
@@ -179,7 +179,7 @@ def _merged(p: Mixture, components: int, by: _By, loss_bound: float = -1.0, rati
     return definite(Mixture(np.bincount(group, q.w), mean + m, P)), through(place, group)
 
 
-def _cost_of_all(by: _By, p: Mixture) -> float:
+def _whole_cost(by: _By, p: Mixture) -> float:
     """The sum of w D(component, barycentre of all)."""
     mean, S, _ = by.barycentre(*p, EXACT)
     return sum((w * by.cost(m, P, mean, S) for w, m, P in zip(*p, strict=True)), 0.0)
