@@ -19,7 +19,10 @@ from gmr_gym.reduction.vo_ma import vo_ma
 COUNTS = (0, -1, 1.5, np.nan, "3", ())  # of components, that are none
 # what a reduction does besides merging, which keeps total weight, mean and covariance; of any not named here
 # all three have to be kept
-RESCALES, DROPS = ("ise",), ("ise-unscaled", "capping", "vo-ma", "prune", "prune-density", "heaviest")
+RESCALES, DROPS = (
+    ("ise", "prune-or-merge"),
+    ("ise-unscaled", "capping", "vo-ma", "prune", "prune-density", "heaviest"),
+)
 # where a reduction says that it cannot tell
 TOO_FAR = "too far apart|finite integral|outside 1e-300 to 1e300|prune first"
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gmr_gym.checks import check_count
+from gmr_gym.checks import check_count, check_flag
 from gmr_gym.kernels import kernel, leaf_kernel
 from gmr_gym.linalg import inverse_into
 from gmr_gym.mixture import Mixture, match, mean_and_covariance
@@ -76,14 +76,13 @@ def prune_or_merge(p: Mixture, components: int, sharpened: bool = False) -> Redu
     ([0, 1, -1], 1.0)
     """
     components = check_count(components)
-    if sharpened not in (False, True):
-        raise ValueError(f"sharpened must be True or False, got {sharpened!r}")
+    check_flag("sharpened", sharpened)
     q, place = weighing(p)
     if len(q.w) <= components:
         return q, place
     mean, _ = mean_and_covariance(q)
     total = q.w.sum()
-    w, m, P, group = _reduce(q.w / total, q.m - mean, q.P, components, bool(sharpened))
+    w, m, P, group = _reduce(q.w / total, q.m - mean, q.P, components, sharpened)
     return definite(Mixture(w * (total / w.sum()), mean + m, P)), through(place, group)
 
 

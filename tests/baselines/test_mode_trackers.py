@@ -459,7 +459,7 @@ def test_every_named_reduction_serves(name, how, acquisition):
         assert report.mixture.w.sum() == pytest.approx(1, rel=1e-12)
         assert mode_weights(belief).sum() == pytest.approx(1, rel=1e-12)
         most = max(most, len(report.mixture.w))
-    assert most == 4
+    assert most == 4 or (PROPERTIES[how].bounded and most < 4)
 
 
 @pytest.mark.parametrize("name", ["mmg", "imm-mht"])
@@ -498,7 +498,7 @@ def test_a_reduction_may_be_any_function_that_can_be_imported(name, acquisition)
             "'gmr_gym.reduction:f' is no function that can be imported",
         ),
         ("", {"reduction": ":f"}, "reduction ':f' is no function that can be imported"),
-        ("", {"reduction": 3}, "unknown reduction 3"),
+        ("", {"reduction": 3}, "the reduction must be named by a text, got 3"),
         ("", {"reduction": "gmr_gym.reduction.salmond_west:whitened"}, "cannot be made with"),
         ("", {"reduction": "gmr_gym.mixture:__doc__"}, "the first argument must be callable"),
         ("", {"prune_weight": -1.0}, "prune_weight must be non-negative and finite"),

@@ -39,7 +39,8 @@ SWITCHING = TOLD._replace(
     mode_prior=np.array([0.5, 0.3, 0.2]),
 )
 KNOW_ONE_MOTION = {
-    "adaptive", "capping", "ise", "learned-thresholds", "nearest-neighbour", "pda", "runnalls", "salmond",
+    "adaptive", "capping", "ise", "learned-thresholds", "mht", "nearest-neighbour", "pda", "runnalls",
+    "salmond",
     "west",
 }  # fmt: skip
 

@@ -177,7 +177,7 @@ def test_a_scheduler_that_dies_is_said_in_one_line_and_what_is_finished_is_kept(
     monkeypatch.setattr(clusters, "SECONDS", 0.5)
     file, blocks = tmp_path / "scheduler.json", tmp_path / "blocks"
     scheduler = started("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file))
-    while not file.exists():
+    while not file.exists() or not file.read_text():  # written a moment after it is made
         time.sleep(0.05)
     address = json.loads(file.read_text())["address"]
     on_it = partial(run, WORLD, NEAREST, RUNS, folder=blocks, backend="dask", scheduler=address)

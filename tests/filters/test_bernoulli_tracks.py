@@ -57,7 +57,9 @@ def test_with_one_mode_and_one_time_the_update_is_that_of_pmb():
     theirs = pmb.MultiBernoulli(
         kalman.predict(before, kalman.motion(F, Q)), np.arange(3), no_components(4), 3
     )
-    expected, p_clutter = pmb.update(theirs, sensor, z, P_D, np.full(4, KAPPA))
+    expected, p_clutter = pmb.update(
+        theirs, sensor, z, P_D, np.full(4, KAPPA), association="belief-propagation"
+    )
     found = Associated(*bernoulli_tracks.update(mine, ONE, look(1.0, z), everything(4)))
     np.testing.assert_allclose(mine.existence, expected.tracks.w, rtol=1e-9)
     np.testing.assert_allclose(mine.banks.m[:, 0], expected.tracks.m, rtol=1e-9, atol=1e-9)

@@ -192,7 +192,7 @@ def test_of_static_echoes_a_least_speed_is_proposed_that_hides_them_and_no_slow_
     settings = completed(Configuration(), proposal)
     assert settings.tracks == {"min_speed": least} and "min_speed" not in settings.target
     assert completed(Configuration(tracks={"min_speed": 0.0}), proposal).tracks == {"min_speed": 0.0}
-    typed = dict.fromkeys((*TARGET, *TRACKS)) | {"min_speed": 0.0}
+    typed = {name: option.default for name, option in (TARGET | TRACKS).items()} | {"min_speed": 0.0}
     assert many_targets_model(found._replace(sensors=proposal.sensors), settings, typed).min_speed == 0.0
     model = many_targets_model(
         found._replace(sensors=proposal.sensors), settings, typed | {"min_speed": None}
