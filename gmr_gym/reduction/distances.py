@@ -490,7 +490,7 @@ def eliminate_four(out, bordered):
 
 @kernel
 def times_exponentials(out, x, room):
-    """out[i] *= exp(x[i]) for x < 700, to the last bits; room (n,) is workspace.
+    """Multiplies out (n,) by exp(x) for x < 700, to the last bits; room (n,) is workspace.
 
     A call of the library's exponential would prevent the loops from being vectorised.
     """
