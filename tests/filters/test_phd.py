@@ -627,3 +627,16 @@ def test_a_sensor_that_is_not_linear_is_refused():
             constant_velocity(1.0, 1.0, axes=3), radar([10.0, 0.01, 0.01]), 0.9, 0.99, no_components(6),
             uniform_clutter([0.0] * 3, [1.0] * 3, 5.0),
         )  # fmt: skip
+
+
+@pytest.mark.parametrize(("estimator", "declared"), [("expected", 1), ("components", 0)])
+def test_a_target_in_two_components_is_declared_by_the_expected_number_alone(estimator, declared):
+    tracker = GmPhd(told(), as_it_is, estimator=estimator)
+    two = mixture([0.45, 0.5], [[0.0, 0, 0, 0], [3.0, 0, 0, 0]], [np.eye(4)] * 2)
+    _, report = tracker.report(phd.LabelledIntensity(two, np.arange(2), 2), tracker.model.clutter)
+    assert len(report.x) == declared
+
+
+def test_an_unknown_estimator_is_refused():
+    with pytest.raises(ValueError, match=r"estimator must be .*expected.*components.*'both'"):
+        GmPhd(told(), as_it_is, estimator="both")
