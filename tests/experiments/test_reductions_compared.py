@@ -154,7 +154,8 @@ def test_shards_leave_all_blocks_and_the_whole_goes_on_from_those_that_are_there
     assert "6 of 6 blocks of runs" in said
     kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "blocks").iterdir()}
     said = call(tmp_path)
-    assert "runnalls, 2" in said and "on the front" in said
+    # which of the two is on a front depends on the clock
+    assert "runnalls" in said and "capping" in said and "on the front" in said
     found, record = figures(tmp_path)
     assert {table["name"] for table in record["tables"]} >= {RANDOM, f"{TURNING}, 2 components"}
     assert record["fronts"][TURNING]["track_loss"]
