@@ -13,6 +13,7 @@ TRACKING = {
 # many targets, scored as a set
 MULTI_TARGET = {
     "gmr_gym/UnknownClutter-v0": "gmr_gym.scenarios.lv:unknown_clutter",
+    "gmr_gym/MeetingTargets-v0": "gmr_gym.scenarios.williams:meeting_targets",
 }
 # likewise, of detections in files: nothing of them is shipped, and their `folder` has to be given
 RECORDED = {
@@ -30,6 +31,7 @@ ABOUT = {
     "gmr_gym/JumpMarkov-v0": "A target switches between accelerations in clutter (Zhang, section 6.1).",
     "gmr_gym/AirborneRadar-v0": "A target that turns hard, seen by an airborne radar (Li, section 4).",
     "gmr_gym/UnknownClutter-v0": "Three targets in clutter of unknown density (Lv, section 7.1).",
+    "gmr_gym/MeetingTargets-v0": "Four targets meet within a metre and part, one disappears there (Williams).",
     "gmr_gym/RecordedRadar-v0": "Real radar detections with known targets, from files of yours: folder=PATH.",
     TUNING: "A policy sets the thresholds of a tracker's mixture reduction, scan by scan.",
 }
