@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gmr_gym.checks import check_density, check_whole
+from gmr_gym.checks import _check_positive, check_whole
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import Clutter, uniform_clutter
 from gmr_gym.models.kalman import Motion, position_sensor
@@ -77,7 +77,7 @@ def in_square(
         Naming the argument that is invalid.
     """
     probability = shadowed(seen.detection_probability, seen.shadows)
-    check_density("sensor_deviation", seen.sensor_deviation)
+    _check_positive(sensor_deviation=seen.sensor_deviation)
     true = _clutter(seen)
     if trajectory is None:
         scans = len(shortened(np.empty(scans), horizon))

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from gmr_gym.checks import check_density, check_probability
+from gmr_gym.checks import _check_positive, check_probability
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import uniform_clutter
 from gmr_gym.models.kalman import Motion, motion, position_sensor
@@ -81,7 +81,7 @@ def meeting_targets(
     check_probability("detection_probability", detection_probability)
     if not 0 < clutter_rate <= 1e4:
         raise ValueError(f"clutter_rate must be positive and at most 1e4 per scan, got {clutter_rate}")
-    check_density("sensor_deviation", sensor_deviation)
+    _check_positive(sensor_deviation=sensor_deviation)
     if truth_seed is not None and not (isinstance(truth_seed, int) and truth_seed >= 0):
         raise ValueError(f"truth_seed must be a whole number, at least 0, got {truth_seed!r}")
     moving, sensor = _motion(), position_sensor(sensor_deviation)
