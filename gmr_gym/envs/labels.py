@@ -78,7 +78,8 @@ class Trajectories:
         names = [int(label) if label >= 0 else next(self._unlabelled) for label in labels]
         self._scans.append(dict(zip(names, at, strict=True)))
         self._truth.append(truth)
-        total = trajectory_gospa(by_label(self._scans, truth.shape[1]), self._truth, *self._rule).total
+        tracks = by_label(self._scans, truth.shape[1])
+        total = trajectory_gospa(tracks, np.array(self._truth), *self._rule).total
         grown, self._total = total - self._total, total
         return grown
 

@@ -77,6 +77,8 @@ class MultiTargetEnv(EpisodicEnv):
 
     scenario: MultiTargetScenario
     metric: str
+    labels: bool
+    switching: float  # m
     shape: tuple[int, int]  # of a scan, padded
 
     def __init__(
@@ -139,7 +141,7 @@ class MultiTargetEnv(EpisodicEnv):
         at = estimates(rows, self._position)
         x = self._episode.x[self._t]
         truth = targets_at(x, self._position)
-        labels = labels_of(rows, rows[:, 0] >= EXISTENCE_THRESHOLD) if self.labels else None
+        labels = labels_of(rows, rows[:, 0] >= EXISTENCE_THRESHOLD) if self.labels else np.empty(0, int)
         scores = set_distances(at, truth, self.scenario.cutoff, self.scenario.order)
         self._estimates.append(at)
         self._t += 1

@@ -43,8 +43,8 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
     for bit, on any number of threads.
 
     ## Arguments
-    `scenario`, `targets`, `metric`, `labels`, `switching` and other keywords: as for `MultiTargetEnv`. `autoreset_mode`, `copy`,
-    `threads` and `render_mode`: as for `TrackingVectorEnv`.
+    `scenario`, `targets`, `metric`, `labels`, `switching` and other keywords: as for `MultiTargetEnv`.
+    `autoreset_mode`, `copy`, `threads` and `render_mode`: as for `TrackingVectorEnv`.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
             np.zeros((n, scans + 1), int), self._t,
         )  # fmt: skip
         self._trajectories = [single.new_trajectories() for _ in range(n)]
-        self._labels: list[np.ndarray | None] = [None] * n  # of the estimates submitted last
+        self._labels = [np.empty(0, int)] * n  # of the estimates submitted last
 
     def _checked(self, actions, passed: np.ndarray) -> np.ndarray:
         if absent(actions) is not None:
@@ -97,7 +97,7 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
                 f"actions must be finite and within +-{EXTENT:g} in every row, and are not in environment {i}"
             )
         if self._single.labels:
-            for i in np.flatnonzero(~passed):
+            for i in np.flatnonzero(~passed).tolist():
                 counted = actions[i, :, 0] >= EXISTENCE_THRESHOLD
                 self._labels[i] = labels_of(actions[i], counted, f" of environment {i}")
         return actions

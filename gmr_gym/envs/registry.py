@@ -35,7 +35,7 @@ ABOUT = {
     "gmr_gym/JumpMarkov-v0": "A target switches between accelerations in clutter (Zhang, section 6.1).",
     "gmr_gym/AirborneRadar-v0": "A target that turns hard, seen by an airborne radar (Li, section 4).",
     "gmr_gym/UnknownClutter-v0": "Three targets in clutter of unknown density (Lv, section 7.1).",
-    "gmr_gym/MeetingTargets-v0": "Four targets meet within a metre and part, one disappears there (Williams).",
+    "gmr_gym/MeetingTargets-v0": "Four targets meet within a metre and part (Williams).",
     "gmr_gym/CrossingTargets-v0": "Targets on straight courses cross, as close as asked for.",
     "gmr_gym/DenseTargets-v0": "Fifty targets cross a square among two hundred false alarms a scan.",
     "gmr_gym/ManoeuvringTargets-v0": "Targets that fly straight and turn, each by a Markov chain of its own.",

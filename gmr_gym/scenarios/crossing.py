@@ -1,5 +1,6 @@
 """Targets that fly straight and cross in the middle, as close as asked for: who is who afterwards?"""
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -22,9 +23,10 @@ def crossing_targets(
     detection_probability: float = 0.9,
     clutter_rate: float = 20.0,
     sensor_deviation: float = 5.0,
-    shadows=(),
-    hot_spots=(),
-    trajectory=None,
+    shadows: Sequence = (),
+    hot_spots: Sequence = (),
+    told: str | bool = "uniform",
+    trajectory: np.ndarray | Sequence | None = None,
     horizon: int | None = None,
 ) -> MultiTargetScenario:
     """Targets at constant velocity whose paths cross in the middle of a square of 1 km.
@@ -49,9 +51,11 @@ def crossing_targets(
     sensor_deviation : float
         Standard deviation of a detection on each axis, m.
     shadows : sequence of ((x, y), radius, P_D)
-        Circles, m, in which targets are detected with another probability. The filter model ignores them.
+        Circles, m, in which targets are detected with another probability.
     hot_spots : sequence of (false alarms per scan, (x, y), deviation)
-        Gaussian clutter, m, beside the uniform. The filter model spreads all evenly.
+        Gaussian clutter, m, beside the uniform.
+    told : {"uniform", "true"}
+        What trackers assume: no shadows, and as much clutter spread evenly, or what is true.
     trajectory : array_like (T, m, 4), optional
         States [x, y, vx, vy] of other targets, m and s; nan or masked where a target is absent.
     horizon : int, optional
@@ -77,8 +81,8 @@ def crossing_targets(
             f"by {reach - SIDE / 2:g} m"
         )
     return in_square(
-        Assumed(constant_velocity(PERIOD, PROCESS), max(speed, 1.0), BORN, float(n)),
-        Seen(detection_probability, clutter_rate, sensor_deviation, shadows, hot_spots),
+        Assumed((constant_velocity(PERIOD, PROCESS),), max(speed, 1.0), BORN, float(n)),
+        Seen(detection_probability, clutter_rate, sensor_deviation, shadows, hot_spots, told),
         partial(_paths, n, spacing, angle, speed), n, SCANS, trajectory, horizon,
     )  # fmt: skip
 
@@ -94,6 +98,6 @@ def _paths(n: int, spacing: float, angle: float, speed: float, rng: np.random.Ge
     return np.concatenate([at, np.broadcast_to(velocity, at.shape)], axis=2)
 
 
-def _towards(course: np.ndarray) -> np.ndarray:
+def _towards(course: np.ndarray | float) -> np.ndarray:
     """Unit vectors (..., 2)."""
     return np.stack([np.cos(course), np.sin(course)], axis=-1)

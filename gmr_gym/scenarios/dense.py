@@ -1,5 +1,6 @@
 """Fifty targets on their ways through a square, among two hundred false alarms a scan."""
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -22,9 +23,10 @@ def dense_targets(
     sensor_deviation: float = 5.0,
     *,
     speed: float = 5.0,
-    shadows=(),
-    hot_spots=(),
-    trajectory=None,
+    shadows: Sequence = (),
+    hot_spots: Sequence = (),
+    told: str | bool = "uniform",
+    trajectory: np.ndarray | Sequence | None = None,
     horizon: int | None = None,
 ) -> MultiTargetScenario:
     """Many targets at nearly constant velocity in a square of 1 km, which they enter and leave.
@@ -43,7 +45,7 @@ def dense_targets(
         Standard deviation of a detection on each axis, m.
     speed : float
         Standard deviation of the velocity on each axis halfway, m/s.
-    shadows, hot_spots, trajectory, horizon
+    shadows, hot_spots, told, trajectory, horizon
         As for `gmr_gym.scenarios.crossing.crossing_targets`.
 
     Returns
@@ -60,8 +62,8 @@ def dense_targets(
         raise ValueError(f"speed must be positive and at most {SIDE:g} m/s, got {speed}")
     moving = constant_velocity(PERIOD, PROCESS)
     return in_square(
-        Assumed(moving, speed, BORN * n, THERE * n),
-        Seen(detection_probability, clutter_rate, sensor_deviation, shadows, hot_spots),
+        Assumed((moving,), speed, BORN * n, THERE * n),
+        Seen(detection_probability, clutter_rate, sensor_deviation, shadows, hot_spots, told),
         partial(_paths, n, speed, moving), n, SCANS, trajectory, horizon,
     )  # fmt: skip
 

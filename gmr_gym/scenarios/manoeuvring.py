@@ -1,9 +1,11 @@
 """Targets that fly straight, turn left and turn right, each as a Markov chain of its own has it."""
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
+from gmr_gym.checks import check_flag
 from gmr_gym.models.motions import constant_velocity, coordinated_turn
 from gmr_gym.models.switching import sticky_switching
 from gmr_gym.scenarios.dense import halfway
@@ -13,6 +15,7 @@ from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 SCANS, MIDDLE = 100, 50  # all targets are there at scan 50, from 0
 PROCESS = 0.1  # m/s^2
+LOOSE = 1.0  # m/s^2, of trackers without modes
 SPEED = 10.0  # m/s, standard deviation of the velocity on each axis halfway
 THERE, BORN = 0.7, 0.004  # expected before the first scan, and a scan, of each target that ever appears
 
@@ -22,12 +25,14 @@ def manoeuvring_targets(
     turn_rate: float = 0.15,
     stay: float = 0.95,
     *,
+    modes: bool = True,
     detection_probability: float = 0.9,
     clutter_rate: float = 20.0,
     sensor_deviation: float = 5.0,
-    shadows=(),
-    hot_spots=(),
-    trajectory=None,
+    shadows: Sequence = (),
+    hot_spots: Sequence = (),
+    told: str | bool = "uniform",
+    trajectory: np.ndarray | Sequence | None = None,
     horizon: int | None = None,
 ) -> MultiTargetScenario:
     """Targets that switch between straight flight and turns, in a square of 1 km.
@@ -42,13 +47,16 @@ def manoeuvring_targets(
         Of the turns, rad/s.
     stay : float
         Probability that a target keeps its motion from scan to scan; else either other follows.
+    modes : bool
+        Whether the filter model has the three motions and how they follow one another. Otherwise it has
+        nearly constant velocity, with an acceleration of 1 m/s^2.
     detection_probability : float
         P_D, of the truth outside shadows, and of the filter model.
     clutter_rate : float
         False alarms per scan that are uniform.
     sensor_deviation : float
         Standard deviation of a detection on each axis, m.
-    shadows, hot_spots, trajectory, horizon
+    shadows, hot_spots, told, trajectory, horizon
         As for `gmr_gym.scenarios.crossing.crossing_targets`.
 
     Returns
@@ -66,11 +74,16 @@ def manoeuvring_targets(
     if not 0 <= stay <= 1:
         raise ValueError(f"stay must be a probability, got {stay}")
     motions = [coordinated_turn(PERIOD, rate, PROCESS) for rate in (0.0, turn_rate, -turn_rate)]
+    check_flag("modes", modes)
+    switching = sticky_switching(stay, len(motions))
+    loose = constant_velocity(PERIOD, LOOSE)
     F, Q = np.array([motion.F for motion in motions]), motions[0].Q
     return in_square(
-        Assumed(constant_velocity(PERIOD, 1.0), SPEED, BORN * n, THERE * n),
-        Seen(detection_probability, clutter_rate, sensor_deviation, shadows, hot_spots),
-        partial(_paths, n, F, Q, sticky_switching(stay, 3)), n, SCANS, trajectory, horizon,
+        Assumed(
+            tuple(motions) if modes else (loose,), SPEED, BORN * n, THERE * n, switching if modes else None
+        ),
+        Seen(detection_probability, clutter_rate, sensor_deviation, shadows, hot_spots, told),
+        partial(_paths, n, F, Q, switching), n, SCANS, trajectory, horizon,
     )  # fmt: skip
 
 

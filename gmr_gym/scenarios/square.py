@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gmr_gym.checks import _check_positive, check_whole
+from gmr_gym.checks import _check_positive, check_choice, check_whole
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import Clutter, uniform_clutter
 from gmr_gym.models.kalman import Motion, position_sensor
@@ -26,10 +26,11 @@ MOST = 1000  # targets
 class Assumed(NamedTuple):
     """What trackers assume of the targets."""
 
-    motion: Motion
+    motions: tuple[Motion, ...]
     speed: float  # m/s, standard deviation of a new target's velocity on each axis
     born: float  # expected number of births a scan
     there: float  # expected number of targets before the first scan
+    switching: np.ndarray | None = None  # of the motions
 
 
 class Seen(NamedTuple):
@@ -40,6 +41,7 @@ class Seen(NamedTuple):
     sensor_deviation: float  # m
     shadows: Any  # see `shadowed`
     hot_spots: Any  # (false alarms a scan, (x, y), deviation), m
+    told: Any  # "uniform", or "true" for trackers that assume shadows and hot spots too
 
 
 def in_square(
@@ -53,7 +55,8 @@ def in_square(
 ) -> MultiTargetScenario:
     """Scenario of targets in the square.
 
-    Trackers assume P_D outside all shadows, and the expected number of false alarms spread evenly.
+    Unless they are told, trackers assume P_D as outside all shadows, and the expected number of false alarms
+    spread evenly.
 
     Parameters
     ----------
@@ -78,7 +81,11 @@ def in_square(
     """
     probability = shadowed(seen.detection_probability, seen.shadows)
     _check_positive(sensor_deviation=seen.sensor_deviation)
+    told = "true" if seen.told is True else seen.told  # a command line reads true as a literal
+    check_choice("told", told, ("uniform", "true"))
     true = _clutter(seen)
+    evenly = uniform_clutter(true.low, true.high, true.expected)
+    P_D, clutter = (probability, true) if told == "true" else (seen.detection_probability, evenly)
     if trajectory is None:
         scans = len(shortened(np.empty(scans), horizon))
         truth = partial(_first, paths, scans)
@@ -90,9 +97,8 @@ def in_square(
     where = np.zeros((1, 4)), np.diag(np.repeat([SPREAD, assumed.speed], 2) ** 2)[None]
     return MultiTargetScenario(
         model=multi_target_model(
-            assumed.motion, sensor, seen.detection_probability, SURVIVAL,
-            Mixture(np.array([assumed.born]), *where), uniform_clutter(true.low, true.high, true.expected),
-            initial=Mixture(np.array([assumed.there]), *where),
+            assumed.motions, sensor, P_D, SURVIVAL, Mixture(np.array([assumed.born]), *where),
+            clutter, initial=Mixture(np.array([assumed.there]), *where), switching=assumed.switching,
         ),
         truth=truth,
         targets=targets,

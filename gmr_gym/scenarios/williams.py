@@ -4,6 +4,7 @@ As in Garcia-Fernandez, Williams, Granstrom and Svensson (2018), section VI: all
 in the middle, within a metre, and run forward and backward from there.
 """
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -37,7 +38,7 @@ def meeting_targets(
     *,
     staggered: bool = False,
     truth_seed: int | None = None,
-    trajectory=None,
+    trajectory: np.ndarray | Sequence | None = None,
     horizon: int | None = None,
 ) -> MultiTargetScenario:
     """Four targets in a square of 300 m that meet within a metre, one of which disappears there.
@@ -90,7 +91,9 @@ def meeting_targets(
         truth = partial(_paths, moving, staggered, truth_seed, scans)
     else:
         if staggered or truth_seed is not None:
-            raise ValueError("staggered and truth_seed are of the paper's paths: give neither with trajectory")
+            raise ValueError(
+                "staggered and truth_seed are of the paper's paths: give neither with trajectory"
+            )
         x = shortened(many_given("trajectory", trajectory, (4,)), horizon)
         scans, targets = x.shape[:2]
         truth = partial(unvaried, x)

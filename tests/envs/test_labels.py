@@ -59,17 +59,17 @@ def test_an_estimate_without_a_label_is_a_trajectory_of_one_scan():
 
 
 def test_the_label_is_the_whole_number_next_to_it():
-    near, paths = rewards(lambda t, x: labelled(x, [0.4 * (-1) ** t, 1.3]))
+    near, _ = rewards(lambda t, x: labelled(x, [0.4 * (-1) ** t, 1.3]))
     assert near.sum() == pytest.approx(0.0, abs=1e-6)
 
 
 def test_what_cannot_be_is_refused():
-    with pytest.raises(ValueError, match="metric trajectory-gospa compares .*: it needs labels=True"):
+    with pytest.raises(ValueError, match=r"metric trajectory-gospa compares .*: it needs labels=True"):
         gym.make(ID, metric="trajectory-gospa")
     with pytest.raises(ValueError, match="switching must be positive and finite, got 0"):
         gym.make(ID, switching=0.0)
     with pytest.raises(ValueError, match="labels must be True or False, got 2"):
         gym.make(ID, labels=2)
-    message = "differ among the estimates of a scan, got 4 in the rows 0 and 1$"
+    message = r"differ among the estimates of a scan, got 4 in the rows 0 and 1$"
     with pytest.raises(ValueError, match=message):
         rewards(lambda t, x: labelled(x, [4, 4.2]), metric="gospa")

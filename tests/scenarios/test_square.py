@@ -85,6 +85,22 @@ def test_in_a_hot_spot_there_is_more_clutter_and_trackers_spread_it():
     assert assumed.uniform == 35.0 and not len(assumed.gaussians.w)
 
 
+def test_a_tracker_that_is_told_assumes_what_is_true():
+    scenario = dense_targets(shadows=[((0, 0), 50, 0.3)], hot_spots=[(30.0, (9.0, 9.0), 20.0)], told="true")
+    assert scenario.model.clutter.density(np.full((1, 2), 9.0)) == scenario.clutter(0).density(
+        np.full((1, 2), 9.0)
+    )
+    np.testing.assert_array_equal(
+        scenario.model.detected(np.array([[0, 1, 0, 0], [99, 0, 0, 0]])), [0.3, 0.9]
+    )
+
+
+def test_the_filter_model_of_manoeuvring_targets_has_their_motions_unless_it_is_to_have_one():
+    model = manoeuvring_targets(turn_rate=0.2, stay=0.8).model
+    assert len(model.motions) == 3 and model.switching[0].tolist() == pytest.approx([0.8, 0.1, 0.1])
+    assert len(manoeuvring_targets(modes=False).model.motions) == 1
+
+
 @pytest.mark.parametrize("make", EVERY)
 def test_a_trajectory_takes_the_place_of_the_drawn(make):
     x = np.full((7, 2, 4), 3.0)
@@ -108,6 +124,7 @@ def test_a_trajectory_takes_the_place_of_the_drawn(make):
         ({"hot_spots": 3}, r"hot_spots must be \(false alarms a scan, \(x, y\), deviation\) each, got 3"),
         ({"hot_spots": [(1, (0, 0), 0)]}, "hot_spots must be of positive rates at finite places"),
         ({"trajectory": [[[1, 2, 3]]]}, r"trajectory must have shape \(T, m, 4\), got \(1, 1, 3\)"),
+        ({"told": "nothing"}, "told must be one of uniform, true, got 'nothing'"),
         ({"horizon": 0}, "horizon must be between 1"),
     ],
 )
