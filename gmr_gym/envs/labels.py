@@ -5,7 +5,7 @@ from itertools import count
 
 import numpy as np
 
-from gmr_gym.evaluation.trajectory_metrics import trajectory_gospa
+from gmr_gym.evaluation.trajectory_metrics import by_label, trajectory_gospa
 
 
 def labels_of(rows: np.ndarray, counted: np.ndarray, where: str = "") -> np.ndarray:
@@ -82,13 +82,3 @@ class Trajectories:
         total = trajectory_gospa(tracks, np.array(self._truth), *self._rule).total
         grown, self._total = total - self._total, total
         return grown
-
-
-def by_label(scans: Sequence[dict[int, np.ndarray]], p: int) -> np.ndarray:
-    """Trajectories (T, n, p), nan where one is absent, of the positions (p,) by label of each scan."""
-    columns = {label: i for i, label in enumerate(dict.fromkeys(name for scan in scans for name in scan))}
-    x = np.full((len(scans), len(columns), p), np.nan)
-    for t, scan in enumerate(scans):
-        for label, position in scan.items():
-            x[t, columns[label]] = position
-    return x
