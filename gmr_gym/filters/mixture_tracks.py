@@ -12,10 +12,12 @@ import numpy as np
 from gmr_gym.checks import check_count
 from gmr_gym.filters import target_densities
 from gmr_gym.filters.belief_propagation import propagate
+from gmr_gym.filters.intensity_update import log_sum
 from gmr_gym.filters.marginals import approximated_clusters, marginals
 from gmr_gym.filters.pmb import LEAST_MISS
 from gmr_gym.filters.target_densities import Densities, Pairs, joined, merge, outputs, pair, posteriors
 from gmr_gym.filters.target_densities import take as take_densities
+from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.reduction.properties import MOMENTS, PROPERTIES
@@ -23,6 +25,7 @@ from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reducer
 
 Reduction = Callable[[Mixture], Reduced]
+NEGLIGIBLE = 1e-15  # probability of a pair that no posterior is formed for
 ASSOCIATIONS = ("exact", "belief-propagation")
 
 
@@ -153,6 +156,8 @@ def collapsed(tracks: MixtureTracks) -> tuple[np.ndarray, np.ndarray]:
 
 def take(tracks: MixtureTracks, kept: np.ndarray) -> MixtureTracks:
     """The tracks at the increasing indices `kept`."""
+    if len(kept) == len(tracks.existence):
+        return tracks
     place = np.full(len(tracks.existence), -1)
     place[kept] = np.arange(len(kept))
     rows = place[tracks.track] >= 0
@@ -164,6 +169,8 @@ def take(tracks: MixtureTracks, kept: np.ndarray) -> MixtureTracks:
 
 def added(tracks: MixtureTracks, new: MixtureTracks) -> MixtureTracks:
     """The tracks, and new ones after them."""
+    if len(new.existence) == 0:
+        return tracks
     return MixtureTracks(
         np.append(tracks.existence, new.existence), np.append(tracks.label, new.label),
         joined([tracks.densities, new.densities]), np.append(tracks.weight, new.weight),
@@ -292,25 +299,26 @@ def associate(
     p, track, n = tracks.densities, tracks.track, len(tracks.existence)
     there, seen = tracks.existence[track] * tracks.weight, detected(p, model)
     pairs = pair(p, model.sensor, z, log_other, there * seen)
-    miss = np.maximum(1.0 - np.bincount(track, there * seen, n), LEAST_MISS)
-    log_part = np.log(there * seen)[pairs.row] + pairs.log_likelihood
-    of, detection, log_whole, at = _by_track(track[pairs.row], pairs.detection, log_part, len(z))
+    miss, log_part, of, detection, log_whole, at = _ratios(
+        there, seen, track, n, pairs.row, pairs.detection, pairs.log_likelihood, len(z)
+    )
     log_psi = log_whole - np.log(miss)[of] - log_other[detection]
+    approximated = 0
     if association == "exact":
         assigned, missed, unassigned, approximate = marginals(of, detection, log_psi, n, len(z))
         approximated = approximated_clusters(of, detection, approximate, len(z))
     else:
         assigned, missed, unassigned = propagate(of, detection, log_psi, n, len(z))
-        approximated = 0
     found = assigned[at] * np.exp(log_part - log_whole[at])
     lost = missed[track] * there * (1.0 - seen) / miss[track]
-    rows = np.append(track, track[pairs.row])
-    weight = np.append(lost, found)
+    chosen = np.flatnonzero(found > NEGLIGIBLE)
+    rows = np.append(track, track[pairs.row[chosen]])
+    weight = np.append(lost, found[chosen])
     existence = np.bincount(rows, weight, n)
-    with np.errstate(invalid="ignore"):  # what has gone stays where it was predicted
-        prior = np.append(tracks.weight, np.zeros(len(found)))
-        weight = np.where(existence[rows] > 0, weight / existence[rows], prior)
-    densities = joined([p, posteriors(p, pairs, np.arange(len(found)))])
+    # what has gone stays where it was predicted
+    prior = np.append(tracks.weight, np.zeros(len(chosen)))
+    weight = np.divide(weight, existence[rows], out=prior, where=existence[rows] > 0)
+    densities = joined([p, posteriors(p, pairs, chosen)])
     # what rounding puts above 1 would grow with every scan that misses
     after = MixtureTracks(np.minimum(existence, 1.0), tracks.label, densities, weight, rows)
     return Associated(after, unassigned, missed, approximated)
@@ -360,7 +368,7 @@ def reduce(tracks: MixtureTracks, reduction: Reduction | None, prune_weight: flo
     return tracks._replace(densities=joined(parts), weight=np.concatenate(weights), track=track)
 
 
-def _reduced(weight, densities, reduction):
+def _reduced(weight: np.ndarray, densities: Densities, reduction: Reduction) -> tuple[np.ndarray, Densities]:
     """Weights, which sum to 1, and densities of one track after its reduction."""
     if not weight.sum() > 0:
         weight = np.ones(len(weight))
@@ -373,13 +381,26 @@ def _reduced(weight, densities, reduction):
     return w / w.sum(), merge(densities, weight, origin, count)
 
 
-def _by_track(of, detection, log_part, k):
-    """The pairs of tracks and detections: track, detection and log weight of each, and where the pairs of
-    hypotheses (e,) go."""
-    key = of * k + detection
-    if (np.diff(key) > 0).all():
-        return of, detection, log_part, np.arange(len(key))
-    keys, at = np.unique(key, return_inverse=True)
-    whole = np.full(len(keys), -np.inf)
-    np.logaddexp.at(whole, at, log_part)
-    return keys // k, keys % k, whole, at
+@kernel
+def _ratios(there, seen, track, n, row, detection, log_likelihood, k):
+    """Of tracks the probability (n,) of a miss; of pairs of hypotheses (e,) the log weight; of pairs of
+    tracks track, detection and log weight; and which of these each of the former is part of."""
+    miss, e = np.ones(n), len(row)
+    for h in range(len(track)):
+        miss[track[h]] -= there[h] * seen[h]
+    for i in range(n):
+        miss[i] = max(miss[i], LEAST_MISS)
+    log_part, at, place = np.empty(e), np.empty(e, np.int64), np.full(k, -1)
+    of, of_detection, log_whole = np.empty(e, np.int64), np.empty(e, np.int64), np.empty(e)
+    count, begun = 0, 0  # pairs of tracks, and those of the tracks before
+    for a in range(e):
+        i, j = track[row[a]], detection[a]
+        log_part[a] = np.log(there[row[a]] * seen[row[a]]) + log_likelihood[a]
+        if count > begun and of[count - 1] != i:
+            begun = count
+        if not begun <= place[j] < count:
+            place[j], of[count], of_detection[count], log_whole[count] = count, i, j, -np.inf
+            count += 1
+        at[a] = place[j]
+        log_whole[at[a]] = log_sum(log_whole[at[a]], log_part[a])
+    return miss, log_part, of[:count].copy(), of_detection[:count].copy(), log_whole[:count].copy(), at
