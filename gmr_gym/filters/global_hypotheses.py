@@ -141,7 +141,9 @@ def associate(hypotheses, log_miss, log_absent, pairs, k, options, rng):
             cluster[made], log_weight[made], first[made + 1] = number, w[c], at
             made += 1
         number += 1
-    return Hypotheses(cluster[:made].copy(), log_weight[:made].copy(), first[: made + 1].copy(), leaf[:at].copy())
+    return Hypotheses(
+        cluster[:made].copy(), log_weight[:made].copy(), first[: made + 1].copy(), leaf[:at].copy()
+    )
 
 
 @leaf_kernel

@@ -84,7 +84,9 @@ class MixtureTracker(KnownClutterTracker):
             check_count(self.memory, "memory")
         for name, below in (("prune_existence", self.report_threshold), ("prune_hypotheses", 1.0)):
             if not 0 <= getattr(self, name) < below:
-                raise ValueError(f"{name} must be at least 0 and less than {below:g}, got {getattr(self, name)}")
+                raise ValueError(
+                    f"{name} must be at least 0 and less than {below:g}, got {getattr(self, name)}"
+                )
 
     def init(self) -> MultiBernoulliMixture:
         """Belief one period before the first scan."""
@@ -97,7 +99,7 @@ class MixtureTracker(KnownClutterTracker):
         options = Options(int(self.hypotheses), float(self.prune_hypotheses), int(self.samples))
         belief, p_clutter = mixtures.update(
             mixtures.predict(belief, self.model, self.undetected), self.model, z, clutter.density(z), options,
-            self.prune_existence, self.certain, np.random.default_rng((int(self.seed), belief.scans)),
+            np.random.default_rng((int(self.seed), belief.scans)), self.prune_existence, self.certain,
         )  # fmt: skip
         belief = mixtures.prune(belief, self.prune_weight, int(self.tracks))
         if self.memory is not None:

@@ -157,9 +157,9 @@ def update(
     z: np.ndarray,
     kappa: np.ndarray,
     options: Options,
+    rng: np.random.Generator,
     least: float = 0.0,
     certain: bool = False,
-    rng: np.random.Generator | None = None,
 ) -> tuple[MultiBernoulliMixture, np.ndarray]:
     r"""Update tracks and undetected targets with a scan.
 
@@ -173,12 +173,12 @@ def update(
         Intensity of clutter at the detections.
     options : Options
         Of the hypotheses.
+    rng : numpy.random.Generator
+        For Gibbs sampling.
     least : float
         Leaves of less existence are dropped.
     certain : bool
         Whether a hypothesis says of each of its targets that it exists, as a delta-GLMB.
-    rng : numpy.random.Generator, optional
-        For Gibbs sampling.
 
     Returns
     -------
@@ -218,7 +218,9 @@ def update(
     log_psi = pairs.log_likelihood + np.log(hit[pairs.row]) - new.log_free[pairs.detection]
     rows = pairs.row, pairs.detection, log_psi
     hypotheses = associate(predicted.hypotheses, np.log(miss), log_absent, rows, len(z), options, rng)
-    exists = np.concatenate([np.ones(len(r)) if certain else missed / miss, np.ones(len(log_psi)), new.existence])
+    exists = np.concatenate(
+        [np.ones(len(r)) if certain else missed / miss, np.ones(len(log_psi)), new.existence]
+    )
     posterior = _grown(predicted, pairs, new, hypotheses, np.where(exists >= least, exists, 0.0))
     free = leaf_weights(hypotheses, len(exists))[len(r) + len(log_psi) :]
     p_detected = model.detected(outputs(predicted.undetected)[0])
@@ -237,7 +239,11 @@ class _Begun(NamedTuple):
 
 
 def _begun(
-    predicted: MultiBernoulliMixture, model: MultiTargetModel, z: np.ndarray, log_kappa: np.ndarray, least: float
+    predicted: MultiBernoulliMixture,
+    model: MultiTargetModel,
+    z: np.ndarray,
+    log_kappa: np.ndarray,
+    least: float,
 ) -> _Begun:
     undetected = predicted.undetected
     weight = predicted.expected * model.detected(outputs(undetected)[0])
@@ -260,11 +266,19 @@ def _grown(
     """The leaves, numbered as `associate` does, that the hypotheses have and that may exist."""
     used = np.zeros(len(exists), bool)
     used[hypotheses.leaf] = True
-    code, starts = np.flatnonzero(used & (exists > 0)), np.array([0, len(predicted.track), len(exists) - len(new.existence)])
-    missed, hit, begun = (part - start for part, start in zip(np.split(code, np.searchsorted(code, starts[1:])), starts, strict=True))
+    code, starts = (
+        np.flatnonzero(used & (exists > 0)),
+        np.array([0, len(predicted.track), len(exists) - len(new.existence)]),
+    )
+    missed, hit, begun = (
+        part - start
+        for part, start in zip(np.split(code, np.searchsorted(code, starts[1:])), starts, strict=True)
+    )
     parent = np.append(missed, pairs.row[hit])
     track = np.append(predicted.track[parent], len(predicted.label) + np.arange(len(begun)))
-    had = np.concatenate([np.full(len(missed), -1), predicted.detections + np.append(pairs.detection[hit], begun)])
+    had = np.concatenate(
+        [np.full(len(missed), -1), predicted.detections + np.append(pairs.detection[hit], begun)]
+    )
     memory = predicted.history.shape[1]
     history = np.vstack([predicted.history[parent], np.full((len(begun), memory), -1)])
     leaves = joined_densities([
@@ -333,9 +347,7 @@ def reduced(
     return merged(belief, group)
 
 
-def prune(
-    belief: MultiBernoulliMixture, weight: float, tracks: int
-) -> MultiBernoulliMixture:
+def prune(belief: MultiBernoulliMixture, weight: float, tracks: int) -> MultiBernoulliMixture:
     """Drops undetected components of less `weight`, and keeps up to `tracks` of them and of the tracks."""
     order = np.argsort(-belief.expected, kind="stable")[:tracks]
     kept = np.sort(order[(belief.expected[order] >= weight) & (belief.expected[order] > 0)])

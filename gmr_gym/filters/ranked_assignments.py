@@ -48,6 +48,7 @@ def ranked_assignments(cost, count, spread=np.inf):
     ([[1, 0], [0, 2]], [3.0, 4.0])
     """
     n, m = cost.shape
+    count = _at_most(cost, count)
     padded = np.zeros((n + 1, m))
     padded[:n] = cost
     columns, costs, found = np.empty((count, n), np.int64), np.empty(count), 0
@@ -87,6 +88,19 @@ def ranked_assignments(cost, count, spread=np.inf):
                 first[part], value[part] = i, _cost(padded, column[part])
                 waiting = _insert(queue, value, waiting, left)
     return columns[:found], costs[:found]
+
+
+@leaf_kernel
+def _at_most(cost, count):
+    """The count, or the number of choices of a possible column for every row where that is less."""
+    choices = 1.0
+    for i in range(len(cost)):
+        if choices < count:
+            possible = 0
+            for j in range(cost.shape[1]):
+                possible += cost[i, j] < np.inf
+            choices *= possible
+    return int(min(choices, count))
 
 
 @leaf_kernel

@@ -37,19 +37,18 @@ def sampled_events(log_psi, count, rng):
     Vo, Vo and Hoang 2017.
     """
     n, k = log_psi.shape
-    top = np.zeros(n)
-    for i in range(n):
-        for j in range(k):
-            top[i] = max(top[i], log_psi[i, j])
     events, weight, same = np.empty((count, n), np.int64), np.empty(count), np.empty(count, np.uint64)
     event, taken, found, share = np.full(n, -1), np.zeros(k, np.bool_), 0, np.empty(k + 1)
     for sweep in range(count):
         for i in range(n if sweep else 0):
             if event[i] >= 0:
                 taken[event[i]] = False
-            share[0] = np.exp(-top[i])
+            top = 0.0
             for j in range(k):
-                share[j + 1] = share[j] + (0.0 if taken[j] else np.exp(log_psi[i, j] - top[i]))
+                top = top if taken[j] else max(top, log_psi[i, j])
+            share[0] = np.exp(-top)
+            for j in range(k):
+                share[j + 1] = share[j] + (0.0 if taken[j] else np.exp(log_psi[i, j] - top))
             event[i] = min(np.searchsorted(share, rng.random() * share[k], side="right"), k) - 1
             if event[i] >= 0:
                 taken[event[i]] = True
