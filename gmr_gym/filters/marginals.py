@@ -78,6 +78,14 @@ def marginals(track, detection, log_psi, n, k):
     return assigned, missed, unassigned, approximated
 
 
+def approximated_clusters(track: np.ndarray, detection: np.ndarray, approximated: np.ndarray, k: int) -> int:
+    """How many clusters hold the tracks that are `approximated` (n,), of k detections."""
+    if not approximated.any():
+        return 0
+    root = _clusters(track, *grouped(detection, k), len(approximated))
+    return len(np.unique(root[approximated]))
+
+
 @kernel
 def _clusters(track, by_detection, first_detection, n):
     """The lowest track (n,) of the cluster that each is of."""
