@@ -7,12 +7,13 @@ import numpy as np
 from gmr_gym.filters import bernoulli_tracks as engine
 from gmr_gym.filters.bernoulli_tracks import Associated, Origins
 from gmr_gym.filters.imm_tracks import Banks, carried
+from gmr_gym.filters.track_associations import RULES
 from gmr_gym.models.gating import gate_threshold
 from gmr_gym.models.intervals import Modes
 from gmr_gym.models.positions import Look
 from gmr_gym.recorded.model import TrackingModel
 from gmr_gym.recorded.origins import densities, learned, undetected_until
-from gmr_gym.recorded.track_rules import Rules, follow, passes, rules, started
+from gmr_gym.recorded.track_rules import Rules, follow, follow_by, passes, rules, started
 from gmr_gym.recorded.track_state import State, Targets, chosen, joined
 from gmr_gym.recorded.tracks import DELETED, TENTATIVE, Tracks
 
@@ -57,7 +58,7 @@ def scan(
     taken = (identity >= 0) & np.isin(identity, state.targets.identity)
     origins = Origins(spec.detection_probability, np.log(other), identity, taken, of.gates)
     targets = chosen(state.targets, np.arange(len(state.targets.existence)))
-    x, P, found = _followed(targets, (0, len(targets.existence)), of, look, origins, sensor, azimuths)
+    x, P, found = _followed(targets, of, look, origins, sensor, azimuths)
     _adopt(targets, found, identity, taken)
     swept = 1.0 if azimuths is None else min(abs(azimuths[1] - azimuths[0]) / (2 * np.pi), 1.0)
     state = state._replace(
@@ -103,23 +104,20 @@ def report(state: State, of: Assumed, look: Look, sensor: int, identity: int) ->
 
 
 def _followed(
-    targets: Targets,
-    span: tuple[int, int],
-    of: Assumed,
-    look: Look,
-    origins: Origins,
-    sensor: int,
-    azimuths: Azimuths,
+    targets: Targets, of: Assumed, look: Look, origins: Origins, sensor: int, azimuths: Azimuths
 ) -> tuple[np.ndarray, np.ndarray, Associated]:
     """`follow`, where the sensor has looked: a miss counts once a turn."""
-    spec, p = of.model.sensors[sensor], of.model.axes
+    model, spec, p = of.model, of.model.sensors[sensor], of.model.axes
     first, last = (look.at.min(), look.at.max()) if len(look.at) else (look.time, look.time)
     sweep = (float(first), float(last), *map(float, azimuths or (np.nan, np.nan)))
     origin = look.origin[0, :p] if len(look.at) else np.array(spec.position[:p])
     passed = passes(targets.banks, look.time, origin, sweep)
     again = passed - targets.lives.look_time[:, sensor] <= spec.rotation_period / 2
     beam = passed, np.isfinite(passed) & ~again
-    x, P, found = follow(targets, span, of.kernels, look, origins, beam, sensor)
+    if model.tracker in RULES:
+        x, P, found = follow_by(RULES[model.tracker], targets, of.kernels, look, origins, beam, sensor)
+    else:
+        x, P, found = follow(targets, (0, len(passed)), of.kernels, look, origins, beam, sensor)
     return x, P, Associated(*found)
 
 
