@@ -27,7 +27,7 @@ from gmr_gym.recorded.quality import quality
 from gmr_gym.recorded.report import ENDINGS, in_lines, in_short, write_report
 from gmr_gym.recorded.scans import Scan, cut
 from gmr_gym.recorded.smoothing import smooth
-from gmr_gym.recorded.track_state import chosen
+from gmr_gym.recorded.array_records import chosen
 from gmr_gym.recorded.tracking import track
 from gmr_gym.recorded.tracks import Tracks
 from gmr_gym.recorded.truth import Truth, at_times, truth_of

@@ -10,7 +10,7 @@ from gmr_gym.checks import check_choice
 from gmr_gym.models.intervals import Mode, Modes, modes, stay_or_switch
 from gmr_gym.recorded.detections import POLAR, SensorSpec
 
-TRACKERS = ("pmb", "pda", "gnn", "phd")  # of the rows that all files of detections allow
+TRACKERS = ("pmb", "pda", "gnn", "mht", "phd")  # of the rows that all files of detections allow
 Rule = float | tuple[int, int]  # an existence, or M of N
 
 

@@ -4,10 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.filters.bernoulli_tracks import Bernoullis, concluded, judged, outputs, update
+from gmr_gym.filters.bernoulli_tracks import Bernoullis, outputs, update
 from gmr_gym.filters.imm_tracks import Banks
-from gmr_gym.filters.pmb import LEAST_MISS
-from gmr_gym.filters.track_associations import Rule
 from gmr_gym.kernels import kernel
 from gmr_gym.recorded.model import TrackingModel
 from gmr_gym.recorded.tracks import COASTED, CONFIRMED, DELETED, TENTATIVE
@@ -123,21 +121,6 @@ def follow(targets, span, assumed, look, origins, beam, sensor):
     x, P = outputs(banks, look.z.shape[1])
     reviewed(targets, span, rules, (beam, look, sensor), (found, best), (x, P))
     return x, P, (unassigned, found, gated, best, weight, nis)
-
-
-def follow_by(rule: Rule, targets, assumed, look, origins, beam, sensor):
-    """`follow` of all targets, associated by another rule than belief propagation."""
-    modes, rules, survival = assumed
-    targets.existence[:] *= survival ** (look.time - targets.banks.time)
-    looked = beam[1] * origins.detection_probability
-    tracks = Bernoullis(targets.banks, targets.existence, targets.identity, looked)
-    predicted, pairs, gated = judged(tracks, modes, look, origins)
-    miss = np.maximum(1.0 - targets.existence * looked, LEAST_MISS)
-    assigned, missed, unassigned = rule(*pairs[:3], targets.existence, miss, len(look.at))
-    hit, best, weight, nis = concluded(tracks, modes, look, (predicted, pairs), (assigned, missed))
-    x, P = outputs(targets.banks, look.z.shape[1])
-    reviewed(targets, (0, len(hit)), rules, (beam, look, sensor), (hit, best), (x, P))
-    return x, P, (unassigned, hit, gated, best, weight, nis)
 
 
 @kernel(inline="always")
