@@ -15,7 +15,7 @@ from gmr_gym.filters.tracker import MultiTargetReport, check_scan
 from gmr_gym.mixture import Mixture, joined, take
 from gmr_gym.models.clutter import Clutter, no_components
 from gmr_gym.models.kalman import predict
-from gmr_gym.models.multi_target import MultiTargetModel
+from gmr_gym.models.multi_target import MultiTargetModel, check_plain
 
 
 class Tracks(NamedTuple):
@@ -116,6 +116,7 @@ class Fmm:
     seed: int = 0
 
     def __post_init__(self):
+        check_plain(self.model, "the finite mixture model")
         check_whole("gaussians", self.gaussians, 0)
         check_whole("seed", self.seed, 0)
 

@@ -12,7 +12,7 @@ from gmr_gym.filters.learning_tracker import LearningTracker
 from gmr_gym.filters.pmb import MultiBernoulli
 from gmr_gym.filters.tracker import KnownClutterTracker, MultiTargetReport
 from gmr_gym.models.clutter import Clutter
-from gmr_gym.models.multi_target import MultiTargetModel
+from gmr_gym.models.multi_target import MultiTargetModel, check_plain
 
 
 class PmbLimits(NamedTuple):
@@ -91,6 +91,7 @@ class Pmb(KnownClutterTracker):
     association: str = "exact"
 
     def __post_init__(self) -> None:
+        check_plain(self.model, "the PMB filter")
         check_choice("association", self.association, tuple(multi_bernoulli.MARGINALS))
 
     def init(self) -> MultiBernoulli:

@@ -11,7 +11,7 @@ from gmr_gym.filters.phd import LabelledIntensity
 from gmr_gym.filters.tracker import KnownClutterTracker, MultiTargetReport
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import Clutter
-from gmr_gym.models.multi_target import MultiTargetModel
+from gmr_gym.models.multi_target import MultiTargetModel, check_plain
 from gmr_gym.reduction.protocol import Reduced, check_reduced
 
 ESTIMATORS = ("expected", "components")
@@ -47,6 +47,7 @@ class GmPhd(KnownClutterTracker):
     estimator: str = "expected"
 
     def __post_init__(self) -> None:
+        check_plain(self.model, "the GM-PHD filter")
         check_choice("estimator", self.estimator, ESTIMATORS)
         check_limits(self.prune_weight, self.max_components)
         d = len(self.model.motion.F)

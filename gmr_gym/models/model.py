@@ -98,8 +98,6 @@ def model(
     (1, [1.0])
     """
     motions = (motions,) if isinstance(motions, Motion) else tuple(motions)
-    if not motions:
-        raise ValueError("motions must hold at least one Motion")
     d = sensor.H.shape[1]
     for i, motion in enumerate(motions):
         if len(motion.F) != d:
@@ -111,12 +109,9 @@ def model(
     check_probability("detection_probability", detection_probability)
     check_probability("gate_probability", gate_probability)
     check_density("clutter_density", clutter_density)
-    if switching is None and len(motions) > 1:
-        raise ValueError(f"switching must be given for {len(motions)} motions")
     return Model(
         motions, sensor, float(detection_probability), float(gate_probability), float(clutter_density), prior,
-        check_switching([[1.0]] if switching is None else switching, len(motions)),
-        _checked_mode_prior(mode_prior, len(motions)),
+        *check_modes(len(motions), switching, mode_prior),
     )  # fmt: skip
 
 
@@ -149,10 +144,17 @@ def check_one_motion(model: Model) -> None:
         )
 
 
-def _checked_mode_prior(mode_prior, modes: int) -> np.ndarray:
+def check_modes(modes: int, switching, mode_prior) -> tuple[np.ndarray, np.ndarray]:
+    """Transition matrix (r, r) and prior probabilities (r,) of the modes of a model, equal by default;
+    ValueError where they do not fit."""
+    if modes < 1:
+        raise ValueError("motions must hold at least one Motion")
+    if switching is None and modes > 1:
+        raise ValueError(f"switching must be given for {modes} motions")
+    switching = check_switching([[1.0]] if switching is None else switching, modes)
     if mode_prior is None:
-        return np.full(modes, 1 / modes)
+        return switching, np.full(modes, 1 / modes)
     mode_prior = np.array(mode_prior, float)
     if mode_prior.shape != (modes,) or not (mode_prior >= 0).all() or abs(mode_prior.sum() - 1) > 1e-9:
         raise ValueError(f"mode_prior must be {modes} probabilities that sum to 1, got {mode_prior.tolist()}")
-    return mode_prior
+    return switching, mode_prior

@@ -621,12 +621,19 @@ def test_an_intensity_that_is_none_is_refused_by_name(wrong, message):
         multi_target_model(constant_velocity(1.0, 1.0), position_sensor(3.0), 0.9, 0.99, **(right | wrong))
 
 
-def test_a_sensor_that_is_not_linear_is_refused():
-    with pytest.raises(ValueError, match="sensor must be linear, a Sensor of positions, got a Radar"):
-        multi_target_model(
-            constant_velocity(1.0, 1.0, axes=3), radar([10.0, 0.01, 0.01]), 0.9, 0.99, no_components(6),
-            uniform_clutter([0.0] * 3, [1.0] * 3, 5.0),
-        )  # fmt: skip
+@pytest.mark.parametrize("make", [*FILTERS, learning_phd, fitted_phd])
+def test_a_sensor_that_is_not_linear_is_refused(make):
+    model = multi_target_model(
+        constant_velocity(1.0, 1.0, axes=3), radar([10.0, 0.01, 0.01]), 0.9, 0.99, no_components(6),
+        uniform_clutter([0.0] * 3, [1.0] * 3, 5.0),
+    )  # fmt: skip
+    with pytest.raises(ValueError, match="needs a linear sensor, a Sensor of positions, got a Radar"):
+        make(model)
+
+
+def test_something_that_is_no_sensor_is_refused():
+    with pytest.raises(ValueError, match="sensor must be a Sensor or a Radar, got a str"):
+        multi_target_model(constant_velocity(1.0, 1.0), "eyes", 0.9, 0.99, BIRTH, EVEN)
 
 
 @pytest.mark.parametrize(("estimator", "declared"), [("expected", 1), ("components", 0)])
