@@ -551,7 +551,10 @@ def track_(
     ] = None,
     tracker: Annotated[
         str | None,
-        tracker_option("tracker of one target, NAME or NAME:key=value,key=value; by default runnalls-30"),
+        tracker_option(
+            "of many targets pmb (default), pda, gnn, mht, phd, or another; of one target by default "
+            "runnalls-30. NAME or NAME:key=value,key=value"
+        ),
     ] = None,
     model: MotionModel = "constant-velocity",
     prior: Annotated[

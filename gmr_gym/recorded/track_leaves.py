@@ -134,7 +134,8 @@ def _of_targets(leaves: Leaves, targets: Any) -> tuple[Leaves, np.ndarray]:
         targets.banks, targets.existence, np.zeros(len(label)), label, np.full((len(label), SCANS), -1)
     )
     at = np.searchsorted(label, leaves.label).clip(max=max(len(label) - 1, 0))
-    old = np.flatnonzero((label[at] == leaves.label) & (time[at] == leaves.banks.time)) if len(label) else at[:0]
+    same = (label[at] == leaves.label) & (time[at] == leaves.banks.time) if len(label) else at < 0
+    old = np.flatnonzero(same)
     new = np.flatnonzero(np.bincount(at[old], minlength=len(label)) == 0)
     return joined(chosen(leaves, old), chosen(own, new)), np.append(at[old], new)
 

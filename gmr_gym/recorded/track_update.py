@@ -76,7 +76,7 @@ def scan(
     unseen = (targets.lives.status == DELETED) & (targets.lives.label == 0)
     if unseen.any():
         targets, seen = chosen(targets, ~unseen), chosen(seen, ~unseen)
-    return _completed(state, targets, seen, np.arange(len(targets.existence)))
+    return completed(state, targets, seen, np.arange(len(targets.existence)))
 
 
 def report(state: State, of: Assumed, look: Look, sensor: int, identity: int) -> tuple[State, Tracks]:
@@ -103,7 +103,7 @@ def report(state: State, of: Assumed, look: Look, sensor: int, identity: int) ->
             np.append(changed, ended)[order],
             chosen(joined(seen, _not_seen(targets, ended, of, look.time)), order),
         )
-    return _completed(state, targets, seen, changed)
+    return completed(state, targets, seen, changed)
 
 
 def _followed(
@@ -181,7 +181,7 @@ def _thin(targets: Targets, of: Assumed, seen: Seen) -> None:
     status[order[of.model.max_tracks :]] = DELETED
 
 
-def _completed(state: State, targets: Targets, seen: Seen, changed: np.ndarray) -> tuple[State, Tracks]:
+def completed(state: State, targets: Targets, seen: Seen, changed: np.ndarray) -> tuple[State, Tracks]:
     """The state without the tracks deleted now, new ones labelled, and rows of those changed, indices."""
     lives = targets.lives
     new = changed[lives.label[changed] == 0]
