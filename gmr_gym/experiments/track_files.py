@@ -12,6 +12,7 @@ from gmr_gym.envs.lookup import parsed
 from gmr_gym.evaluation.csv_columns import check_memory
 from gmr_gym.experiments import specs
 from gmr_gym.experiments.detection_options import OUTPUT, typed
+from gmr_gym.experiments.figures import counted
 from gmr_gym.experiments.options import TARGETS
 from gmr_gym.experiments.proposing import asks, proposed
 from gmr_gym.experiments.reading import detections_of
@@ -76,7 +77,7 @@ def track_many(
     if asked["dry_run"]:
         yield from planned(run, asked)
     else:
-        yield f"tracking {n} detections in {len(scans)} scans by {tracker}"
+        yield f"tracking {_size(run)} by {tracker}"
         if tracker in TRACKERS:
             tracks = track(found, scans, model, reports=run.reports)
         else:
@@ -138,8 +139,7 @@ def outputs(
     files = {name: asked[name] for name in KINDS if asked[name]}
     for name, file in files.items():
         specs.check_ending(f"--{name}", file, *KINDS[name])
-        if file.is_file() and not asked["overwrite"]:
-            raise ValueError(f"--{name}: {file} is there already; give --overwrite, or another name")
+        specs.check_absent(f"--{name}", file, asked["overwrite"])
     specs.check_writable(*files.values(), beside=(source, given["config"], given["truth_file"]))
     return asked
 
@@ -154,7 +154,7 @@ def targets_asked(typed: str | None, settings: Configuration) -> str:
 def planned(run: Run, asked: Mapping[str, Any]) -> list[str]:
     """What would be done, in words."""
     return [
-        f"{len(run.detections.time)} detections in {len(run.scans)} scans would be tracked",
+        f"{_size(run)} would be tracked",
         f"would write {_named(asked)}",
     ]
 
@@ -191,10 +191,14 @@ def write_all(tracks: Tracks, run: Run, asked: Mapping[str, Any], truth: Truth |
         write_report(asked["report"], groups, over_time, command=run.command, remarks=run.detections.remarks)
     yield from run.detections.remarks
     (_, first), *others = groups.items()
-    yield from in_short(first)
+    lines = in_short(first)
     for title, figures in others:
-        yield from (f"{title}:", *in_lines(figures))
-    yield f"{len(run.scans)} scans, {len(np.unique(kept.track))} tracks; written to {_named(asked)}"
+        lines += [f"{title}:", *in_lines(figures)]
+    yield from lines
+    if any(line.endswith("!") for line in lines):
+        yield "! marks what is not as expected"
+    sizes = counted(len(run.scans), "scan"), counted(len(np.unique(kept.track)), "track")
+    yield f"{', '.join(sizes)}; written to {_named(asked)}"
 
 
 def _shown(tracks: Tracks, asked: Mapping[str, Any]) -> Tracks:
@@ -208,6 +212,10 @@ def _write_page(file: Path, tracks: Tracks, run: Run, truth: Truth | None) -> No
         at = np.array([scan.time for scan in run.scans])
         true, _ = at_times(truth.time, truth.target, truth.position[:, :2], at)
     write_page(recording_of(tracks, run.detections, run.scans, title=run.source.name, truth=true), file)
+
+
+def _size(run: Run) -> str:
+    return f"{counted(len(run.detections.time), 'detection')} in {counted(len(run.scans), 'scan')}"
 
 
 def _named(asked: Mapping[str, Any]) -> str:

@@ -14,11 +14,11 @@ from gmr_gym.experiments.detection_options import TARGET, TRACKS, said_by
 from gmr_gym.experiments.specs import numbers
 from gmr_gym.models.intervals import Mode
 from gmr_gym.points import FARTHEST
-from gmr_gym.recorded.columns import check_plain
 from gmr_gym.recorded.configuration import Configuration
 from gmr_gym.recorded.detections import CARTESIAN, Detections
 from gmr_gym.recorded.model import TRACKERS, TrackingModel, tracking_model
 from gmr_gym.recorded.positions import box_of
+from gmr_gym.recorded.roles import check_plain
 from gmr_gym.recorded.scans import Scan, cut, equal_times
 from gmr_gym.recorded.units import did_you_mean
 from gmr_gym.simulation.single_target import Scenario, draw
@@ -30,11 +30,11 @@ def record_episode(scenario: Scenario, tracker: str, seed: int, out: Path, truth
     episode = draw(scenario, seed)
     z = [played.scan.z for played in play(scenario, tracker_of(tracker, scenario), episode)]
     times = scenario.period * np.arange(1, len(z) + 1)
-    recordings.write_scans(out, times, z, scenario.sensor.coordinates)
+    recordings.write_scans(out, times, z, scenario.sensor.coordinates, time="time_s")
     if truth:
         positions = episode.x[:, list(scenario.position)]
         names = [f"{axis}_m" for axis in "xyz"[: positions.shape[1]]]
-        recordings.write_scans(truth, times, list(positions[:, None]), names)
+        recordings.write_scans(truth, times, list(positions[:, None]), names, time="time_s")
 
 
 def plain_scans(file: Path) -> recordings.Scans:
