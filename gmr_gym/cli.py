@@ -551,7 +551,10 @@ def track_(
     ] = None,
     tracker: Annotated[
         str | None,
-        tracker_option("tracker of one target, NAME or NAME:key=value,key=value; by default runnalls-30"),
+        tracker_option(
+            "of many targets pmb (default), pda, gnn, mht, phd, or another; of one target by default "
+            "runnalls-30. NAME or NAME:key=value,key=value"
+        ),
     ] = None,
     model: MotionModel = "constant-velocity",
     prior: Annotated[
@@ -604,6 +607,7 @@ def inspect(
             help="also estimate deviations, clutter and motion, and write them as TOML for `track --config`",
         ),
     ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace the file of --write")] = False,
     **given: Any,
 ) -> None:
     """Show how a file of detections is read: columns, units, times, scans, sensors.
@@ -615,6 +619,7 @@ def inspect(
     from gmr_gym.recorded.description import described
 
     specs.check_ending("--write", write, ".toml")
+    specs.check_absent("--write", write, overwrite)
     specs.check_writable(write, beside=[file])
     settings = reading.configuration_of(given)
     found = reading.detections_of(file, settings)

@@ -122,7 +122,9 @@ def check_positions(path: Path | str, scans: Scans) -> None:
             )
 
 
-def write_scans(path: Path | str, times, z: Sequence, coordinates: Sequence[str]) -> None:
+def write_scans(
+    path: Path | str, times, z: Sequence, coordinates: Sequence[str], *, time: str = "time"
+) -> None:
     """Write scans as CSV, so that `read_scans` returns every bit.
 
     Parameters
@@ -134,6 +136,8 @@ def write_scans(path: Path | str, times, z: Sequence, coordinates: Sequence[str]
         Detections, m and rad; masked rows are absent.
     coordinates : sequence of p str
         Names of the columns.
+    time : str
+        Name of the column of times.
 
     Raises
     ------
@@ -143,8 +147,8 @@ def write_scans(path: Path | str, times, z: Sequence, coordinates: Sequence[str]
     scans = _checked(Scans(times, list(z), tuple(coordinates)))
     nothing = [[""] * len(scans.coordinates)]
     each = zip(scans.times.tolist(), scans.z, strict=True)
-    rows = ([time, *point] for time, points in each for point in points.tolist() or nothing)
-    _write(path, ["time", *scans.coordinates], rows)
+    rows = ([at, *point] for at, points in each for point in points.tolist() or nothing)
+    _write(path, [time, *scans.coordinates], rows)
 
 
 def write_track(path: Path | str, track: Track, names: Sequence[str]) -> None:

@@ -111,7 +111,7 @@ OUTPUT = {
     "truth_file": Option(Path | None, "true positions of the targets: a table, or a file of Autoferry", None),
     "cutoff": Option(float, "m; a track farther from a target than this is not counted as its track", 50.0),
     "only": Option(str, "which rows: confirmed (tracks from their confirmation on; default) or all"),
-    "overwrite": Option(bool, "replace files that exist; many targets", False, ("--overwrite",)),
+    "overwrite": Option(bool, "replace files that exist", False, ("--overwrite",)),
     "dry_run": Option(bool, "show what would be tracked and written, and do neither", False, ("--dry-run",)),
 }  # fmt: skip
 INPUT_GROUPS = (("input", INPUT), ("sensor", SENSOR))

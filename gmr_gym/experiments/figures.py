@@ -117,3 +117,8 @@ def legend(metrics: Iterable[str]) -> list[str]:
     words = {word for metric in metrics for word in heading(metric).replace(",", "").split()}
     said = [f"{word}: {meaning}" for word, meaning in LEGEND.items() if word in words]
     return ["; ".join(said)] if said else []
+
+
+def counted(number: int, name: str) -> str:
+    """A number of things: `1 track`, `2 tracks`."""
+    return f"{number} {name}" + "s" * (number != 1)

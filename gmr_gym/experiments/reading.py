@@ -10,17 +10,11 @@ from gmr_gym.evaluation import recordings
 from gmr_gym.experiments import tracks
 from gmr_gym.experiments.detection_options import INPUT, SENSOR, given_columns, said_by
 from gmr_gym.experiments.specs import numbers
-from gmr_gym.recorded.configuration import (
-    READING,
-    Configuration,
-    SensorSettings,
-    deviations,
-    geodetic_of,
-    read_configuration,
-)
+from gmr_gym.recorded.configuration import READING, Configuration, read_configuration
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.formats import TEXT, form_of
 from gmr_gym.recorded.reading import read
+from gmr_gym.recorded.sensor_settings import SensorSettings, deviations, geodetic_of
 from gmr_gym.recorded.units import ANGLE, TIME, quantity_typed
 
 CLUTTER = "clutter_density", "clutter_per_scan"  # one of which says how much clutter there is

@@ -74,6 +74,12 @@ def parsed_all(specs: Iterable[str]) -> dict[str, dict[str, Any]]:
     return {spec: dict(zip(("name", "parameters"), parsed(spec), strict=True)) for spec in specs}
 
 
+def check_absent(option: str, file: Path | None, overwrite: bool) -> None:
+    """ValueError, with the way out, for a file that is there and may not be written over."""
+    if file is not None and file.is_file() and not overwrite:
+        raise ValueError(f"{option}: {file} is there already; give --overwrite, or another name")
+
+
 def check_writable(*files: Path | None, beside: Sequence[Path | str | None] = ()) -> None:
     """OSError for a file that could not be made, or that is a folder: before the work, and leaving none.
     ValueError for one that is to be written twice, or over one of the files `beside` that are read."""

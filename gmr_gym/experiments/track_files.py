@@ -8,26 +8,35 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmr_gym.checks import _check_positive, check_choice
+from gmr_gym.envs.lookup import parsed
 from gmr_gym.evaluation.csv_columns import check_memory
 from gmr_gym.experiments import specs
 from gmr_gym.experiments.detection_options import OUTPUT, typed
+from gmr_gym.experiments.figures import counted
 from gmr_gym.experiments.options import TARGETS
 from gmr_gym.experiments.proposing import asks, proposed
 from gmr_gym.experiments.reading import detections_of
-from gmr_gym.experiments.tracks import are_reports, is_smoothed, many_targets_model, smoothed_beside
+from gmr_gym.experiments.tracks import (
+    are_reports,
+    is_smoothed,
+    many_targets_model,
+    smoothed_beside,
+    tracker_asked,
+)
 from gmr_gym.recorded.accuracy import accuracy, label_accuracy
+from gmr_gym.recorded.array_records import chosen
 from gmr_gym.recorded.configuration import Configuration
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.figures import Figure
 from gmr_gym.recorded.geojson import check_georeferenced, write_geojson
 from gmr_gym.recorded.labels import write_labelled
-from gmr_gym.recorded.model import TrackingModel
+from gmr_gym.recorded.model import TRACKERS, TrackingModel
 from gmr_gym.recorded.output import confirmed_only, write_mot, write_tracks
+from gmr_gym.recorded.plugged_trackers import Plugged, plugged, track_plugged
 from gmr_gym.recorded.quality import quality
 from gmr_gym.recorded.report import ENDINGS, in_lines, in_short, write_report
 from gmr_gym.recorded.scans import Scan, cut
 from gmr_gym.recorded.smoothing import smooth
-from gmr_gym.recorded.track_state import chosen
 from gmr_gym.recorded.tracking import track
 from gmr_gym.recorded.tracks import Tracks
 from gmr_gym.recorded.truth import Truth, at_times, truth_of
@@ -46,9 +55,9 @@ def track_many(
 ) -> Iterator[str]:
     """Track the targets of a file, write what is asked for, and say what was done; `given` are options by
     name, `own` those of one target alone, which are refused."""
-    for name in (name for name, value in own.items() if value is not None):
+    for name in (name for name, value in own.items() if value is not None and name != "tracker"):
         raise ValueError(f"--{name.replace('_', '-')} is of one target; give --targets one")
-    asked = outputs(out, file, settings, given)
+    asked, tracker = outputs(out, file, settings, given), tracker_asked(own["tracker"], settings)
     found = detections_of(file, settings)
     n = len(found.time)
     check_memory(f"{file}: tracks of {n} detections", n * BYTES, "choose rows with --where")
@@ -57,16 +66,25 @@ def track_many(
         settings, proposal = proposed(found, scans, settings)
         yield from (f"proposed: {line}" for line in proposal.lines)
         found = detections_of(file, settings)
-    model = many_targets_model(found, settings, given)
+    model = many_targets_model(found, settings, given, tracker)
     found = found._replace(sensors=model.sensors)  # with what is assumed where nothing is known
-    words = ["gmr-gym", "track", str(file), "--targets", "many", *typed(given), "--out", str(asked["out"])]
+    words = [
+        "gmr-gym", "track", str(file), "--targets", "many", "--tracker", tracker, *typed(given), "--out",
+        str(asked["out"]),
+    ]  # fmt: skip
     run = Run(file, settings, found, scans, are_reports(found, scans), model, shlex.join(words))
     truth = check_run(run, asked)
     if asked["dry_run"]:
         yield from planned(run, asked)
     else:
-        yield f"tracking {n} detections in {len(scans)} scans"
-        yield from write_all(track(found, scans, model, reports=run.reports), run, asked, truth)
+        yield f"tracking {_size(run)} by {tracker}"
+        if tracker in TRACKERS:
+            tracks = track(found, scans, model, reports=run.reports)
+        else:
+            other = plugged_for(tracker, run)
+            yield from unused(other)
+            tracks = track_plugged(other, found, scans, model)
+        yield from write_all(tracks, run, asked, truth)
 
 
 class Run(NamedTuple):
@@ -86,6 +104,24 @@ class Run(NamedTuple):
         return [f"{mode.motion}_{mode.deviation:g}" for mode in self.model.modes]
 
 
+def plugged_for(tracker: str, run: Run) -> Plugged:
+    """The tracker of many targets for the detections of a run, which must be scans."""
+    name, parameters = parsed(tracker)
+    if run.reports:
+        raise ValueError(
+            f"tracker {name!r} needs scans, and these are reports of single targets: give --scan-window, or "
+            f"one of {', '.join(TRACKERS)}"
+        )
+    return plugged(name, parameters, run.detections, run.scans, run.model)
+
+
+def unused(other: Plugged) -> list[str]:
+    """What a tracker does not use, in a line."""
+    if not other.unused:
+        return []
+    return [f"{other.name} does not use {'; '.join(other.unused)}: {', '.join(TRACKERS)} do"]
+
+
 def outputs(
     out: Path | None, source: Path, settings: Configuration, given: Mapping[str, Any]
 ) -> dict[str, Any]:
@@ -103,8 +139,7 @@ def outputs(
     files = {name: asked[name] for name in KINDS if asked[name]}
     for name, file in files.items():
         specs.check_ending(f"--{name}", file, *KINDS[name])
-        if file.is_file() and not asked["overwrite"]:
-            raise ValueError(f"--{name}: {file} is there already; give --overwrite, or another name")
+        specs.check_absent(f"--{name}", file, asked["overwrite"])
     specs.check_writable(*files.values(), beside=(source, given["config"], given["truth_file"]))
     return asked
 
@@ -119,7 +154,7 @@ def targets_asked(typed: str | None, settings: Configuration) -> str:
 def planned(run: Run, asked: Mapping[str, Any]) -> list[str]:
     """What would be done, in words."""
     return [
-        f"{len(run.detections.time)} detections in {len(run.scans)} scans would be tracked",
+        f"{_size(run)} would be tracked",
         f"would write {_named(asked)}",
     ]
 
@@ -156,10 +191,14 @@ def write_all(tracks: Tracks, run: Run, asked: Mapping[str, Any], truth: Truth |
         write_report(asked["report"], groups, over_time, command=run.command, remarks=run.detections.remarks)
     yield from run.detections.remarks
     (_, first), *others = groups.items()
-    yield from in_short(first)
+    lines = in_short(first)
     for title, figures in others:
-        yield from (f"{title}:", *in_lines(figures))
-    yield f"{len(run.scans)} scans, {len(np.unique(kept.track))} tracks; written to {_named(asked)}"
+        lines += [f"{title}:", *in_lines(figures)]
+    yield from lines
+    if any(line.endswith("!") for line in lines):
+        yield "! marks what is not as expected"
+    sizes = counted(len(run.scans), "scan"), counted(len(np.unique(kept.track)), "track")
+    yield f"{', '.join(sizes)}; written to {_named(asked)}"
 
 
 def _shown(tracks: Tracks, asked: Mapping[str, Any]) -> Tracks:
@@ -173,6 +212,10 @@ def _write_page(file: Path, tracks: Tracks, run: Run, truth: Truth | None) -> No
         at = np.array([scan.time for scan in run.scans])
         true, _ = at_times(truth.time, truth.target, truth.position[:, :2], at)
     write_page(recording_of(tracks, run.detections, run.scans, title=run.source.name, truth=true), file)
+
+
+def _size(run: Run) -> str:
+    return f"{counted(len(run.detections.time), 'detection')} in {counted(len(run.scans), 'scan')}"
 
 
 def _named(asked: Mapping[str, Any]) -> str:

@@ -9,6 +9,7 @@ from gmr_gym.evaluation import recordings
 from gmr_gym.evaluation.smoothed_recordings import smoothed_track
 from gmr_gym.experiments import specs
 from gmr_gym.experiments.detection_options import OUTPUT, TARGET, TRACKS, said_by
+from gmr_gym.experiments.figures import counted
 from gmr_gym.experiments.reading import one_target_model, one_target_scans
 from gmr_gym.experiments.screen import waiting
 from gmr_gym.experiments.tracks import is_smoothed, smoothed_beside
@@ -18,7 +19,7 @@ from gmr_gym.mixture import Mixture
 from gmr_gym.models.priors import constant_velocity_model, prior_from_first_scan, prior_given
 from gmr_gym.recorded.configuration import Configuration
 
-SHARED = "smooth", "acceleration_deviation"  # options of one target and of many
+SHARED = "smooth", "acceleration_deviation", "overwrite"  # options of one target and of many
 USUAL = {"tracker": "runnalls-30", "prior": "", "prior_deviations": "", "speed": 150.0, "period": None}
 
 
@@ -34,15 +35,17 @@ def track_one(
     _check(given, own)
     specs.check_writable(*files, beside=[file])
     specs.check_ending("--out", files[0], ".csv")
+    for option, written in zip(("--out", "--smooth"), files, strict=False):
+        specs.check_absent(option, written, given["overwrite"])
     scans = one_target_scans(file, settings, given)
-    with waiting(f"tracking {len(scans.times)} scans"):
+    with waiting(f"tracking {counted(len(scans.times), 'scan')}"):
         tracks, names = _tracked(file, scans, own, smooth, one_target_model(settings, given))
     for name, track in zip(files, tracks, strict=True):
         recordings.write_track(name, track, names)
     times = tracks[0].times
     for i in (~tracks[0].alive).nonzero()[0][:1]:
         yield f"given up at scan {i + 1}, time {times[i]:g}: from there on it only coasts"
-    yield f"{len(times)} scans tracked; written to {', '.join(map(str, files))}"
+    yield f"{counted(len(times), 'scan')} tracked; written to {', '.join(map(str, files))}"
 
 
 def _check(given: Mapping[str, Any], own: Mapping[str, Any]) -> None:

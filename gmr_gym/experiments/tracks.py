@@ -6,19 +6,21 @@ from typing import Any
 
 import numpy as np
 
-from gmr_gym.envs.lookup import tracker_of
+from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, tracker_entry_points
+from gmr_gym.envs.lookup import parsed, tracker_of
 from gmr_gym.evaluation import recordings
 from gmr_gym.evaluation.loop import play
 from gmr_gym.experiments.detection_options import TARGET, TRACKS, said_by
 from gmr_gym.experiments.specs import numbers
 from gmr_gym.models.intervals import Mode
 from gmr_gym.points import FARTHEST
-from gmr_gym.recorded.columns import check_plain
 from gmr_gym.recorded.configuration import Configuration
 from gmr_gym.recorded.detections import CARTESIAN, Detections
-from gmr_gym.recorded.model import TrackingModel, tracking_model
+from gmr_gym.recorded.model import TRACKERS, TrackingModel, tracking_model
 from gmr_gym.recorded.positions import box_of
+from gmr_gym.recorded.roles import check_plain
 from gmr_gym.recorded.scans import Scan, cut, equal_times
+from gmr_gym.recorded.units import did_you_mean
 from gmr_gym.simulation.single_target import Scenario, draw
 
 
@@ -28,11 +30,11 @@ def record_episode(scenario: Scenario, tracker: str, seed: int, out: Path, truth
     episode = draw(scenario, seed)
     z = [played.scan.z for played in play(scenario, tracker_of(tracker, scenario), episode)]
     times = scenario.period * np.arange(1, len(z) + 1)
-    recordings.write_scans(out, times, z, scenario.sensor.coordinates)
+    recordings.write_scans(out, times, z, scenario.sensor.coordinates, time="time_s")
     if truth:
         positions = episode.x[:, list(scenario.position)]
         names = [f"{axis}_m" for axis in "xyz"[: positions.shape[1]]]
-        recordings.write_scans(truth, times, list(positions[:, None]), names)
+        recordings.write_scans(truth, times, list(positions[:, None]), names, time="time_s")
 
 
 def plain_scans(file: Path) -> recordings.Scans:
@@ -55,8 +57,27 @@ def scans_of_positions(found: Detections, window: float | None) -> recordings.Sc
     return recordings.Scans(times, z, ("x_m", "y_m", "z_m")[:axes])
 
 
-def many_targets_model(found: Detections, settings: Configuration, given: Mapping[str, Any]) -> TrackingModel:
-    """What is assumed of the targets and the sensors of detections."""
+def tracker_asked(typed: str | None, settings: Configuration) -> str:
+    """The tracker of many targets, NAME or NAME:key=value,key=value: as typed, or else as the settings say,
+    or else `pmb`."""
+    spec = typed or str(settings.tracks.get("tracker", TRACKERS[0]))
+    name, installed = parsed(spec)[0], tracker_entry_points(MULTI_TARGET_GROUP)
+    if spec in TRACKERS or {name, name.rpartition("-")[0]} & installed.keys():
+        return spec
+    one = tracker_entry_points(GROUP)
+    if {name, name.rpartition("-")[0]} & one.keys():
+        raise ValueError(
+            f"tracker {name!r} is for one target; give --targets one, or one of {', '.join(TRACKERS)}"
+        )
+    known = sorted({*TRACKERS, *installed})
+    raise ValueError(f"unknown tracker {name!r}{did_you_mean(name, known)}; choose from {', '.join(known)}")
+
+
+def many_targets_model(
+    found: Detections, settings: Configuration, given: Mapping[str, Any], tracker: str = TRACKERS[0]
+) -> TrackingModel:
+    """What is assumed of the targets and the sensors of detections; of a tracker that is none of `TRACKERS`,
+    what its tracks are assumed to be."""
     low, high = box_of(found)
     volume = float(np.prod(high - low))
     specs = []
@@ -73,7 +94,8 @@ def many_targets_model(found: Detections, settings: Configuration, given: Mappin
         if not np.isnan(spec.clutter_density):
             spec = spec._replace(clutter_per_scan=spec.clutter_density * volume)
         specs.append(spec)
-    return tracking_model(specs, low.tolist(), high.tolist(), **_targets(settings, given))
+    said = _targets(settings, given) | ({"tracker": tracker} if tracker in TRACKERS else {})
+    return tracking_model(specs, low.tolist(), high.tolist(), **said)
 
 
 def _targets(settings: Configuration, given: Mapping[str, Any]) -> dict[str, Any]:

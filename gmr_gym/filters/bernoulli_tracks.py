@@ -19,15 +19,14 @@ from gmr_gym.filters.imm_tracks import (
     normalised_innovation,
 )
 from gmr_gym.filters.pmb import LEAST_MISS
+from gmr_gym.filters.track_gates import gated_pairs
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into, mahalanobis_squared
 from gmr_gym.models.intervals import switching_over
-from gmr_gym.models.positions import compared
-from gmr_gym.models.spherical import cartesian_of, debiased_of
+from gmr_gym.models.spherical import debiased_of
 
 NEGLIGIBLE = 1e-12  # marginal probability of a pair that no posterior is formed for
 LONG = 1e9  # s, after which switching has forgotten the first mode
-FARTHEST = 1e9  # deviations: the circle about a gate without a limit
 
 
 class Bernoullis(NamedTuple):
@@ -114,15 +113,29 @@ def update(tracks, modes, look, origins):
     each at the time :math:`t_j` of the detection. Each mode is then moment-matched over a miss and all
     detections, with their posterior mode probabilities.
     """
+    predicted, pairs, gated = judged(tracks, modes, look, origins)
+    track, detection, log_psi, _ = pairs
+    assigned, missed, unassigned = propagate(track, detection, log_psi, len(gated), len(look.at))
+    hit, best, weight, nis = concluded(tracks, modes, look, (predicted, pairs), (assigned, missed))
+    return unassigned, hit, gated, best, weight, nis
+
+
+@kernel(inline="always")
+def judged(tracks, modes, look, origins):
+    """Predict the tracks and weigh every pair of track and detection in its gate.
+
+    Returns the predicted banks; the pairs: track (e,), detection (e,), log weight (e,) relative to a missed
+    track and a detection of no track, and shares (e, r) of the modes in it; and the number of detections in
+    each gate. Modes are mixed in place.
+    """
     banks, existence, _, looked = tracks
     mix(banks, modes, look.time)
     predicted = carried(banks, modes, look.time, look.z.shape[1])
-    n, k = len(existence), len(look.at)
-    track, detection, log_likelihood = _gated(tracks, predicted, modes, look, origins)
+    track, detection, log_likelihood = gated_pairs(tracks, predicted, modes, look, origins)
     e = len(track)
     log_psi, share = np.empty(e), np.empty(log_likelihood.shape)
     miss = np.maximum(1.0 - existence * looked, LEAST_MISS)
-    gated = np.zeros(n, np.int64)
+    gated = np.zeros(len(existence), np.int64)
     for a in range(e):
         i = track[a]
         gated[i] += 1
@@ -132,77 +145,31 @@ def update(tracks, modes, look, origins):
         share[a] /= total
         log_psi[a] = top + np.log(total * existence[i] * origins.detection_probability / miss[i])
         log_psi[a] -= origins.log_other[detection[a]]
-    assigned, missed, unassigned = propagate(track, detection, log_psi, n, k)
+    return predicted, (track, detection, log_psi, share), gated
+
+
+@kernel(inline="always")
+def concluded(tracks, modes, look, judgement, marginal):
+    """Update the tracks with their associations, in place.
+
+    judgement is what `judged` returns first, predicted banks and pairs; marginal is (assigned, missed), the
+    probabilities of pairs (e,) and of missed tracks (n,). Returns hit, best, weight and nis of `Associated`.
+    """
+    (predicted, (track, detection, _, share)), (assigned, missed) = judgement, marginal
+    banks, existence, _, looked = tracks
+    n = len(existence)
     best, weight = np.full(n, -1), np.zeros(n)
-    for a in range(e):
+    for a in range(len(track)):
         if assigned[a] > weight[track[a]]:
             best[track[a]], weight[track[a]] = detection[a], assigned[a]
     nis = np.full(n, np.nan)
     for i in range(n):
         if best[i] >= 0:
             nis[i] = normalised_innovation(banks, predicted, modes, look, i, best[i])
-    missed *= existence * (1.0 - looked) / miss
+    miss = np.maximum(1.0 - existence * looked, LEAST_MISS)
+    missed = missed * (existence * (1.0 - looked) / miss)
     hit = _condition(tracks, predicted, modes, look, (track, detection, assigned, share, missed))
-    return unassigned, hit, gated, best, weight, nis
-
-
-@kernel(inline="always")
-def _gated(tracks, predicted, modes, look, origins):
-    """Pairs (e,) of track and detection in a gate, and log likelihoods (e, r)."""
-    banks, r = tracks.banks, predicted.w.shape[1]
-    near = _near(tracks, predicted, look, origins)
-    track, detection = np.nonzero(near)
-    log_likelihood, inside = np.empty((len(track), r)), np.zeros(len(track), np.bool_)
-    for a in range(len(track)):
-        i, j = track[a], detection[a]
-        threshold = origins.gates[1 if np.isfinite(look.range_rate[j]) else 0]
-        for q in range(r):
-            m, P = at_detection(banks, predicted, modes, look, (i, q, j))
-            _, _, _, _, _, d2, log_likelihood[a, q] = compared(m, P, look, j)
-            inside[a] |= d2 <= threshold
-    kept = np.flatnonzero(inside)
-    return track[kept], detection[kept], log_likelihood[kept]
-
-
-@kernel(inline="always")
-def _near(tracks, predicted, look, origins):
-    """Which tracks and detections (n, k) may be in a gate: a circle about it, and no other identity."""
-    (n, r), (k, axes) = predicted.w.shape, look.z.shape
-    place, variance = positions_of(look)
-    far, near = min(np.sqrt(origins.gates[1]), FARTHEST), np.zeros((n, k), np.bool_)
-    for i in range(n):
-        for q in range(r):
-            m, P = predicted.m[i, q], predicted.P[i, q]
-            wide, loose, speed = 0.0, 0.0, 0.0
-            for c in range(axes):
-                wide += P[c, c]
-                loose += P[axes + c, axes + c]
-                speed += m[axes + c] ** 2
-            speed = np.sqrt(speed) + far * np.sqrt(loose)
-            for j in range(k):
-                reach = far * np.sqrt(wide + variance[j]) + speed * abs(look.time - look.at[j])
-                d2 = 0.0
-                for c in range(axes):
-                    d2 += (m[c] - place[j, c]) ** 2
-                near[i, j] |= d2 <= reach**2
-        for j in range(k):
-            own, other = tracks.identity[i], origins.identity[j]
-            near[i, j] &= own == other or other < 0 or (own < 0 and not origins.taken[j])
-    return near
-
-
-@kernel
-def positions_of(look):
-    """Positions (k, p) of detections, and the sums (k,) of the variances of their coordinates."""
-    k, p = look.z.shape
-    place, variance = look.z.copy(), np.full(k, (look.deviation[:p] ** 2).sum())
-    if look.polar:
-        spherical = np.zeros((k, 3))
-        spherical[:, :p] = look.z
-        place = np.ascontiguousarray(cartesian_of(spherical)[:, :p] + look.origin[:, :p])
-        across = (look.deviation[1:p] ** 2).sum()
-        variance = look.deviation[0] ** 2 + across * look.z[:, 0] ** 2
-    return place, variance
+    return hit, best, weight, nis
 
 
 @kernel(inline="always")

@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmr_gym.evaluation.csv_columns import Columns
-from gmr_gym.recorded.columns import OWN, Layout, family_of, option, unit_of
-from gmr_gym.recorded.configuration import SensorSettings
 from gmr_gym.recorded.detections import CARTESIAN, POLAR, Detections, SensorSpec, chosen, numbered, objects
 from gmr_gym.recorded.geodesy import to_local
 from gmr_gym.recorded.measured import COMPASS, Positions, azimuths, to_axes, turned_to
 from gmr_gym.recorded.plausibility import check_speeds
+from gmr_gym.recorded.roles import OWN, Layout, family_of, option, unit_of
+from gmr_gym.recorded.sensor_settings import SensorSettings
 from gmr_gym.recorded.times import Times
 
 Layouts = Mapping[str | None, Layout]

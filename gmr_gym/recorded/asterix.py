@@ -68,7 +68,9 @@ def surveillance(path: Path | str, data: bytes) -> Decoded:
     known = [block for block in blocks if block[0] in (SERVICE, REPORTS)]
     parts = [*map(_reader(), known)]
     seen = [each for part in parts for each in part or ()]  # reports and north markers, in their order
+    seen, empty = _with_empty_turns(seen)
     reports = [each for each in seen if isinstance(each, Report)]
+    number = np.cumsum([each.range == each.range for each in reports])  # nan is a turn without any
     placed = np.array([None not in (each.time, each.range, each.azimuth) for each in reports], bool)
     if not placed.any():
         there = ", ".join(map(str, sorted({block[0] for block in blocks}))) or "none"
@@ -89,11 +91,12 @@ def surveillance(path: Path | str, data: bytes) -> Decoded:
         (parts.count(None), "data blocks not understood left out"),
         (len(placed) - len(kept), "reports without time, range or azimuth dropped"),
         (markers, "north markers cut scans"),
+        (empty, "turns without reports are scans that detected nothing"),
     )
     remarks = tuple(f"{count} {what}" for count, what in counted if count)
     values = dict(zip(NAMES, columns, strict=True))
     usual = {"sensor": SENSOR} | ({"scan": TURN} if any(turns) else {})
-    return Decoded(f"{path}", values, np.flatnonzero(placed) + 1, remarks, usual)
+    return Decoded(f"{path}", values, number[placed], remarks, usual)
 
 
 def _blocks(path: Path | str, data: bytes) -> tuple[list[bytes], int]:
@@ -179,6 +182,26 @@ def _number(record: Any, name: str, unit: str) -> float | None:
 def _part(record: Any, name: str, part: str, text: Any) -> str:
     item = record.get_item(name)
     return text(item.variation.get_item(part).variation.content) if item else ""
+
+
+def _with_empty_turns(seen: list) -> tuple[list, int]:
+    """Reports and north markers with a report of nothing in every turn of a radar that has none, before the
+    marker at its end; and the number of such turns."""
+    timed = np.array([each[0] is not None for each in seen], bool)
+    at = np.flatnonzero(timed)
+    time = np.unwrap([seen[i][0] for i in at], period=DAY)
+    radar = np.array([seen[i][1] for i in at])
+    report = np.array([isinstance(seen[i], Report) for i in at], bool)
+    placed = np.array([len(seen[i]) > 2 and None not in seen[i][:4] for i in at], bool)
+    nothing: dict[int, Report] = {}
+    for name in np.unique(radar[placed]).tolist():
+        own, markers = np.sort(time[placed & (radar == name)]), np.flatnonzero(~report & (radar == name))
+        marks, first = np.unique(time[markers], return_index=True)
+        for i in np.flatnonzero(np.diff(np.searchsorted(own, marks)) == 0) if len(marks) else ():
+            middle = float((marks[i] + marks[i + 1]) / 2 % DAY)
+            nothing[at[markers[first[i + 1]]]] = Report(middle, name, np.nan, np.nan, ("",) * 5)
+    out = [one for i, each in enumerate(seen) for one in ((nothing[i], each) if i in nothing else (each,))]
+    return out, len(nothing)
 
 
 def _turns(seen: Iterable[Any]) -> tuple[list[str], int]:

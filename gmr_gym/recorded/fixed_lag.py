@@ -4,9 +4,10 @@ import numpy as np
 
 from gmr_gym.filters import imm_smoothing
 from gmr_gym.models.positions import Look
+from gmr_gym.recorded.array_records import chosen, joined
 from gmr_gym.recorded.model import TrackingModel
 from gmr_gym.recorded.smoothing import continued, detection_of, one_after_another, own_share
-from gmr_gym.recorded.track_state import LastScans, chosen, joined
+from gmr_gym.recorded.track_state import LastScans
 from gmr_gym.recorded.tracks import Tracks
 
 

@@ -20,6 +20,7 @@ from gmr_gym.recorded.times import is_number
 ABSENT = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})  # cells that stand for no value
 NOTHING = frozenset({"None", "nan", "NaT", "<NA>"})  # how values print that stand for none
 RECORDS = re.compile(rb"\[?\s*\{")  # how JSON begins, and no log of sentences
+JSON_LINES = re.compile(rb"\s*\{.*\}[ \t]*\r?\n\s*\{")  # a record, and another on the next line
 PATH = re.compile(r"[^.\[\]]+")
 TEXT, JSON, PARQUET, AIS, ASTERIX = "text", "JSON", "Parquet", "AIS", "ASTERIX"
 PARQUET_MAGIC = b"PAR1"
@@ -78,6 +79,11 @@ def columns_of(source: Any, choose: Choose, form: TextForm, kept: Callable[[Mapp
         number = partial(numbers, absent=ABSENT, decimal=form.decimal)
         return {name: number if is_number else texts for name, is_number in choose(where, names, {}).items()}
 
+    if b"\r" in (head := file_bytes(source, HEAD)) and b"\n" not in head:
+        raise ValueError(
+            f"{source}: lines end in a carriage return alone; make them end in line feeds first, as "
+            r"`tr '\r' '\n' < OLD > NEW` does"
+        )
     delimiter = delimiter_typed(form.delimiter)
     return read_columns(source, convert, delimiter=delimiter, encoding=form.encoding, header=form.header)
 
@@ -157,6 +163,10 @@ def _of_json(path: Path | str, choose: Choose, kept: Callable[[Mapping], bool]) 
     try:
         records = json.loads(file_bytes(path), parse_float=str, parse_int=str, parse_constant=str)
     except ValueError as error:
+        if JSON_LINES.match(file_bytes(path, HEAD)):
+            raise ValueError(
+                f"{path}: a record of JSON on each line; make them one list first, as `jq -s . FILE` does"
+            ) from None
         raise ValueError(f"{path}: not JSON: {error}") from None
     if isinstance(records, dict):
         lists = [value for value in records.values() if isinstance(value, list)]

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from gmr_gym.checks import check_choice
 from gmr_gym.evaluation.csv_columns import numbers
-from gmr_gym.recorded.columns import GEODETIC, OWN, ROLES, Layout, family_of, option, unit_of
 from gmr_gym.recorded.formats import ABSENT
 from gmr_gym.recorded.geodesy import axes_at
+from gmr_gym.recorded.roles import GEODETIC, OWN, ROLES, Layout, family_of, option, unit_of
 from gmr_gym.recorded.units import scale_of
 
 COMPASS, MATH = "compass", "math"  # azimuths clockwise from north, or counter-clockwise from x

@@ -6,9 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gmr_gym.checks import check_choice
 from gmr_gym.models.intervals import Mode, Modes, modes, stay_or_switch
 from gmr_gym.recorded.detections import POLAR, SensorSpec
 
+TRACKERS = ("pmb", "pda", "gnn", "mht", "phd")  # of the rows that all files of detections allow
 Rule = float | tuple[int, int]  # an existence, or M of N
 
 
@@ -53,6 +55,8 @@ class TrackingModel(NamedTuple):
         later one is deleted.
     learn_clutter : bool
         Whether the clutter is estimated from the detections of no track.
+    tracker : str
+        How detections are associated, a name of `TRACKERS`.
     """
 
     sensors: tuple[SensorSpec, ...]
@@ -73,6 +77,7 @@ class TrackingModel(NamedTuple):
     max_tracks: int
     merge_distance: float
     learn_clutter: bool
+    tracker: str = "pmb"
 
     @property
     def axes(self) -> int:
@@ -110,6 +115,7 @@ def tracking_model(
     max_tracks: int = 2000,
     merge_distance: float = 1.0,
     learn_clutter: bool = False,
+    tracker: str = "pmb",
 ) -> TrackingModel:
     """Make a checked model of what is tracked.
 
@@ -126,7 +132,7 @@ def tracking_model(
         What white noise adds to the velocity in one second, m/s.
     stay_probability, max_speed, survival_probability, birth_rate, undetected, gate_probability
         As in `TrackingModel`.
-    confirm, delete, prune_existence, max_coast, min_speed, max_tracks, merge_distance, learn_clutter
+    confirm, delete, prune_existence, max_coast, min_speed, max_tracks, merge_distance, learn_clutter, tracker
         As in `TrackingModel`.
 
     Returns
@@ -148,7 +154,7 @@ def tracking_model(
         float(stay_probability), float(max_speed), float(survival_probability), float(birth_rate),
         float(undetected), float(gate_probability), _rule("confirm", confirm), _rule("delete", delete),
         float(prune_existence), float(max_coast), float(min_speed), int(max_tracks), float(merge_distance),
-        bool(learn_clutter),
+        bool(learn_clutter), tracker,
     )  # fmt: skip
     _check(model)
     model.bank()
@@ -191,6 +197,7 @@ def _rule(name: str, rule: Rule) -> Rule:
 
 def _check(model: TrackingModel) -> None:
     """ValueError for a number out of range."""
+    check_choice("tracker", model.tracker, TRACKERS)
     for name in ("sensors", "modes"):
         if not getattr(model, name):
             raise ValueError(f"{name} must be at least one")

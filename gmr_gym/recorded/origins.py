@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from gmr_gym.filters.bernoulli_tracks import positions_of
 from gmr_gym.filters.clutter_estimation import ClutterEstimate, options, update_estimate
+from gmr_gym.filters.track_gates import positions_of
 from gmr_gym.models.clutter import uniform_clutter
 from gmr_gym.models.positions import Look
 from gmr_gym.recorded.model import TrackingModel

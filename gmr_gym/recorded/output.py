@@ -74,7 +74,7 @@ def track_columns(tracks: Tracks, detections: Detections, modes: Sequence[str] =
     axes, names = "xyz"[: tracks.x.shape[1] // 2], _state_names(tracks)
     states = [f"{name}_m" for name in names[: len(axes)]] + [f"{name}_mps" for name in names[len(axes) :]]
     modes = modes or [str(i + 1) for i in range(tracks.modes.shape[1])]
-    mode = tracks.modes.round(DECIMALS + 2).T.tolist()
+    mode = [_known(column) for column in tracks.modes.round(DECIMALS + 2).T]
     columns: dict[str, list] = {"time": tracks.time.round(SECONDS).tolist()}
     if detections.start:
         columns["time_utc"] = [utc(detections.start, time) for time in tracks.time.tolist()]
@@ -172,6 +172,11 @@ def _covariances(P: np.ndarray, names: Sequence[str]) -> dict[str, list]:
     return {
         f"var_{names[i]}" if i == j else f"cov_{names[i]}_{names[j]}": _short(P[:, i, j]) for i, j in pairs
     }
+
+
+def _known(values: np.ndarray) -> list:
+    """The numbers, "" for nan."""
+    return ["" if value != value else value for value in values.tolist()]
 
 
 def _short(values: np.ndarray) -> list[str]:

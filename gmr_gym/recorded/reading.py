@@ -10,12 +10,13 @@ import numpy as np
 from gmr_gym.checks import check_choice
 from gmr_gym.evaluation.csv_columns import Columns
 from gmr_gym.recorded.assembly import TEXTS, Layouts, Reference, SensorRows, assembled, row_name, source_of
-from gmr_gym.recorded.columns import ROLES, Layout, family_of, layouts, unit_of
+from gmr_gym.recorded.columns import layouts
 from gmr_gym.recorded.conditions import condition, kept_rows
-from gmr_gym.recorded.configuration import SensorSettings
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.formats import TextForm, columns_of
 from gmr_gym.recorded.measured import COMPASS, MATH, read_positions
+from gmr_gym.recorded.roles import ROLES, Layout, family_of, unit_of
+from gmr_gym.recorded.sensor_settings import SensorSettings
 from gmr_gym.recorded.times import on_one_day, read_times
 from gmr_gym.recorded.units import did_you_mean, unit_in_name
 

@@ -8,11 +8,12 @@ import numpy as np
 from gmr_gym.filters.bernoulli_tracks import Origins
 from gmr_gym.kernels import kernel
 from gmr_gym.models.positions import Look
+from gmr_gym.recorded.array_records import chosen
 from gmr_gym.recorded.detections import Detections, numbered
 from gmr_gym.recorded.model import TrackingModel, polar
 from gmr_gym.recorded.scans import Scan
 from gmr_gym.recorded.track_rules import follow
-from gmr_gym.recorded.track_state import State, chosen
+from gmr_gym.recorded.track_state import State
 from gmr_gym.recorded.track_update import NO_OTHER, Assumed
 from gmr_gym.recorded.tracks import DELETED, Tracks, no_rows
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from gmr_gym.evaluation.writing import whole
-from gmr_gym.recorded.configuration import MEASURED, Configuration, SensorSettings
+from gmr_gym.recorded.configuration import Configuration
+from gmr_gym.recorded.sensor_settings import MEASURED, SensorSettings
 from gmr_gym.recorded.units import ANGLE, LENGTH
 
 SENSOR_NUMBERS = ("rotation_period", "detection_probability")

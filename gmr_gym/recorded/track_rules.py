@@ -111,7 +111,7 @@ def follow(targets, span, assumed, look, origins, beam, sensor):
     passed each of them and whether a miss then counts. Returns their positions and velocities, covariances,
     and the fields of `Associated`.
     """
-    (low, high), (modes, rules, survival), (passed, looked) = span, assumed, beam
+    (low, high), (modes, rules, survival), looked = span, assumed, beam[1]
     whole = targets.banks
     banks = Banks(whole.w[low:high], whole.m[low:high], whole.P[low:high], whole.time[low:high])
     existence = targets.existence[low:high]
@@ -119,15 +119,26 @@ def follow(targets, span, assumed, look, origins, beam, sensor):
     tracks = Bernoullis(banks, existence, targets.identity[low:high], looked * origins.detection_probability)
     unassigned, found, gated, best, weight, nis = update(tracks, modes, look, origins)
     x, P = outputs(banks, look.z.shape[1])
-    for i in range(high - low):
-        hit = best[i] >= 0 and found[i] >= 0.5 * existence[i]
+    reviewed(targets, span, rules, (beam, look, sensor), (found, best), (x, P))
+    return x, P, (unassigned, found, gated, best, weight, nis)
+
+
+@kernel(inline="always")
+def reviewed(targets, span, rules, looked, associated, state):
+    """Review the lives of the targets from span[0] to span[1], in place.
+
+    looked is (beam, look, sensor), as `follow` takes them; associated is (hit, best) of `Associated`, state
+    their positions and velocities and covariances.
+    """
+    ((passed, counted), look, sensor), (found, best), (x, P), low = looked, associated, state, span[0]
+    for i in range(span[1] - low):
+        hit = best[i] >= 0 and found[i] >= 0.5 * targets.existence[low + i]
         seen = look.at[best[i]] if hit else passed[i]
         if hit:
             targets.lives.hit_time[low + i] = seen
-        if hit or looked[i]:
+        if hit or counted[i]:
             targets.lives.look_time[low + i, sensor] = seen
-        _review(targets, low + i, rules, (looked[i], hit, look.time), (x[i], P[i]))
-    return x, P, (unassigned, found, gated, best, weight, nis)
+        _review(targets, low + i, rules, (counted[i], hit, look.time), (x[i], P[i]))
 
 
 @kernel(inline="always")

@@ -1,8 +1,6 @@
 """All that a tracker keeps from scan to scan, and its form in a file."""
 
-import json
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +8,7 @@ from gmr_gym.filters.clutter_estimation import ClutterEstimate, initial_estimate
 from gmr_gym.filters.imm_tracks import Banks
 from gmr_gym.models.clutter import uniform_clutter
 from gmr_gym.recorded.model import TrackingModel
+from gmr_gym.recorded.track_leaves import Leaves, no_leaves
 from gmr_gym.recorded.track_rules import Lives, width
 from gmr_gym.recorded.tracks import Tracks, no_rows
 
@@ -75,6 +74,8 @@ class State(NamedTuple):
         One for each sensor; none where the clutter is not estimated.
     last : tuple of LastScans
         One; none where nothing is smoothed.
+    leaves : tuple of Leaves
+        One; none where tracks have no hypotheses.
     """
 
     targets: Targets
@@ -84,6 +85,7 @@ class State(NamedTuple):
     identities: dict[str, int]
     clutter: tuple[ClutterEstimate, ...]
     last: tuple[LastScans, ...]
+    leaves: tuple[Leaves, ...]
 
 
 def initial_state(model: TrackingModel, lag: int = 0) -> State:
@@ -112,40 +114,7 @@ def initial_state(model: TrackingModel, lag: int = 0) -> State:
         for spec in model.sensors
         if model.learn_clutter
     )
+    trees = (no_leaves(r, d),) if model.tracker == "mht" else ()
     last = LastScans(0, no_rows(p, r), count, banks, count, count, np.empty(0, bool))
     targets = Targets(banks, none, count, lives)
-    return State(targets, -np.inf, model.undetected, 1, {}, clutter, (last,) if lag else ())
-
-
-def chosen(tree: Any, rows: Any) -> Any:
-    """The tracks of these rows: a record of arrays, and of such records."""
-    if isinstance(tree, np.ndarray):
-        return tree[rows]
-    return type(tree)(*(chosen(branch, rows) for branch in tree))
-
-
-def joined(first: Any, second: Any) -> Any:
-    """The tracks of two records, one after the other."""
-    if isinstance(first, np.ndarray):
-        return np.concatenate([first, second])
-    return type(first)(*map(joined, first, second))
-
-
-def leaves(tree: Any) -> Iterator[np.ndarray]:
-    """The arrays of a state, one after the other; the identities as text."""
-    if isinstance(tree, tuple):
-        for branch in tree:
-            yield from leaves(branch)
-    else:
-        yield np.asarray(json.dumps(tree) if isinstance(tree, dict) else tree)
-
-
-def rebuilt(template: Any, found: Iterator[np.ndarray]) -> Any:
-    """The state whose `leaves` are `found`, of the form of the template."""
-    if isinstance(template, tuple):
-        branches = [rebuilt(branch, found) for branch in template]
-        return type(template)(*branches) if hasattr(template, "_fields") else tuple(branches)
-    leaf = next(found)
-    if isinstance(template, np.ndarray):
-        return leaf
-    return json.loads(str(leaf)) if isinstance(template, dict) else type(template)(leaf)
+    return State(targets, -np.inf, model.undetected, 1, {}, clutter, (last,) if lag else (), trees)

@@ -10,10 +10,13 @@ from gmr_gym.filters.imm_tracks import Banks, carried
 from gmr_gym.models.gating import gate_threshold
 from gmr_gym.models.intervals import Modes
 from gmr_gym.models.positions import Look
+from gmr_gym.recorded.array_records import chosen, joined
 from gmr_gym.recorded.model import TrackingModel
 from gmr_gym.recorded.origins import densities, learned, undetected_until
+from gmr_gym.recorded.track_following import followed
+from gmr_gym.recorded.track_leaves import Leaves
 from gmr_gym.recorded.track_rules import Rules, follow, passes, rules, started
-from gmr_gym.recorded.track_state import State, Targets, chosen, joined
+from gmr_gym.recorded.track_state import State, Targets
 from gmr_gym.recorded.tracks import DELETED, TENTATIVE, Tracks
 
 Azimuths = tuple[float, float] | None  # rad, from and to; None for all directions
@@ -57,11 +60,12 @@ def scan(
     taken = (identity >= 0) & np.isin(identity, state.targets.identity)
     origins = Origins(spec.detection_probability, np.log(other), identity, taken, of.gates)
     targets = chosen(state.targets, np.arange(len(state.targets.existence)))
-    x, P, found = _followed(targets, (0, len(targets.existence)), of, look, origins, sensor, azimuths)
+    x, P, found, leaves = _followed(targets, state.leaves, of, look, origins, sensor, azimuths)
     _adopt(targets, found, identity, taken)
     swept = 1.0 if azimuths is None else min(abs(azimuths[1] - azimuths[0]) / (2 * np.pi), 1.0)
     state = state._replace(
         time=look.time,
+        leaves=leaves,
         undetected=undetected * (1.0 - spec.detection_probability * swept),
         clutter=learned(look, state, model, sensor, found.unassigned * clutter / other),
     )
@@ -72,7 +76,7 @@ def scan(
     unseen = (targets.lives.status == DELETED) & (targets.lives.label == 0)
     if unseen.any():
         targets, seen = chosen(targets, ~unseen), chosen(seen, ~unseen)
-    return _completed(state, targets, seen, np.arange(len(targets.existence)))
+    return completed(state, targets, seen, np.arange(len(targets.existence)))
 
 
 def report(state: State, of: Assumed, look: Look, sensor: int, identity: int) -> tuple[State, Tracks]:
@@ -99,28 +103,23 @@ def report(state: State, of: Assumed, look: Look, sensor: int, identity: int) ->
             np.append(changed, ended)[order],
             chosen(joined(seen, _not_seen(targets, ended, of, look.time)), order),
         )
-    return _completed(state, targets, seen, changed)
+    return completed(state, targets, seen, changed)
 
 
 def _followed(
-    targets: Targets,
-    span: tuple[int, int],
-    of: Assumed,
-    look: Look,
-    origins: Origins,
-    sensor: int,
+    targets: Targets, leaves: tuple[Leaves, ...], of: Assumed, look: Look, origins: Origins, sensor: int,
     azimuths: Azimuths,
-) -> tuple[np.ndarray, np.ndarray, Associated]:
-    """`follow`, where the sensor has looked: a miss counts once a turn."""
-    spec, p = of.model.sensors[sensor], of.model.axes
+) -> tuple[np.ndarray, np.ndarray, Associated, tuple[Leaves, ...]]:  # fmt: skip
+    """`followed`, where the sensor has looked: a miss counts once a turn."""
+    model, spec, p = of.model, of.model.sensors[sensor], of.model.axes
     first, last = (look.at.min(), look.at.max()) if len(look.at) else (look.time, look.time)
     sweep = (float(first), float(last), *map(float, azimuths or (np.nan, np.nan)))
     origin = look.origin[0, :p] if len(look.at) else np.array(spec.position[:p])
     passed = passes(targets.banks, look.time, origin, sweep)
     again = passed - targets.lives.look_time[:, sensor] <= spec.rotation_period / 2
     beam = passed, np.isfinite(passed) & ~again
-    x, P, found = follow(targets, span, of.kernels, look, origins, beam, sensor)
-    return x, P, Associated(*found)
+    x, P, found, leaves = followed(model.tracker, targets, leaves, of.kernels, look, origins, beam, sensor)
+    return x, P, Associated(*found), leaves
 
 
 def _adopt(targets: Targets, found: Associated, identity: np.ndarray, taken: np.ndarray) -> None:
@@ -182,7 +181,7 @@ def _thin(targets: Targets, of: Assumed, seen: Seen) -> None:
     status[order[of.model.max_tracks :]] = DELETED
 
 
-def _completed(state: State, targets: Targets, seen: Seen, changed: np.ndarray) -> tuple[State, Tracks]:
+def completed(state: State, targets: Targets, seen: Seen, changed: np.ndarray) -> tuple[State, Tracks]:
     """The state without the tracks deleted now, new ones labelled, and rows of those changed, indices."""
     lives = targets.lives
     new = changed[lives.label[changed] == 0]

@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike
 
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.models.positions import Look
+from gmr_gym.recorded.array_records import leaves, rebuilt
 from gmr_gym.recorded.detections import Detections
 from gmr_gym.recorded.fixed_lag import smoothed_late, with_scan, without_old
 from gmr_gym.recorded.looks import checked_look
 from gmr_gym.recorded.model import TrackingModel, as_text, from_text
 from gmr_gym.recorded.report_runs import LONGEST, SHORTEST, reports_of, run
 from gmr_gym.recorded.scans import Scan
-from gmr_gym.recorded.track_state import initial_state, leaves, rebuilt
+from gmr_gym.recorded.track_state import initial_state
 from gmr_gym.recorded.track_update import assumed, report, scan
 from gmr_gym.recorded.tracks import Tracks, joined_rows, no_rows
 
