@@ -10,7 +10,7 @@ from baselines.bank_of_mhts import single_model_mht
 from baselines.imm_pda import ImmPda, imm
 from baselines.learned import LearnedThresholds, learned_thresholds
 from baselines.learning_pmb import pmb
-from baselines.mht import Mht, adaptive, capping, runnalls
+from baselines.mht import Mht, adaptive, capping, cluster, n_scan, runnalls
 from baselines.pda import Pda
 from gmr_gym.evaluation import batch, montecarlo
 from gmr_gym.evaluation.montecarlo import BATCH_FROM, BLOCK, Runs, run, run_once
@@ -52,6 +52,8 @@ TRACKERS = {
     "capping": partial(capping, components=8),
     "pruned in whole numbers": partial(runnalls, components=8, prune_weight=0, prune_density=0),
     "few enter": lambda model: Mht(model, Greedy(10), max_hypotheses=25),
+    "n-scan": n_scan,
+    "cluster": cluster,
     "pda": Pda,
     "imm of one motion": ImmPda,
     "learned": learned_thresholds,
