@@ -52,8 +52,6 @@ TRACKERS = {
     "capping": partial(capping, components=8),
     "pruned in whole numbers": partial(runnalls, components=8, prune_weight=0, prune_density=0),
     "few enter": lambda model: Mht(model, Greedy(10), max_hypotheses=25),
-    "n-scan": n_scan,
-    "cluster": cluster,
     "pda": Pda,
     "imm of one motion": ImmPda,
     "learned": learned_thresholds,
@@ -82,6 +80,11 @@ SWITCHING = {
 @pytest.mark.parametrize("tracker", TRACKERS)
 def test_together_they_are_what_each_is_alone_to_the_last_bit(world, tracker):
     check_equal(WORLDS[world], TRACKERS[tracker](WORLDS[world].model))
+
+
+@pytest.mark.parametrize("tracker", [cluster, n_scan])
+def test_merging_by_distance_and_by_history_is_the_same_together_as_alone(tracker):
+    check_equal(FIXED, tracker(FIXED.model))
 
 
 @pytest.mark.parametrize("mixing", ["augmented", "unbiased"])

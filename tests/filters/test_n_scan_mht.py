@@ -137,11 +137,13 @@ def test_in_every_tracker_no_scans_leave_one_hypothesis_and_many_scans_leave_all
         capped = made(components=5000, reduction="capping")
         assert_alike(reports(many, scans[:3]), reports(capped, scans[:3]), 1e-9)
         return
-    belief, wanted = many.init(), 1  # it merges motions
-    for z in scans[:3]:
+    belief, histories = many.init(), {0: ()}  # it merges motions
+    for z in scans:
         belief, report, trace = many.trace(belief, z)
-        wanted *= len(set(trace.detection))
-        assert len(report.mixture.w) == wanted > 1
+        rows = zip(trace.into.tolist(), trace.parent.tolist(), trace.detection.tolist(), strict=True)
+        now = {(into, *histories[parent], j) for into, parent, j in rows if into >= 0}
+        histories = {into: tuple(history) for into, *history in now}
+        assert len(now) == len(set(histories.values())) == len(report.mixture.w)
 
 
 @pytest.mark.parametrize("name", OF_BANKS)
