@@ -50,6 +50,10 @@ REDUCTIONS = {  # each with what it does
     "greedy-chi-square": "merges by moments the pair of least chi-square divergence from its merge",
     "prune-or-merge": "merges or prunes, whichever raises the divergence of the result from the whole least",
     "adaptive-2023": "runnalls until the next merge costs much more than those to follow",
+    "cluster": "Salmond: the heaviest takes in all within a distance of it, then the heaviest of the rest",
+}
+HYPOTHESIS_REDUCTIONS = {  # of trackers of one target that keep several hypotheses, and of nothing else
+    "n-scan": "merges the hypotheses that share the detections of the last scans, two unless scans is given",
 }
 BACKENDS = ("loky", "dask", "ray")  # what shares runs among processes
 

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.filters.mht import MAX_HYPOTHESES, merge_costs, reduce_scan
+from gmr_gym.filters.mht import MAX_HYPOTHESES, reduce_scan
 from gmr_gym.kernels import kernel
 from gmr_gym.points import check_unmasked
-from gmr_gym.reduction.merge_cost import total_cost
+from gmr_gym.reduction.merge_cost import merge_costs, total_cost
 
 
 class Thresholds(NamedTuple):
