@@ -67,7 +67,7 @@ def _judge(run: Run, env: dict[str, Any], runs: int, scores: Path) -> None:
     recurrent = run.settings.algorithm in RECURRENT
     network = None if recurrent else network_of(run.model, run.venv)
     policy = ByNetwork(network) if network else remembering(run.model, run.venv)
-    found = played({"learned": policy}, "valid", runs, env=env)["learned"]
+    found = played({"learned": policy}, "wide-valid", runs, env=env)["learned"]
     row = [run.chapter, run.model.num_timesteps, *(float(np.mean(part)) for part in found[:4])]
     best = max((other[2] for other in _kept(scores)), default=-np.inf)
     if network:

@@ -43,7 +43,8 @@ def instances(table: str) -> dict[str, Instance]:
     Parameters
     ----------
     table : str
-        One of `TABLES` or `WIDE`, or the path of a CSV file whose columns are the fields of Instance, in any order.
+        One of `TABLES` or `WIDE`, or the path of a CSV file whose columns are the fields of Instance, in any
+        order.
 
     Returns
     -------
