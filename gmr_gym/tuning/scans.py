@@ -7,10 +7,10 @@ the posterior that waits for its thresholds.
 import numba
 import numpy as np
 
-from gmr_gym.filters.mht import MAX_HYPOTHESES, expand_scan, gate_and_log_weights
+from gmr_gym.filters.mht import MAX_HYPOTHESES, expand_predicted, gate_and_log_weights
 from gmr_gym.kernels import kernel, together
-from gmr_gym.models.kalman import Sensor
-from gmr_gym.reduction.n_scan import extended
+from gmr_gym.models.kalman import Sensor, predict_all
+from gmr_gym.reduction.n_scan import MISSED, extended
 from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
 from gmr_gym.simulation.reward import distance, score
 from gmr_gym.simulation.scans import View, centre_into, scan_into
@@ -19,7 +19,17 @@ from gmr_gym.tuning.features import Memory, model_features, observe
 from gmr_gym.tuning.hindsight import FORESEEN, hindsight, lookahead
 from gmr_gym.tuning.instances import SCANS
 from gmr_gym.tuning.recent import MEMORY, at_first, observe_recent
-from gmr_gym.tuning.thresholds import DEPTH, MEASUREMENT, N_SCAN, ODDS, PROCESS, RANGES, REDUCERS, reduced
+from gmr_gym.tuning.thresholds import (
+    COASTING,
+    DEPTH,
+    MEASUREMENT,
+    N_SCAN,
+    ODDS,
+    PROCESS,
+    RANGES,
+    REDUCERS,
+    reduced,
+)
 
 LEAST = RANGES["prune"][0]  # hypotheses that weigh less enter no reduction
 EPISODE = np.dtype(
@@ -204,9 +214,13 @@ def look(e, belief, history, estimate, thresholds, observation, seen):
     k, _ = scan_into(z, view, e.key[:], t, centre, e.z[t], e.detected[t] > 0, e.slot[t])
     Q, R = e.Q * thresholds[PROCESS] ** 2, e.R * thresholds[MEASUREMENT] ** 2
     threshold, log_miss, log_detect = weights_by_odds(e.log_weights[:], e.assumed[:], thresholds[ODDS])
-    full, gates = expand_scan(
-        belief, (e.F[:], Q, e.offset[:]), (e.H[:], R), z[:k], threshold, log_miss, log_detect
-    )
+    w, m, P = belief
+    m, P = predict_all(m, P, e.F[:], Q, e.offset[:])
+    more = thresholds[COASTING] ** 2 - 1
+    for i in range(len(w)):
+        if history[i, 0] == MISSED and more != 0.0:
+            P[i] += more * Q
+    full, gates = expand_predicted((w, m, P), (e.H[:], R), z[:k], threshold, log_miss, log_detect)
     w, m, P = full.mixture
     memory = Memory(e.kept, e.relative_loss, e.work)
     features, e.cost, e.gated = observe(
