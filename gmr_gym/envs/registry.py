@@ -1,5 +1,7 @@
 """Ids of the Gymnasium environments, as data; listing them imports nothing heavy."""
 
+from typing import Any
+
 import gymnasium as gym
 
 # one target to estimate
@@ -23,10 +25,18 @@ ROWS = {"gmr_gym/DenseTargets-v0": 100}  # of an action, where not the usual num
 RECORDED = {
     "gmr_gym/RecordedRadar-v0": "gmr_gym.recorded.radar:recorded_radar",
 }
-TUNING = "gmr_gym/ReductionTuning-v0"  # thresholds of a tracker
+# thresholds of a tracker, by version
+TUNINGS: dict[str, dict[str, Any]] = {
+    "gmr_gym/ReductionTuning-v0": {},
+    "gmr_gym/ReductionTuning-v1": {
+        "parameters": ("history", "prune", "process_noise", "coasting_noise"), "reducer": "n-scan",
+        "features": "all", "instances": "wide-train", "price": (1e-5, 1e-2),
+    },
+}  # fmt: skip
+TUNING, *_ = TUNINGS
 READY = (*TRACKING, *MULTI_TARGET)  # in which trackers run without an argument
 TRACKED = (*READY, *RECORDED)
-ENVIRONMENTS = (*TRACKED, TUNING)
+ENVIRONMENTS = (*TRACKED, *TUNINGS)
 # a sentence on each, as `gmr-gym list` shows it
 ABOUT = {
     "gmr_gym/TurningTarget-v0": "One target turns twice in heavy clutter (D'Ortenzio, section 4).",
@@ -41,6 +51,7 @@ ABOUT = {
     "gmr_gym/ManoeuvringTargets-v0": "Targets that fly straight and turn, each by a Markov chain of its own.",
     "gmr_gym/RecordedRadar-v0": "Real radar detections with known targets, from files of yours: folder=PATH.",
     TUNING: "A policy sets the thresholds of a tracker's mixture reduction, scan by scan.",
+    "gmr_gym/ReductionTuning-v1": "The same, with the process noise that the tracker assumes.",
 }
 
 
@@ -58,8 +69,9 @@ def register_envs() -> None:
                     kwargs={"scenario": scenario} | ({"targets": ROWS[env_id]} if env_id in ROWS else {}),
                     vector_entry_point=f"gmr_gym.envs.{many}",
                 )
-    if TUNING not in gym.registry:
-        gym.register(
-            TUNING, "gmr_gym.envs.tuning:ReductionTuningEnv",
-            vector_entry_point="gmr_gym.envs.tuning_vector:ReductionTuningVectorEnv",
-        )  # fmt: skip
+    for env_id, arguments in TUNINGS.items():
+        if env_id not in gym.registry:
+            gym.register(
+                env_id, "gmr_gym.envs.tuning:ReductionTuningEnv", kwargs=arguments,
+                vector_entry_point="gmr_gym.envs.tuning_vector:ReductionTuningVectorEnv",
+            )  # fmt: skip

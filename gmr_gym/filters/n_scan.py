@@ -135,14 +135,17 @@ def expand_with_history(belief, motion, sensor, z, weights, prune_weight, max_hy
 @kernel
 def n_scan_estimate(w, m, P, history, prune_weight, max_hypotheses, components, density):
     """The reduced w, m, P and history of `n_scan_reduce`, and their mean (1, d) and covariance (1, d, d)."""
-    w, m, P, history, _ = n_scan_reduce(w, m, P, history, prune_weight, max_hypotheses, components, density)
+    w, m, P, history, _ = n_scan_reduce(
+        w, m, P, history, history.shape[1], prune_weight, max_hypotheses, components, density
+    )
     _, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), ONE)
     return w, m, P, history, mean, covariance
 
 
 @kernel(inline="always")
-def n_scan_reduce(w, m, P, history, prune_weight, max_hypotheses, components, density):
-    """Prune by weight, merge by history and prune by density (see `gmr_gym.filters.mht.prune_and_reduce`).
+def n_scan_reduce(w, m, P, history, scans, prune_weight, max_hypotheses, components, density):
+    """Prune by weight, merge by the first `scans` columns of the history and prune by density (see
+    `gmr_gym.filters.mht.prune_and_reduce`).
 
     Returns the reduced w, m, P and history, and the work, see `gmr_gym.reduction.n_scan.merge_by_history`.
     """
@@ -152,7 +155,7 @@ def n_scan_reduce(w, m, P, history, prune_weight, max_hypotheses, components, de
         w, m, P, origin = select(w, m, P, kept)
         history = inherited(history, before, origin, len(w))
     before = w = rescaled(w)
-    w, m, P, origin, work = merge_by_history(w, m, P, history, components)
+    w, m, P, origin, work = merge_by_history(w, m, P, history, scans, components)
     history = inherited(history, before, origin, len(w))
     before = w = rescaled(w)
     w, m, P, origin = select(w, m, P, above_threshold(w, w / root_determinants(P), density))

@@ -51,7 +51,7 @@ class NScan:
     def __call__(self, p: Mixture, history: np.ndarray) -> Reduced:
         """The reduced mixture and the origin (n,) of hypotheses with detections `history` (n, N), the latest
         first."""
-        *merged, origin, _ = merge_by_history(*p, history, self.components)
+        *merged, origin, _ = merge_by_history(*p, history, self.scans, self.components)
         return Mixture(*merged), origin
 
 
@@ -82,10 +82,10 @@ def inherited(history, w, origin, count):
 
 
 @kernel
-def merge_by_history(w, m, P, history, components):
-    """w, m, P and origin (n,) of N-scan merging by `history` (n, N), see `NScan`, and its work: a look-up of
-    every hypothesis, and the costs of pairs beyond the limit."""
-    group, count = _same_history(w, history)
+def merge_by_history(w, m, P, history, scans, components):
+    """w, m, P and origin (n,) of N-scan merging by the first N = `scans` columns of `history`, see `NScan`,
+    and its work: a look-up of every hypothesis, and the costs of pairs beyond the limit."""
+    group, count = _same_history(w, history, scans)
     w, m, P = match(w, m, P, group, count)
     w, m, P, place, costs = merge_down(w, m, P, components)
     for i in range(len(group)):
@@ -95,11 +95,10 @@ def merge_by_history(w, m, P, history, components):
 
 
 @kernel
-def _same_history(w, history):
+def _same_history(w, history, scans):
     """Groups (n,) of hypotheses of the same history, in the order of their first members, -1 for those of
     weight zero; and their number."""
-    n, scans = history.shape
-    size = 2
+    n, size = len(w), 2
     while size < 2 * n:
         size *= 2
     table, first, group, count = np.full(size, -1), np.empty(n, np.int64), np.full(n, -1), 0
@@ -111,7 +110,7 @@ def _same_history(w, history):
             code = (code + np.uint64(history[i, s] - MISSED + 1)) * _SPREAD
             code ^= code >> np.uint64(32)
         at = np.int64(code & np.uint64(size - 1))
-        while table[at] >= 0 and not _equal(history[first[table[at]]], history[i]):
+        while table[at] >= 0 and not _equal(history[first[table[at]]], history[i], scans):
             at = (at + 1) % size
         if table[at] < 0:
             table[at], first[count] = count, i
@@ -121,8 +120,8 @@ def _same_history(w, history):
 
 
 @kernel
-def _equal(a, b):
-    for s in range(len(a)):
+def _equal(a, b, scans):
+    for s in range(scans):
         if a[s] != b[s]:
             return False
     return True
