@@ -1,5 +1,7 @@
 """Ids of the Gymnasium environments, as data; listing them imports nothing heavy."""
 
+from typing import Any
+
 import gymnasium as gym
 
 # one target to estimate
@@ -18,10 +20,18 @@ MULTI_TARGET = {
 RECORDED = {
     "gmr_gym/RecordedRadar-v0": "gmr_gym.recorded.radar:recorded_radar",
 }
-TUNING = "gmr_gym/ReductionTuning-v0"  # thresholds of a tracker
+# thresholds of a tracker, by version
+TUNINGS: dict[str, dict[str, Any]] = {
+    "gmr_gym/ReductionTuning-v0": {},
+    "gmr_gym/ReductionTuning-v1": {
+        "parameters": ("history", "prune", "process_noise"), "price": (1e-5, 1e-2), "reducer": "n-scan",
+        "features": "all",
+    },
+}  # fmt: skip
+TUNING, *_ = TUNINGS
 READY = (*TRACKING, *MULTI_TARGET)  # in which trackers run without an argument
 TRACKED = (*READY, *RECORDED)
-ENVIRONMENTS = (*TRACKED, TUNING)
+ENVIRONMENTS = (*TRACKED, *TUNINGS)
 # a sentence on each, as `gmr-gym list` shows it
 ABOUT = {
     "gmr_gym/TurningTarget-v0": "One target turns twice in heavy clutter (D'Ortenzio, section 4).",
@@ -32,6 +42,7 @@ ABOUT = {
     "gmr_gym/UnknownClutter-v0": "Three targets in clutter of unknown density (Lv, section 7.1).",
     "gmr_gym/RecordedRadar-v0": "Real radar detections with known targets, from files of yours: folder=PATH.",
     TUNING: "A policy sets the thresholds of a tracker's mixture reduction, scan by scan.",
+    "gmr_gym/ReductionTuning-v1": "The same, with the process noise that the tracker assumes.",
 }
 
 
@@ -49,8 +60,9 @@ def register_envs() -> None:
                     kwargs={"scenario": scenario},
                     vector_entry_point=f"gmr_gym.envs.{many}",
                 )
-    if TUNING not in gym.registry:
-        gym.register(
-            TUNING, "gmr_gym.envs.tuning:ReductionTuningEnv",
-            vector_entry_point="gmr_gym.envs.tuning_vector:ReductionTuningVectorEnv",
-        )  # fmt: skip
+    for env_id, arguments in TUNINGS.items():
+        if env_id not in gym.registry:
+            gym.register(
+                env_id, "gmr_gym.envs.tuning:ReductionTuningEnv", kwargs=arguments,
+                vector_entry_point="gmr_gym.envs.tuning_vector:ReductionTuningVectorEnv",
+            )  # fmt: skip

@@ -11,12 +11,14 @@ from gymnasium.vector.utils import batch_space
 from gmr_gym.checks import check_count
 from gmr_gym.envs.episodic import check_keywords, keywords
 from gmr_gym.envs.episodic_vector import UNDRAWN, autoreset_of, check_not_drawn, seeds_of
-from gmr_gym.envs.tuning import PRICE, Draws, checked_price, rest_of, spaces_of
+from gmr_gym.envs.tuning import PRICE, Draws, checked_price, rest_of, spaces_of, told
 from gmr_gym.tuning.instances import instances as table_of
+from gmr_gym.tuning.recent import check_features, feature_index
 from gmr_gym.tuning.scans import EPISODE, STEP, begin, stepped
 from gmr_gym.tuning.thresholds import (
     DORTENZIO,
-    RANGES,
+    WHOLE,
+    Thresholds,
     check_actions,
     check_parameters,
     from_actions,
@@ -43,9 +45,11 @@ class ReductionTuningVectorEnv(VectorEnv):
         num_envs: int,
         parameters: Sequence[str] = ("alpha", "prune"),
         instances: str = "train",
-        price: float = PRICE,
+        price: float | Sequence[float] = PRICE,
         components: int = DORTENZIO.components,
         hindsight: bool = False,
+        reducer: str = "adaptive",
+        features: str | Sequence[str] = "posterior",
         *,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         copy: bool = True,
@@ -58,13 +62,17 @@ class ReductionTuningVectorEnv(VectorEnv):
         mode = autoreset_of(autoreset_mode)
         self.num_envs, self.copy = num_envs, copy
         self.metadata = {"render_modes": [], "autoreset_mode": mode}
-        self.parameters, self.price = check_parameters(parameters), checked_price(price)
+        self.parameters, self.reducer = check_parameters(parameters, reducer), reducer
+        self.price, self.features = checked_price(price), check_features(features)
+        self._seen = feature_index(self.features)
         self._at, self._rest = threshold_index(self.parameters), np.array(rest_of(components), float)
         self.instances = table_of(instances)
-        self.single_observation_space, self.single_action_space = spaces_of(self.parameters, hindsight)
+        self.single_observation_space, self.single_action_space = spaces_of(
+            self.parameters, self.features, hindsight
+        )
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._members = [_Member(self.instances) for _ in range(num_envs)]
+        self._members = [_Member(self.instances, self.price) for _ in range(num_envs)]
         self._names = np.full(num_envs, None, object)  # of instances
         self._state = np.zeros(num_envs, EPISODE)
         self._observations = np.zeros((num_envs, *self.single_observation_space.shape), np.float32)
@@ -137,9 +145,9 @@ class ReductionTuningVectorEnv(VectorEnv):
     def _begin(self, which: np.ndarray, seeds: Any, options: dict[str, Any]) -> None:
         rows = np.flatnonzero(which)
         drawn = [self._members[i].next(seeds[i], options) for i in rows.tolist()]
-        for i, (name, scenario, episode) in zip(rows, drawn, strict=True):
+        for i, (name, scenario, episode, price) in zip(rows, drawn, strict=True):
             self._names[i] = name
-            begin(self._state[i], scenario, episode)
+            begin(self._state[i], scenario, episode, self.reducer, price)
         self._stepped(rows, np.tile(self._rest, (self.num_envs, 1)))
 
     def render(self):
@@ -148,7 +156,7 @@ class ReductionTuningVectorEnv(VectorEnv):
 
     def _stepped(self, rows: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
         steps = np.zeros(self.num_envs, STEP)
-        stepped(self._state, rows, thresholds, self.price, steps, self._observations)
+        stepped(self._state, rows, thresholds, steps, self._observations, self._seen)
         return steps
 
     def _shown(self) -> np.ndarray:
@@ -160,15 +168,18 @@ class ReductionTuningVectorEnv(VectorEnv):
         names = self._names.copy()
         names[~shown] = None
         infos: dict[str, Any] = {"instance_id": names, "_instance_id": shown.copy()}
+        if isinstance(self.price, tuple):
+            infos["price"], infos["_price"] = np.where(shown, self._state["price"], 0), shown.copy()
         if steps is None or not scored.any():
             return infos
         for key in ("error", "work", "components"):
             infos[key] = np.where(scored, steps[key], 0)
             infos[f"_{key}"] = scored.copy()
         infos["thresholds"], infos["_thresholds"] = {}, scored.copy()
-        for key, column in zip(RANGES, steps["thresholds"].T, strict=True):
-            values = np.where(scored, column, 0)
-            infos["thresholds"][key] = values.astype(int) if key == "components" else values
+        for key in told(self.parameters, self.reducer):
+            at = Thresholds._fields.index(key)
+            values = np.where(scored, steps["thresholds"][:, at], 0)
+            infos["thresholds"][key] = values.astype(int) if WHOLE[at] else values
             infos["thresholds"][f"_{key}"] = scored.copy()
         return infos
 
@@ -176,8 +187,8 @@ class ReductionTuningVectorEnv(VectorEnv):
 class _Member:
     """Generator and episodes of one environment."""
 
-    def __init__(self, instances):
-        self._draws = Draws(instances)
+    def __init__(self, instances, price):
+        self._draws = Draws(instances, price)
         self.np_random: Any = None
 
     def next(self, seed: int | None, options: dict[str, Any]):

@@ -1,6 +1,6 @@
 """Policies that set thresholds: policy(features (k,), t) -> action (j,), with t the scan from 0.
 
-The features are those of `gmr_gym.tuning.features`, and the action is what
+The features are the first or all of `gmr_gym.tuning.recent.ALL_FEATURES`, and the action is what
 `gmr_gym.tuning.thresholds.from_action` takes. Learned policies and the ones they are compared with have this
 one interface.
 """
@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from gmr_gym.checks import check_count
-from gmr_gym.tuning.features import FEATURES
 from gmr_gym.tuning.network import Network
+from gmr_gym.tuning.recent import feature_index
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Rule:
     reduction.
     """
 
-    names: Sequence[str]  # i of FEATURES
+    names: Sequence[str]  # i of ALL_FEATURES
     gain: np.ndarray  # (j, i)
     bias: np.ndarray  # (j,)
 
@@ -69,7 +69,7 @@ class Rule:
 class ByTable:
     """A table of actions by features of the scenario; the action of the nearest cell is taken."""
 
-    names: Sequence[str]  # i of FEATURES, such as "clutter" and "detection"
+    names: Sequence[str]  # i of ALL_FEATURES, such as "clutter" and "detection"
     cells: np.ndarray  # (m, i), their values
     actions: np.ndarray  # (m, j)
 
@@ -123,17 +123,3 @@ class ByNetwork:
     def many(self, features: np.ndarray, t: int) -> np.ndarray:
         """The actions (n, j) for features (n, k) of n episodes, each as if alone."""
         return self.network(features)
-
-
-def feature_index(names: Sequence[str]) -> list[int]:
-    """Indices of the named features among `FEATURES`.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name.
-    """
-    for name in names:
-        if name not in FEATURES:
-            raise ValueError(f"unknown feature {name!r}; choose from {', '.join(FEATURES)}")
-    return [FEATURES.index(name) for name in names]

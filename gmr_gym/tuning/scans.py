@@ -17,8 +17,11 @@ from gmr_gym.simulation.single_target import Episode, Scenario, capacity, view_o
 from gmr_gym.tuning.features import Memory, model_features, observe
 from gmr_gym.tuning.hindsight import FORESEEN, hindsight, lookahead
 from gmr_gym.tuning.instances import SCANS
-from gmr_gym.tuning.thresholds import RANGES, adapt
+from gmr_gym.tuning.n_scan import labels_after
+from gmr_gym.tuning.recent import MEMORY, at_first, observe_recent
+from gmr_gym.tuning.thresholds import MEASUREMENT, ODDS, PROCESS, RANGES, REDUCERS, reduced
 
+N_SCAN = list(REDUCERS).index("n-scan")
 LEAST = RANGES["prune"][0]  # hypotheses that weigh less enter no reduction
 EPISODE = np.dtype(
     [
@@ -43,7 +46,10 @@ EPISODE = np.dtype(
         ("H", "f8", (2, 4)),
         ("R", "f8", (2, 2)),
         ("log_weights", "f8", (3,)),  # see `gate_and_log_weights`
+        ("assumed", "f8", (3,)),  # P_D, P_G, clutter density
         ("known", "f8", (3,)),
+        ("reducer", "i8"),  # its place among `REDUCERS`
+        ("price", "f8"),  # of a unit of work
         # the state of the episode
         ("t", "i8"),  # the scan, from 0, that waits for its thresholds; -1 before the first is processed
         ("scans", "i8"),  # in all; where t equals it, no episode is running
@@ -52,6 +58,8 @@ EPISODE = np.dtype(
         ("w", "f8", (MAX_HYPOTHESES,)),
         ("m", "f8", (MAX_HYPOTHESES, 4)),
         ("P", "f8", (MAX_HYPOTHESES, 4, 4)),
+        ("labels", "i8", (MAX_HYPOTHESES,)),  # see `n_scan`
+        ("recent", "f8", (MEMORY,)),  # see `recent`
         ("cost", "f8"),  # of merging all of the posterior
         ("gated", "i8"),  # Gaussians updated
         ("kept", "i8"),  # of the scan before: see `Memory`
@@ -76,7 +84,9 @@ STEP = np.dtype(
 )
 
 
-def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode) -> None:
+def begin(
+    episode: np.ndarray, scenario: Scenario, drawn: Episode, reducer: str = "adaptive", price: float = 0.0
+) -> None:
     """Write an episode to its record. Its first scan is not processed yet.
 
     Parameters
@@ -86,6 +96,10 @@ def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode) -> None:
     scenario : Scenario
         Of `instances.world`.
     drawn : Episode
+    reducer : str
+        One of `REDUCERS`.
+    price : float
+        Of a unit of work.
     """
     view, model, n = view_of(scenario), scenario.model, scenario.horizon
     episode["x"][:n], episode["z"][:n], episode["slot"][:n] = drawn.x, drawn.z, drawn.slot
@@ -99,6 +113,9 @@ def begin(episode: np.ndarray, scenario: Scenario, drawn: Episode) -> None:
     episode["F"], episode["Q"], episode["offset"] = model.motion
     episode["H"], episode["R"] = model.sensor.H, model.sensor.R
     episode["log_weights"], episode["known"] = gate_and_log_weights(model), model_features(model)
+    episode["assumed"] = model.detection_probability, model.gate_probability, model.clutter_density
+    episode["reducer"], episode["price"] = list(REDUCERS).index(reducer), price
+    episode["recent"] = at_first(1 - model.detection_probability * model.gate_probability)
     episode["t"], episode["scans"], episode["scans_off"] = -1, n, 0
     episode["kept"], episode["relative_loss"], episode["work"] = 1, 0.0, 0
 
@@ -107,9 +124,9 @@ def stepped(
     episodes: np.ndarray,
     rows: np.ndarray,
     thresholds: np.ndarray,
-    price: float,
     steps: np.ndarray,
     observations: np.ndarray,
+    seen: np.ndarray,
 ) -> None:
     """Reduce the posteriors of episodes by thresholds, and process their next scans.
 
@@ -121,49 +138,50 @@ def stepped(
         Overwritten.
     rows : ndarray of int
         The episodes to step.
-    thresholds : ndarray (n, 4)
-        As `Thresholds`.
-    price : float
-        Of a unit of work.
+    thresholds : ndarray (n, 9)
+        As `Thresholds`; the factors hold for the scan that is processed.
     steps : ndarray of STEP (n,)
         Receives the results.
     observations : ndarray (n, k)
-        Receives FEATURES of the next scan, zeros where the episode is over.
+        Receives features of the next scan, zeros where the episode is over.
+    seen : ndarray of int
+        Their places among ALL_FEATURES. HINDSIGHT follows where there is room.
     """
     threads = max(1, min(numba.config.NUMBA_NUM_THREADS, len(rows)))  # type: ignore[attr-defined]
     if threads > 1:  # sorted by work, so that each thread has about as much to merge
         rows = rows[np.argsort(-episodes["hypotheses"][rows], kind="stable")]
     shares = [rows[first::threads].copy() for first in range(threads)]
-    together(step, [(episodes, share, thresholds, price, steps, observations) for share in shares], threads)
+    together(step, [(episodes, share, thresholds, steps, observations, seen) for share in shares], threads)
 
 
 @kernel(nogil=True)
-def step(episodes, rows, thresholds, price, steps, observations):
+def step(episodes, rows, thresholds, steps, observations, seen):
     """`stepped` for one thread's rows."""
     for i in rows:
         e = episodes[i]
         w, m, P, estimate = np.ones(1), e.prior[:], e.prior_covariance[:], e.prior[0]
+        labels = np.zeros(1, np.int64)
         if e.t >= 0:
             n = e.hypotheses
-            w, m, P, estimate, _, e.relative_loss, e.work = adapt(
-                e.w[:n], e.m[:n], e.P[:n], thresholds[i], e.cost, e.gated
+            w, m, P, estimate, _, e.relative_loss, e.work, labels = reduced(
+                e.reducer, e.w[:n], e.m[:n], e.P[:n], e.labels[:n], thresholds[i], e.cost, e.gated
             )
             e.kept = len(w)
-            pay(e, estimate, thresholds[i], price, steps[i])
+            pay(e, estimate, thresholds[i], steps[i])
         e.t += 1
         observations[i] = 0.0
         if e.t < e.scans:
-            look(e, w, m, P, estimate, observations[i])
+            look(e, (w, m, P), labels, estimate, thresholds[i], observations[i], seen)
 
 
 @kernel
-def pay(e, estimate, thresholds, price, out):
+def pay(e, estimate, thresholds, out):
     """Scores the estimate (d,) of the current scan to `out`, in units of the cutoff; a loss moves the episode
     to its end.
     """
     left, error = e.scans - e.t - 1, distance(estimate, e.x[e.t], e.position)
     out.reward, e.scans_off, out.terminated, out.truncated = score(
-        error / e.cutoff, 1.0, price * e.work, e.scans_off, left
+        error / e.cutoff, 1.0, e.price * e.work, e.scans_off, left
     )
     out.error, out.work, out.components = error, e.work, e.kept
     for i in range(len(thresholds)):
@@ -173,9 +191,9 @@ def pay(e, estimate, thresholds, price, out):
 
 
 @kernel
-def look(e, w, m, P, estimate, observation):
-    """Predicts the belief w, m, P to the current scan and updates it by the detections; writes the features
-    (k,).
+def look(e, belief, labels, estimate, thresholds, observation, seen):
+    """Predicts the belief to the current scan and updates it by the detections, under the factors among the
+    thresholds; writes the features (k,) in `seen`.
 
     The window is centred by the estimate (d,).
     """
@@ -185,19 +203,42 @@ def look(e, w, m, P, estimate, observation):
     view = View(e.clutter_rate, e.low[:], e.high[:], e.limits_view > 0, None)
     z = np.empty((e.capacity, p))
     k, _ = scan_into(z, view, e.key[:], t, centre, e.z[t], e.detected[t] > 0, e.slot[t])
-    threshold, log_miss, log_detect = e.log_weights[0], e.log_weights[1], e.log_weights[2]
-    full, (_, S, _) = expand_scan(
-        (w, m, P), (e.F[:], e.Q[:], e.offset[:]), (e.H[:], e.R[:]), z[:k], threshold, log_miss, log_detect
+    Q, R = e.Q * thresholds[PROCESS] ** 2, e.R * thresholds[MEASUREMENT] ** 2
+    threshold, log_miss, log_detect = weights_by_odds(e.log_weights[:], e.assumed[:], thresholds[ODDS])
+    full, gates = expand_scan(
+        belief, (e.F[:], Q, e.offset[:]), (e.H[:], R), z[:k], threshold, log_miss, log_detect
     )
     w, m, P = full.mixture
     memory = Memory(e.kept, e.relative_loss, e.work)
-    features, e.cost, e.gated = observe(full, S, Sensor(e.H[:], e.R[:]), log_detect, e.known[:], memory)
-    for f in range(len(features)):
-        observation[f] = features[f]
-    if len(observation) > len(features):
-        observation[len(features) :] = hindsight(
+    features, e.cost, e.gated = observe(
+        full, gates[1], Sensor(e.H[:], e.R[:]), log_detect, e.known[:], memory
+    )
+    if seen.max() >= len(features):
+        missed = 1 - e.assumed[0] * e.assumed[1]
+        more = observe_recent(
+            full, gates, z, (e.H[:], e.R[:]), missed, thresholds[PROCESS], e.price, e.recent[:]
+        )
+        features = np.concatenate((features, more))
+    for f in range(len(seen)):
+        observation[f] = features[seen[f]]
+    if len(observation) > len(seen):
+        observation[len(seen) :] = hindsight(
             full.mixture, e.H[:], threshold, e.x[t], e.scans - t, e.scans_off, e.lookahead[t]
         )
-    w, m, P, _ = select(w, m, P, heaviest_mask(w, len(e.w)) & above_threshold(w, w, LEAST))
+    kept = heaviest_mask(w, len(e.w)) & above_threshold(w, w, LEAST)
+    if e.reducer == N_SCAN:
+        labels = labels_after(labels, full.parent, full.detection)[kept]
+        e.labels[: len(labels)] = labels
+    w, m, P, _ = select(w, m, P, kept)
     e.hypotheses = n = len(w)
     e.w[:n], e.m[:n], e.P[:n] = w, m, P
+
+
+@kernel
+def weights_by_odds(weights, assumed, factor):
+    """`gate_and_log_weights` (3,) where the odds of a detection are `factor` times those of the filter model,
+    of P_D, P_G and clutter density `assumed` (3,)."""
+    if factor == 1.0:
+        return weights[0], weights[1], weights[2]
+    detection = factor * assumed[0] / (1 - assumed[0] + factor * assumed[0])
+    return weights[0], np.log(1 - detection * assumed[1]), np.log(detection / assumed[2])

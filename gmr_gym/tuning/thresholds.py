@@ -1,39 +1,61 @@
-"""The thresholds of adaptive merging, as numbers set scan by scan, and as actions."""
+"""Thresholds of a reduction, and factors on the filter model: numbers set scan by scan, and actions."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from gmr_gym.checks import check_choice
 from gmr_gym.filters.mht import MAX_HYPOTHESES, merge_costs, reduce_scan
 from gmr_gym.kernels import kernel
+from gmr_gym.linalg import root_determinants
+from gmr_gym.mixture import rescaled
 from gmr_gym.points import check_unmasked
 from gmr_gym.reduction.merge_cost import total_cost
+from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
+from gmr_gym.tuning.n_scan import DEPTH, merge_alike
 
 
 class Thresholds(NamedTuple):
-    """Thresholds of the reduction of a posterior; by default those of D'Ortenzio, section 4.
+    """What is set scan by scan: thresholds of the reduction of a posterior, by default those of D'Ortenzio,
+    section 4, and factors on what the filter model assumes of the scan that comes next.
 
     Examples
     --------
     >>> from gmr_gym.tuning import Thresholds
-    >>> Thresholds(alpha=0.1)
-    Thresholds(alpha=0.1, prune=0.0005, prune_density=1e-10, components=100)
+    >>> Thresholds(alpha=0.1)[:4]
+    (0.1, 0.0005, 1e-10, 100)
     """
 
     alpha: float = 0.05  # share of the cost of merging everything that merging may spend
     prune: float = 5e-4  # gamma: a hypothesis that weighs less does not enter the merging
     prune_density: float = 1e-10  # gamma~, s^2/m^4 for a planar position and velocity
     components: int = 100  # N_M: merging goes on past alpha down to so many
+    history: int = 2  # N: hypotheses that share their last N detections are merged
+    process_noise: float = 1.0  # factor on the standard deviation of the process noise
+    measurement_noise: float = 1.0  # factor on the standard deviation of the measurement noise
+    detection_odds: float = 1.0  # factor on P_D / (1 - P_D)
 
 
 DORTENZIO = Thresholds()
+FACTORS = ("process_noise", "measurement_noise", "detection_odds")
+# and the thresholds that each of them heeds
+REDUCERS = {
+    "adaptive": ("alpha", "prune", "prune_density", "components"),
+    "n-scan": ("history", "prune", "prune_density", "components"),
+}
 # Thresholds of the actions -1 and 1; the scale between is logarithmic. Below 1e-4 alpha merges next to
 # nothing, above a half it merges all that matters. Each decade of gamma changes the work by a factor of about
 # three, and at 1e-2 it leaves a few hypotheses.
-RANGES = {"alpha": (1e-4, 0.5), "prune": (1e-6, 1e-2), "prune_density": (1e-14, 1e-6), "components": (2, 200)}
+RANGES = {
+    "alpha": (1e-4, 0.5), "prune": (1e-6, 1e-2), "prune_density": (1e-14, 1e-6), "components": (2, 200),
+    "history": (1, DEPTH), "process_noise": (0.25, 8), "measurement_noise": (0.5, 2),
+    "detection_odds": (0.125, 8),
+}  # fmt: skip
 
 LIMITS, COMPONENTS = np.array(list(RANGES.values()), float), list(RANGES).index("components")
+HISTORY, PROCESS, MEASUREMENT, ODDS = (list(RANGES).index(name) for name in ("history", *FACTORS))
+WHOLE = np.array([name in ("components", "history") for name in RANGES])
 
 
 def from_action(action: np.ndarray, parameters: Sequence[str], rest: Thresholds = DORTENZIO) -> Thresholds:
@@ -60,8 +82,8 @@ def from_action(action: np.ndarray, parameters: Sequence[str], rest: Thresholds 
     Examples
     --------
     >>> from gmr_gym.tuning.thresholds import from_action
-    >>> from_action([1.0, -1.0], ["alpha", "components"])
-    Thresholds(alpha=0.5, prune=0.0005, prune_density=1e-10, components=2)
+    >>> from_action([1.0, -1.0], ["alpha", "components"])[:4]
+    (0.5, 0.0005, 1e-10, 2)
     """
     check_unmasked("action", action)
     try:
@@ -76,7 +98,7 @@ def from_action(action: np.ndarray, parameters: Sequence[str], rest: Thresholds 
     if not (np.abs(action) <= 1).all():
         raise ValueError(f"action must be finite and within [-1, 1], got {action.tolist()}")
     row = from_actions(action[None], threshold_index(parameters), np.array(rest, float))[0].tolist()
-    return Thresholds(*row)._replace(components=int(row[COMPONENTS]))
+    return Thresholds(*(int(value) if whole else value for value, whole in zip(row, WHOLE, strict=True)))
 
 
 def check_actions(actions: np.ndarray, n: int, parameters: Sequence[str], used: np.ndarray) -> np.ndarray:
@@ -127,14 +149,14 @@ def threshold_index(parameters: Sequence[str]) -> np.ndarray:
 
 @kernel
 def from_actions(actions, at, rest):
-    """`from_action` for actions (n, k) that set the thresholds of the indices `at` (k,); rows (n, 4)."""
+    """`from_action` for actions (n, k) that set the fields of the indices `at` (k,); rows as `Thresholds`."""
     out = np.empty((len(actions), len(rest)))
     for i in range(len(actions)):
         out[i] = rest
         for a in range(len(at)):
             low, high = LIMITS[at[a]]
             value = low * (high / low) ** ((actions[i, a] + 1) / 2)
-            out[i, at[a]] = np.rint(value) if at[a] == COMPONENTS else value
+            out[i, at[a]] = np.rint(value) if WHOLE[at[a]] else value
     return out
 
 
@@ -172,19 +194,22 @@ def to_action(thresholds: Thresholds, parameters: Sequence[str]) -> np.ndarray:
     return np.clip(action, -1, 1)  # rounding may step over the bound
 
 
-def check_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
-    """The names of thresholds as a tuple.
+def check_parameters(parameters: Sequence[str], reducer: str = "adaptive") -> tuple[str, ...]:
+    """The names of what an action sets, as a tuple.
 
     Raises
     ------
     ValueError
-        If they are not a sequence of different known names, at least one.
+        For an unknown reducer, and if they are not a sequence of different names of its thresholds and of
+        `FACTORS`, at least one.
     """
+    check_choice("reducer", reducer, tuple(REDUCERS))
+    known = *REDUCERS[reducer], *FACTORS
     if not isinstance(parameters, Sequence) or isinstance(parameters, str) or not parameters:
         raise ValueError(f"parameters must be a list of different thresholds, got {parameters!r}")
     for name in parameters:
-        if name not in Thresholds._fields:
-            raise ValueError(f"unknown threshold {name!r}; choose from {', '.join(Thresholds._fields)}")
+        if name not in known:
+            raise ValueError(f"unknown threshold {name!r}; choose from {', '.join(known)}")
     if len(set(parameters)) < len(parameters):
         raise ValueError(f"parameters must be a list of different thresholds, got {parameters!r}")
     return tuple(parameters)
@@ -192,7 +217,7 @@ def check_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
 
 @kernel
 def adapt(w, m, P, thresholds, cost, gated):
-    """The posterior pruned, merged adaptively and pruned again by thresholds (4,) (D'Ortenzio, Adaptive).
+    """The posterior pruned, merged adaptively and pruned again by `thresholds` (D'Ortenzio, Adaptive).
 
     `cost` is that of merging all of it, and `gated` the number of its Gaussians that were updated. Returns w,
     m and P of the result, weights that sum to 1; its mean (d,) and covariance (d, d); the relative loss, the
@@ -206,3 +231,23 @@ def adapt(w, m, P, thresholds, cost, gated):
     # the cost still to come on the greedy way to one Gaussian is that of the result, see `total_merge_cost`
     relative_loss = max(0.0, 1 - after / cost) if cost > 0.0 else 0.0
     return w, m, P, mean, covariance, relative_loss, gated + merge_costs(entered, left)
+
+
+@kernel
+def reduced(reducer, w, m, P, labels, thresholds, cost, gated):
+    """What `adapt` returns, and the labels of the result, by the reducer of that place among `REDUCERS`."""
+    if reducer == 0:
+        w, m, P, mean, covariance, relative_loss, work = adapt(w, m, P, thresholds, cost, gated)
+        return w, m, P, mean, covariance, relative_loss, work, labels[: len(w)]
+    kept = heaviest_mask(w, MAX_HYPOTHESES) & above_threshold(w, w, thresholds[1])
+    w, m, P, _ = select(w, m, P, kept)
+    labels = labels[kept]
+    work = gated + len(w)
+    w, m, P, labels = merge_alike(w, m, P, labels, np.int64(thresholds[HISTORY]))
+    kept = heaviest_mask(w, np.int64(thresholds[COMPONENTS]))
+    kept &= above_threshold(w, w / root_determinants(P), thresholds[2])
+    w, m, P, _ = select(w, m, P, kept)
+    w = rescaled(w)
+    after, mean, covariance = total_cost(w, m, P)
+    relative_loss = max(0.0, 1 - after / cost) if cost > 0.0 else 0.0
+    return w, m, P, mean, covariance, relative_loss, work, labels[kept]

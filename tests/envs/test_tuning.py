@@ -154,7 +154,9 @@ def test_constant_actions_are_the_adaptive_tracker_scan_for_scan(thresholds, nam
     action = to_action(thresholds, env.parameters)
     _, rewards, infos, terminated = episode(env, lambda _: action, seed=3, options={"instance_id": name})
     used = infos[1]["thresholds"]  # an action, decoded, is off by rounding
-    assert used == pytest.approx(thresholds._replace(components=40)._asdict(), rel=1e-12)
+    assert list(used) == ["alpha", "prune", "prune_density", "components"]
+    wanted = thresholds._replace(components=40)
+    assert used == pytest.approx({key: getattr(wanted, key) for key in used}, rel=1e-12)
     instance = env.instances[name]
     tracker = adaptive(world(instance).model, 40, used["alpha"], used["prune"], used["prune_density"])
     reports, errors = played(instance, tracker, 3)

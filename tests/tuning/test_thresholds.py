@@ -240,7 +240,7 @@ def test_actions_and_thresholds_are_each_others_inverse():
         assert thresholds.components == DORTENZIO.components
     for end, edge in ((-1.0, 0), (1.0, 1)):
         edges = [limits[edge] for limits in RANGES.values()]
-        assert from_action(np.full(4, end), EVERY) == pytest.approx(edges, rel=1e-12)
+        assert from_action(np.full(len(EVERY), end), EVERY) == pytest.approx(edges, rel=1e-12)
     middle = from_action([0.0], ["components"])
     assert middle == DORTENZIO._replace(components=20) and type(middle.components) is int
     assert from_action([0.0], ["alpha"], Thresholds(components=7)).components == 7
