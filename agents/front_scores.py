@@ -18,6 +18,7 @@ AXES = {"work": ("work", False), "work_iqm": ("work", True), "time": ("seconds",
 # where a hypervolume ends: a decade above what an ordinary front takes
 WORST = {"work": 1e3, "work_iqm": 1e3, "time": 1e-3}
 WORST_LOSS = 0.5
+BEST_OTHER = "best of the others"
 
 
 class Drawn(NamedTuple):
@@ -77,41 +78,70 @@ def points(front: Sequence[Episodes], axis: str, drawn: Drawn) -> Points:
 
 
 def compared(
-    learned: Sequence[Episodes], rivals: Mapping[str, Sequence[Episodes]], axis: str
+    fronts: Mapping[str, Sequence[Episodes]], reference: str, axis: str
 ) -> dict[str, dict[str, Estimate]]:
     """Hypervolumes of the fronts, in decades of cost times the share of targets lost, and by how much the
-    learned one exceeds each of the others and, which flatters them, the best of them in every draw.
+    reference exceeds each of the others and, which flatters them, the best of them in every draw.
 
     ValueError for fronts of other instances and runs, which cannot be paired."""
-    shapes = {e.lost.shape[1:] for front in (learned, *rivals.values()) for e in front}
+    shapes = {e.lost.shape[1:] for front in fronts.values() for e in front}
     if len(shapes) > 1:
         raise ValueError(f"fronts are compared on common episodes, got (instances, runs) {sorted(shapes)}")
-    drawn = drawn_again(len(learned[0].lost), *shapes.pop())
-    mine = _volume(points(learned, axis, drawn), axis)
-    others = {name: _volume(points(front, axis, drawn), axis) for name, front in rivals.items()}
-    found = {"learned": {"hypervolume": _estimate(mine)}}
-    for name, volume in others.items():
-        found[name] = {"hypervolume": _estimate(volume), "learned_over": _estimate(mine - volume)}
-    if others:
-        best = np.max(list(others.values()), axis=0)
-        found["best rival"] = {"hypervolume": _estimate(best), "learned_over": _estimate(mine - best)}
-    return found
+    drawn = drawn_again(len(fronts[reference][0].lost), *shapes.pop())
+    volumes = {name: _volume(points(front, axis, drawn), axis) for name, front in fronts.items()}
+    if others := [volume for name, volume in volumes.items() if name != reference]:
+        volumes[BEST_OTHER] = np.max(others, axis=0)
+    return {
+        name: {"hypervolume": _estimate(volume)}
+        | ({"behind": _estimate(volumes[reference] - volume)} if name != reference else {})
+        for name, volume in volumes.items()
+    }
 
 
 def losses_at(
-    learned: Sequence[Episodes], rival: Sequence[Episodes], axis: str, costs: Sequence[float]
+    mine: Sequence[Episodes], other: Sequence[Episodes], axis: str, costs: Sequence[float]
 ) -> list[dict[str, Estimate]]:
     """At each cost the share of targets that either front loses, and the ratio of both; nan where a front
     begins at more than that cost."""
-    drawn = drawn_again(*learned[0].lost.shape)
-    fronts = [points(front, axis, drawn) for front in (learned, rival)]
+    drawn = drawn_again(*mine[0].lost.shape)
+    fronts = [points(front, axis, drawn) for front in (mine, other)]
     found = []
     for cost in costs:
-        mine, other = (
+        lost, others = (
             (p.share * at_cost(p.log_cost, p.lost, float(np.log10(cost)))).sum(axis=1) for p in fronts
         )
-        ratio = mine / other
-        found.append({"learned": _estimate(mine), "rival": _estimate(other), "ratio": _estimate(ratio)})
+        found.append({
+            "lost": _estimate(lost), "other": _estimate(others), "ratio": _estimate(lost / others)
+        })  # fmt: skip
+    return found
+
+
+def by_instance(front: Sequence[Episodes], prices: Sequence[float]) -> list[Episodes]:
+    """In hindsight the best policy of a front (1, instances, runs) for every instance, one point a price.
+
+    It is chosen by the even runs for the odd ones, and by these for the even ones: chosen and scored by the
+    same, it would be the luckiest. What an instance has of its own counts as far as both halves agree."""
+    reward, work = (
+        np.stack([part(e)[0] for e in front]) for part in (lambda e: e.reward, lambda e: e.work * e.scans)
+    )
+    found = []
+    for price in prices:
+        value = reward - price * work
+        halves = np.array([value[..., i::2].mean(axis=-1) for i in (0, 1)])
+        halves -= halves.mean(axis=1, keepdims=True)  # what is hard whatever is done does not matter
+        shared = halves.mean(axis=2, keepdims=True)
+        own = halves - shared
+        scale = np.sqrt((own[0] ** 2).sum() * (own[1] ** 2).sum())
+        alike = max((own[0] * own[1]).sum() / scale, 0.0) if scale > 0 else 0.0
+        best = (shared + alike * own).argmax(axis=1)  # (half, instances)
+        parts = []
+        for field in zip(*front, strict=True):
+            taken = np.array(field[0], float)
+            for i in (0, 1):
+                for place, k in enumerate(best[i]):
+                    taken[0, place, 1 - i :: 2] = field[k][0, place, 1 - i :: 2]
+            parts.append(taken)
+        found.append(Episodes(*parts))
     return found
 
 

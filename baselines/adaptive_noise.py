@@ -1,10 +1,11 @@
-"""The MHT with adaptive merging whose process noise is estimated from its innovations."""
+"""The MHT whose process noise is estimated from its innovations."""
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from gmr_gym.checks import check_choice
 from gmr_gym.filters.adaptive_noise import Innovations, Noise, NoiseEstimator, Traces, innovations
 from gmr_gym.filters.mht import expand_scan, gate_and_log_weights
 from gmr_gym.filters.tracker import Report, check_scan
@@ -12,7 +13,8 @@ from gmr_gym.mixture import Mixture
 from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model
-from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, adapt, to_action
+from gmr_gym.tuning.n_scan import labels_after
+from gmr_gym.tuning.thresholds import DORTENZIO, REDUCERS, Thresholds, reduced, to_action
 
 
 class Belief(NamedTuple):
@@ -21,19 +23,22 @@ class Belief(NamedTuple):
     Attributes
     ----------
     mixture : Mixture
+    labels : ndarray of int, shape (n,)
+        Last detections of every hypothesis.
     noise : Noise
     work : int
-        Gaussians updated plus costs of pairs evaluated.
+        As of `gmr_gym.tuning.thresholds.reduced`.
     """
 
     mixture: Mixture
+    labels: np.ndarray
     noise: Noise
     work: int
 
 
 @dataclass(frozen=True)
 class AdaptiveNoise:
-    """D'Ortenzio's Adaptive with a factor on the process noise, or on the covariance that is predicted.
+    """MHT with a factor on the process noise, or on the covariance that is predicted.
 
     Parameters
     ----------
@@ -41,17 +46,20 @@ class AdaptiveNoise:
         The filter model.
     estimator : NoiseEstimator
         How the factors follow the innovations.
+    reducer : str
+        One of `gmr_gym.tuning.thresholds.REDUCERS`.
     thresholds : Thresholds
         Of the reduction.
 
     Raises
     ------
     ValueError
-        For a sensor that is not linear, and for a limit of hypotheses out of range.
+        For a sensor that is not linear, an unknown reducer, and a limit of hypotheses out of range.
     """
 
     model: Model
     estimator: NoiseEstimator
+    reducer: str = "adaptive"
     thresholds: Thresholds = DORTENZIO
     _traces: Traces = field(init=False, repr=False, compare=False)
     _inverse: np.ndarray = field(init=False, repr=False, compare=False)  # pseudo-inverse of Q
@@ -60,6 +68,7 @@ class AdaptiveNoise:
         sensor, Q = self.model.sensor, self.model.motion.Q
         if not isinstance(sensor, Sensor):
             raise ValueError("adaptive noise needs a linear sensor of positions; the model has a radar")
+        check_choice("reducer", self.reducer, tuple(REDUCERS))
         to_action(self.thresholds, ("components",))  # a limit out of range fails here rather than at a scan
         H, R = sensor.H, sensor.R
         traces = Traces(np.trace(R), np.trace(H @ Q @ H.T), int(np.linalg.matrix_rank(Q)), len(R))
@@ -68,20 +77,24 @@ class AdaptiveNoise:
 
     def init(self) -> Belief:
         """Belief one period before the first scan."""
-        return Belief(self.model.prior, self.estimator.at_start(self._traces.sensor), 0)
+        labels = np.zeros(len(self.model.prior.w), int)
+        return Belief(self.model.prior, labels, self.estimator.at_start(self._traces.sensor), 0)
 
     def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         z = check_scan(z, len(self.model.sensor.H))
-        (w, m, P), noise, _ = belief
+        (w, m, P), labels, noise, _ = belief
         (F, Q, offset), sensor = self.model.motion, self.model.sensor
         before, motion = (w, m, noise.fading * P), (F, noise.factor * Q, offset)
         full, gates = expand_scan(before, motion, (sensor.H, sensor.R), z, *gate_and_log_weights(self.model))
         scan = Innovations(*innovations(before, motion, full, gates, z, sensor.R, self._inverse).tolist())
         gated = int((full.detection >= 0).sum())
-        w, m, P, mean, covariance, _, work = adapt(*full.mixture, np.array(self.thresholds), 0.0, gated)
+        labels = labels_after(labels, full.parent, full.detection)
+        w, m, P, mean, covariance, _, work, labels = reduced(
+            list(REDUCERS).index(self.reducer), *full.mixture, labels, np.array(self.thresholds), 0.0, gated
+        )
         left = Mixture(w, m, P)
-        after = Belief(left, self.estimator.after(noise, scan, self._traces), work)
+        after = Belief(left, labels, self.estimator.after(noise, scan, self._traces), work)
         return after, Report(mean[None], covariance[None], Gates(*gates), left)
 
 
@@ -91,9 +104,18 @@ def adaptive_noise(
     loss_bound: float = 0.05,
     prune_weight: float = 5e-4,
     prune_density: float = 1e-10,
-    **noise: Any,
+    reducer: str = "adaptive",
+    history: int = 2,
+    *,
+    method: str = NoiseEstimator.method,
+    factor: float = NoiseEstimator.factor,
+    memory: float = NoiseEstimator.memory,
+    low: float = NoiseEstimator.low,
+    high: float = NoiseEstimator.high,
+    threshold: float = NoiseEstimator.threshold,
+    fading: float = NoiseEstimator.fading,
 ) -> AdaptiveNoise:
-    """MHT with adaptive merging whose process noise follows its innovations.
+    """MHT whose process noise follows its innovations.
 
     Parameters
     ----------
@@ -102,15 +124,23 @@ def adaptive_noise(
     components : int
         Most hypotheses after the reduction.
     loss_bound : float
-        alpha, in [0, 1].
-    prune_weight, prune_density : float
-        gamma and gamma~, see `baselines.mht.adaptive`.
-    **noise
-        Fields of `gmr_gym.filters.adaptive_noise.NoiseEstimator`.
+        alpha of the reducer "adaptive", in [0, 1].
+    prune_weight : float
+        gamma: hypotheses of less weight are pruned before the reduction.
+    prune_density : float
+        gamma~: hypotheses whose weight over the square root of the determinant is less are pruned after it;
+        in s^2/m^4 for a planar position and velocity.
+    reducer : str
+        One of `gmr_gym.tuning.thresholds.REDUCERS`.
+    history : int
+        N of the reducer "n-scan".
+    method, factor, memory, low, high, threshold, fading
+        See `gmr_gym.filters.adaptive_noise.NoiseEstimator`.
 
     Returns
     -------
     AdaptiveNoise
     """
-    thresholds = Thresholds(loss_bound, prune_weight, prune_density, components)
-    return AdaptiveNoise(model, NoiseEstimator(**noise), thresholds)
+    estimator = NoiseEstimator(method, factor, memory, low, high, threshold, fading)
+    thresholds = Thresholds(loss_bound, prune_weight, prune_density, components, history)
+    return AdaptiveNoise(model, estimator, reducer, thresholds)
