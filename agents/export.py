@@ -10,7 +10,6 @@ import typer
 from critics import Seen
 from learner import environments, recorded, restored
 
-from gmr_gym.tuning.features import FEATURES
 from gmr_gym.tuning.network import Network, save
 
 ACTIVATIONS = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu"}
@@ -30,11 +29,12 @@ def network_of(model, venv) -> Network:
     layers = [layer for layer in layers if not isinstance(layer, Seen)]
     linear, between = layers[::2], layers[1::2]
     kinds = {ACTIVATIONS.get(type(layer)) for layer in between}
+    features = venv.get_attr("features")[0]
     sound = all(isinstance(layer, torch.nn.Linear) for layer in linear) and len(kinds - {None}) < 2
-    if not sound or None in kinds or linear[0].in_features != len(FEATURES):
-        raise ValueError(f"a policy must lead from FEATURES by linear layers with tanh or ReLU, got {layers}")
+    if not sound or None in kinds or linear[0].in_features != len(features):
+        raise ValueError(f"a policy must lead from the features by linear layers with tanh or ReLU, got {layers}")
     return Network(
-        FEATURES,
+        features,
         venv.get_attr("parameters")[0],
         *normalisation(venv),
         kinds.pop() if kinds else "tanh",
@@ -47,7 +47,7 @@ def network_of(model, venv) -> Network:
 def normalisation(venv) -> tuple[np.ndarray, np.ndarray, float]:
     """Mean (k,) and deviation (k,) of the features by which `venv` normalises them, and how many deviations
     it lets through."""
-    k = len(FEATURES)
+    k = len(venv.get_attr("features")[0])
     deviation = np.sqrt(venv.obs_rms.var[:k] + venv.epsilon)
     return np.array(venv.obs_rms.mean[:k], float), deviation, float(venv.clip_obs)
 

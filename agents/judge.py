@@ -19,7 +19,7 @@ from gmr_gym.evaluation import archive
 from gmr_gym.evaluation.source import is_hashed
 from gmr_gym.tuning.instances import Instance, instances, world
 
-ENV_ID = "gmr_gym/ReductionTuning-v0"
+ENV_ID = "gmr_gym/ReductionTuning-v1"
 # policy(features (k,), t) -> action (j,). It is asked about the episodes of an instance side by side, and of
 # them all in one call where it has a method `many`. One with a method `watching` is handed the environment
 # instead and asked for the policy proper: that is for what remembers, or knows more than a policy may, see

@@ -27,9 +27,10 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 import gmr_gym  # noqa: F401  registers the environments
 from gmr_gym.experiments.output import write_json
-from gmr_gym.tuning.thresholds import DORTENZIO, to_action
+from gmr_gym.tuning.thresholds import Thresholds, to_action
 
-ENV_ID = "gmr_gym/ReductionTuning-v0"
+ENV_ID = "gmr_gym/ReductionTuning-v1"
+START = Thresholds(prune=7e-4, process_noise=1.5)  # what an untrained policy says, whatever it sees
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC}
 CRITICS = {"ppo": OnPolicy, "sac": OffPolicy}  # with hindsight; others' critics see what their actors see
 RECURRENT = ("ppo_lstm",)
@@ -123,7 +124,7 @@ class Run:
                 env=self.venv, seed=said.seed, device="cpu", tensorboard_log=str(folder / "tensorboard"),
                 **arguments,
             )  # fmt: skip
-            _begin_at(self.model, to_action(DORTENZIO, self.venv.get_attr("parameters")[0]))
+            _begin_at(self.model, to_action(START, self.venv.get_attr("parameters")[0]))
 
     @property
     def over(self) -> bool:

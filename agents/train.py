@@ -38,6 +38,7 @@ def main(
     valid_runs: Annotated[
         int, typer.Option(help="episodes of every instance of VALID, after a chapter", min=1)
     ] = 40,
+    jobs: Annotated[int, typer.Option(help="workers on VALID, -1 for all cores")] = 1,
     out: Annotated[Path | None, typer.Option(help="folder; a stopped run goes on there")] = None,
 ) -> None:
     """Learns, chapter by chapter; keeps every chapter, its score on VALID, and the best as a policy."""
@@ -57,17 +58,18 @@ def main(
             run,
             {name: value for name, value in env.items() if name != "instances"},
             valid_runs,
+            jobs,
             scores,
         )
 
 
-def _judge(run: Run, env: dict[str, Any], runs: int, scores: Path) -> None:
+def _judge(run: Run, env: dict[str, Any], runs: int, jobs: int, scores: Path) -> None:
     """Scores the last chapter on VALID and keeps its policy, but for one that remembers: no file holds that,
     and it is in the chapter's own."""
     recurrent = run.settings.algorithm in RECURRENT
     network = None if recurrent else network_of(run.model, run.venv)
     policy = ByNetwork(network) if network else remembering(run.model, run.venv)
-    found = played({"learned": policy}, "valid", runs, env=env)["learned"]
+    found = played({"learned": policy}, "wide-valid", runs, env=env, jobs=jobs)["learned"]
     row = [run.chapter, run.model.num_timesteps, *(float(np.mean(part)) for part in found[:4])]
     best = max((other[2] for other in _kept(scores)), default=-np.inf)
     if network:

@@ -25,7 +25,7 @@ TUNINGS: dict[str, dict[str, Any]] = {
     "gmr_gym/ReductionTuning-v0": {},
     "gmr_gym/ReductionTuning-v1": {
         "parameters": ("history", "prune", "process_noise"), "price": (1e-5, 1e-2), "reducer": "n-scan",
-        "features": "all",
+        "features": "all", "instances": "wide-train",
     },
 }  # fmt: skip
 TUNING, *_ = TUNINGS

@@ -15,6 +15,8 @@ from gmr_gym.scenarios.zhang import jump_markov
 from gmr_gym.simulation.single_target import Scenario
 
 TABLES = ("train", "valid", "test", "extrapolation")
+# noise assumed wrong both ways, and recorded flights as they were flown: the tables of v1
+WIDE = ("wide-train", "wide-valid", "wide-test", "wide-extrapolation", "real")
 PERIOD = 1.0  # s
 SCANS = 100  # of an episode, fewer where the path is shorter
 AREA = 1316.5 * 662.5  # m^2, D'Ortenzio's field of view
@@ -41,7 +43,8 @@ def instances(table: str) -> dict[str, Instance]:
     Parameters
     ----------
     table : str
-        One of `TABLES`, or the path of a CSV file whose columns are the fields of Instance, in any order.
+        One of `TABLES` or `WIDE`, or the path of a CSV file whose columns are the fields of Instance, in any
+        order.
 
     Returns
     -------
@@ -54,7 +57,7 @@ def instances(table: str) -> dict[str, Instance]:
         Naming file, row and column, for a missing file, an unknown or missing column, a value of which no
         scenario can be made, and an id used twice.
     """
-    file = files("gmr_gym.data") / "instances" / f"{table}.csv" if table in TABLES else Path(table)
+    file = files("gmr_gym.data") / "instances" / f"{table}.csv" if table in (*TABLES, *WIDE) else Path(table)
     try:
         lines = file.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
