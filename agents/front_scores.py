@@ -110,9 +110,9 @@ def losses_at(
         lost, others = (
             (p.share * at_cost(p.log_cost, p.lost, float(np.log10(cost)))).sum(axis=1) for p in fronts
         )
-        found.append({
-            "lost": _estimate(lost), "other": _estimate(others), "ratio": _estimate(lost / others)
-        })  # fmt: skip
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = lost / others
+        found.append({"lost": _estimate(lost), "other": _estimate(others), "ratio": _estimate(ratio)})
     return found
 
 

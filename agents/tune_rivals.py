@@ -154,8 +154,8 @@ def main(
     runs: Annotated[int, typer.Option(help="episodes of every instance of TRAIN", min=1)] = 2,
     valid_runs: Annotated[int, typer.Option(help="episodes of every instance of VALID", min=1)] = 20,
     seed: Annotated[int, typer.Option(min=0)] = 0,
-    train: Annotated[str, typer.Option(help="table of instances")] = "train",
-    valid: Annotated[str, typer.Option(help="table of instances on which to choose")] = "valid",
+    train: Annotated[str, typer.Option(help="table of instances")] = "wide-train",
+    valid: Annotated[str, typer.Option(help="table of instances on which to choose")] = "wide-valid",
     only: Annotated[list[str], typer.Option(help="families whose name holds this")] = [],  # noqa: B006
     out: Annotated[Path, typer.Option(help="a stopped search goes on there")] = Path("results/agents/rivals"),
 ) -> None:
@@ -173,10 +173,8 @@ def main(
         fronts[family.name] = [
             Rival(price, family.policy(np.array(one.numbers)), dict(family.env)) for price, one in points
         ]
-        print(
-            f"{family.name}: {' '.join(f'{100 * one.lost:.1f} %/{one.work:.0f}' for _, one in points)}",
-            flush=True,
-        )
+        lost = ", ".join(f"{100 * one.lost:.1f} at {price:.1e}" for price, one in points)
+        print(f"{family.name}: lost on {valid} in %, by price, {lost}", flush=True)
         write_fronts(out / "static.json", fronts)
 
 

@@ -1,5 +1,6 @@
 """Rivals and how they are tuned: episodes played at once, trackers among policies, searches that go on."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 pytest.importorskip("optuna")
 sys.path.insert(0, str(Path(__file__).parents[2] / "agents"))
 
+import evaluate_fronts
 import tune_rivals
 from batches import Batch, Outcome
 from competitors import Rival, read_fronts, write_fronts
@@ -170,3 +172,45 @@ def test_a_tracker_s_scans_end_with_a_loss():
     ((scans, lost),) = scans_of(Tracked("adaptive", {"components": 5}), scenario, [3], 0.0)
     assert lost and len(scans) < scenario.horizon
     assert scans[-1][0] == -1 - (scenario.horizon - len(scans))  # what is left counts as the cutoff
+
+
+def test_fronts_are_compared_on_a_table_of_instances(table, tmp_path):
+    static = tmp_path / "static.json"
+    other = to_action(Thresholds(history=1, prune=1e-2), ENV["parameters"])
+    rivals = {
+        "n-scan, constants": [Rival(1e-4, Constant(ACTION), ENV), Rival(1e-3, Constant(other), ENV)],
+        "the same twice": [Rival(1e-4, Constant(ACTION), ENV), Rival(1e-3, Constant(ACTION), ENV)],
+        "a tracker": [Rival(1e-4, Tracked("adaptive", {"components": 4}), {})],
+    }
+    write_fronts(static, rivals)
+    out = tmp_path / "out"
+    evaluate_fronts.main(
+        static,
+        [],
+        tables=[table],
+        runs=2,
+        exact_runs=1,
+        seed=1,
+        jobs=1,
+        reference="n-scan, constants",
+        out=out,
+    )
+    found = json.loads((out / "fronts.json").read_text())["tables"]["few"]
+    assert [len(found["points"][name]) for name in rivals] == [2, 1, 1]
+    volumes = found["volumes"]["work"]
+    assert volumes["n-scan, constants"]["hypervolume"][0] >= volumes["the same twice"]["hypervolume"][0]
+    assert found["points"]["near exact"][0]["work"] > found["points"]["a tracker"][0]["work"]
+    played_before = set((out / "episodes").iterdir())
+    evaluate_fronts.main(
+        static,
+        [],
+        tables=[table],
+        runs=2,
+        exact_runs=1,
+        seed=1,
+        jobs=1,
+        reference="n-scan, constants",
+        out=out,
+    )
+    assert set((out / "episodes").iterdir()) == played_before and (out / "fronts-few.png").exists()
+    assert "### few" in (out / "fronts.md").read_text()
