@@ -32,9 +32,7 @@ def network_of(model, venv) -> Network:
     features = venv.get_attr("features")[0]
     sound = all(isinstance(layer, torch.nn.Linear) for layer in linear) and len(kinds - {None}) < 2
     if not sound or None in kinds or linear[0].in_features != len(features):
-        raise ValueError(
-            f"a policy must lead from the features by linear layers with tanh or ReLU, got {layers}"
-        )
+        raise ValueError(f"a policy must lead from features by linear layers with tanh or ReLU, got {layers}")
     return Network(
         features,
         venv.get_attr("parameters")[0],

@@ -14,7 +14,7 @@ from gmr_gym.tuning.instances import instances, world
 from gmr_gym.tuning.policies import ByTable, Constant, Rule, Schedule
 from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, to_action
 
-REDUCERS = {"adaptive": ("alpha", "prune"), "n-scan": ("history", "prune")}
+REDUCERS = {"adaptive": ("alpha", "prune"), "n-scan": ("history", "prune"), "cluster": ("distance", "prune")}
 NOISE = "process_noise"
 BEST = "n-scan"  # whose thresholds tables, rules and schedules set
 PIECES, EVERY = 3, 15  # scans

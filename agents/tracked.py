@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from baselines.mht_of_banks import MhtOfBanks
-from gmr_gym.filters.mht import merge_costs
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.models.model import Model
 from gmr_gym.models.switching import sticky_switching
+from gmr_gym.reduction.merge_cost import merge_costs
 from gmr_gym.simulation.reward import distance, score
 from gmr_gym.simulation.single_target import Scenario, draw, scan
 

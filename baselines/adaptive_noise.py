@@ -13,8 +13,8 @@ from gmr_gym.mixture import Mixture
 from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model
-from gmr_gym.tuning.n_scan import labels_after
-from gmr_gym.tuning.thresholds import DORTENZIO, REDUCERS, Thresholds, reduced, to_action
+from gmr_gym.reduction.n_scan import MISSED, extended
+from gmr_gym.tuning.thresholds import DEPTH, DORTENZIO, REDUCERS, Thresholds, reduced, to_action
 
 
 class Belief(NamedTuple):
@@ -23,15 +23,15 @@ class Belief(NamedTuple):
     Attributes
     ----------
     mixture : Mixture
-    labels : ndarray of int, shape (n,)
-        Last detections of every hypothesis.
+    history : ndarray of int, shape (n, N)
+        Detections of every hypothesis, the latest first.
     noise : Noise
     work : int
         As of `gmr_gym.tuning.thresholds.reduced`.
     """
 
     mixture: Mixture
-    labels: np.ndarray
+    history: np.ndarray
     noise: Noise
     work: int
 
@@ -77,24 +77,24 @@ class AdaptiveNoise:
 
     def init(self) -> Belief:
         """Belief one period before the first scan."""
-        labels = np.zeros(len(self.model.prior.w), int)
-        return Belief(self.model.prior, labels, self.estimator.at_start(self._traces.sensor), 0)
+        history = np.full((len(self.model.prior.w), DEPTH), MISSED)
+        return Belief(self.model.prior, history, self.estimator.at_start(self._traces.sensor), 0)
 
     def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         z = check_scan(z, len(self.model.sensor.H))
-        (w, m, P), labels, noise, _ = belief
+        (w, m, P), history, noise, _ = belief
         (F, Q, offset), sensor = self.model.motion, self.model.sensor
         before, motion = (w, m, noise.fading * P), (F, noise.factor * Q, offset)
         full, gates = expand_scan(before, motion, (sensor.H, sensor.R), z, *gate_and_log_weights(self.model))
         scan = Innovations(*innovations(before, motion, full, gates, z, sensor.R, self._inverse).tolist())
         gated = int((full.detection >= 0).sum())
-        labels = labels_after(labels, full.parent, full.detection)
-        w, m, P, mean, covariance, _, work, labels = reduced(
-            list(REDUCERS).index(self.reducer), *full.mixture, labels, np.array(self.thresholds), 0.0, gated
+        history = extended(history, full.parent, full.detection)
+        w, m, P, mean, covariance, _, work, history = reduced(
+            list(REDUCERS).index(self.reducer), *full.mixture, history, np.array(self.thresholds), 0.0, gated
         )
         left = Mixture(w, m, P)
-        after = Belief(left, labels, self.estimator.after(noise, scan, self._traces), work)
+        after = Belief(left, history, self.estimator.after(noise, scan, self._traces), work)
         return after, Report(mean[None], covariance[None], Gates(*gates), left)
 
 
@@ -106,6 +106,7 @@ def adaptive_noise(
     prune_density: float = 1e-10,
     reducer: str = "adaptive",
     history: int = 2,
+    distance: float = 4.0,
     *,
     method: str = NoiseEstimator.method,
     factor: float = NoiseEstimator.factor,
@@ -134,6 +135,8 @@ def adaptive_noise(
         One of `gmr_gym.tuning.thresholds.REDUCERS`.
     history : int
         N of the reducer "n-scan".
+    distance : float
+        Of the reducer "cluster", squared.
     method, factor, memory, low, high, threshold, fading
         See `gmr_gym.filters.adaptive_noise.NoiseEstimator`.
 
@@ -142,5 +145,5 @@ def adaptive_noise(
     AdaptiveNoise
     """
     estimator = NoiseEstimator(method, factor, memory, low, high, threshold, fading)
-    thresholds = Thresholds(loss_bound, prune_weight, prune_density, components, history)
+    thresholds = Thresholds(loss_bound, prune_weight, prune_density, components, history, distance)
     return AdaptiveNoise(model, estimator, reducer, thresholds)

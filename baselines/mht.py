@@ -13,6 +13,7 @@ from gmr_gym.checks import UNLIMITED, check_count, check_limits
 from gmr_gym.filters.mht import (
     ESTIMATE_SCAN,
     MAX_HYPOTHESES,
+    estimate_clustered_scan,
     estimate_scan,
     expand_and_prune,
     gate_and_log_weights,
@@ -20,6 +21,7 @@ from gmr_gym.filters.mht import (
     predict_and_update,
     reduce_and_estimate,
 )
+from gmr_gym.filters.n_scan import NScanMht
 from gmr_gym.filters.trace import Trace, origin_of_reduction, trace_of
 from gmr_gym.filters.tracker import ONE_MODE, CompiledTracker, Report, check_scan
 from gmr_gym.kernels import compile_ahead, kernel
@@ -29,9 +31,11 @@ from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model, check_one_motion
 from gmr_gym.reduction import ise as williams
 from gmr_gym.reduction import salmond_west
+from gmr_gym.reduction.heaviest_first import Clustering, clustering
+from gmr_gym.reduction.n_scan import NScan
 from gmr_gym.reduction.protocol import Reduced, check_reduced
-from gmr_gym.reduction.registry import reducer
-from gmr_gym.reduction.runnalls import Greedy, compilable, greedy
+from gmr_gym.reduction.registry import compilable, hypothesis_reducer
+from gmr_gym.reduction.runnalls import Greedy, greedy
 
 
 @dataclass(frozen=True)
@@ -78,17 +82,23 @@ class Mht:
 
     @property
     def compiled(self) -> CompiledTracker | None:
-        """Its form for compiled loops; None for a radar, for a reduction other than Greedy, and for another
-        class that inherits from this."""
+        """Its form for compiled loops; None for a radar, for a reduction other than Greedy or Clustering, and
+        for another class that inherits from this."""
         model, reduce = self.model, self.reduce
-        if type(self) is not Mht or not isinstance(model.sensor, Sensor) or not isinstance(reduce, Greedy):
+        if type(self) is not Mht or not isinstance(model.sensor, Sensor):
+            return None
+        if isinstance(reduce, Greedy):
+            scan, threshold = _scan, reduce.loss_bound
+        elif isinstance(reduce, Clustering):
+            scan, threshold = _clustered_scan, reduce.distance
+        else:
             return None
         limits = (
             float(self.prune_weight), int(self.max_hypotheses),
-            reduce.components, reduce.loss_bound, float(self.prune_density),
+            reduce.components, threshold, float(self.prune_density),
         )  # fmt: skip
         told = model.motion[:], model.sensor[:], gate_and_log_weights(model), limits
-        return CompiledTracker(_scan, told, self.init()[:])
+        return CompiledTracker(scan, told, self.init()[:])
 
     def init(self) -> Mixture:
         """Belief one period before the first scan."""
@@ -116,11 +126,22 @@ class Mht:
 def _scan(told, belief, z):
     """`Mht.step` for a linear sensor and Greedy, see `CompiledTracker`."""
     motion, sensor, weights, limits = told
-    prune_weight, max_hypotheses = limits[:2]
-    (w, m, P), (centres, S, threshold), hits = expand_and_prune(
-        belief, motion, sensor, z, weights, prune_weight, max_hypotheses
-    )
-    w, m, P, mean, covariance = estimate_scan(w, m, P, *limits)
+    (w, m, P), gates, hits, _, _ = expand_and_prune(belief, motion, sensor, z, weights, *limits[:2])
+    return _reported(estimate_scan(w, m, P, *limits), gates, hits)
+
+
+@kernel(inline="always")
+def _clustered_scan(told, belief, z):
+    """`Mht.step` for a linear sensor and Clustering, see `CompiledTracker`."""
+    motion, sensor, weights, limits = told
+    (w, m, P), gates, hits, _, _ = expand_and_prune(belief, motion, sensor, z, weights, *limits[:2])
+    return _reported(estimate_clustered_scan(w, m, P, *limits), gates, hits)
+
+
+@kernel(inline="always")
+def _reported(reduced, gates, hits):
+    """What a compiled scan returns of the reduced hypotheses and their moments."""
+    (w, m, P, mean, covariance), (centres, S, threshold) = reduced, gates
     report = Report(mean, covariance, Gates(centres, S, threshold), Mixture(w, m, P), True, ONE_MODE)
     return (w, m, P), report, hits
 
@@ -131,7 +152,7 @@ def mht(
     reduction: str = "runnalls",
     prune_weight: float = 5e-4,
     prune_density: float = 1e-10,
-) -> Mht:
+) -> Mht | NScanMht:
     """MHT reduced to `components` by any reduction.
 
     Parameters
@@ -142,7 +163,7 @@ def mht(
         Most hypotheses after the reduction.
     reduction : str
         Name of a reduction, see `gmr_gym.reduction.registry`, as it is or with parameters of its own:
-        "salmond:distance=0.1".
+        "salmond:distance=0.1"; or "n-scan:scans=2".
     prune_weight : float
         gamma: hypotheses of less weight are pruned before the reduction.
     prune_density : float
@@ -151,9 +172,12 @@ def mht(
 
     Returns
     -------
-    Mht
+    Mht or NScanMht
     """
-    return Mht(model, compilable(reducer(reduction, components)), prune_weight, prune_density)
+    reduce = compilable(hypothesis_reducer(reduction, components))
+    if isinstance(reduce, NScan):
+        return NScanMht(model, reduce, prune_weight, prune_density)
+    return Mht(model, reduce, prune_weight, prune_density)
 
 
 def capping(model: Model, components: int = 30, prune_weight: float = 0.0, prune_density: float = 0.0) -> Mht:
@@ -261,6 +285,76 @@ def adaptive(
     D'Ortenzio, Adaptive.
     """
     return Mht(model, greedy(components, loss_bound), prune_weight, prune_density)
+
+
+def cluster(
+    model: Model,
+    components: int | None = None,
+    distance: float = 4.0,
+    prune_weight: float = 1e-3,
+    prune_density: float = 1e-10,
+) -> Mht:
+    """MHT whose heaviest hypothesis takes in all within `distance` of it, then the heaviest of the rest.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int or None
+        Most hypotheses after the reduction; None for no limit.
+    distance : float
+        Squared Mahalanobis distance by the covariance of the heaviest.
+    prune_weight : float
+        gamma: hypotheses of less weight are pruned before the reduction.
+    prune_density : float
+        gamma~: hypotheses whose weight over the square root of the determinant is less are pruned after it;
+        in s^2/m^4 for a planar position and velocity.
+
+    Returns
+    -------
+    Mht
+
+    References
+    ----------
+    Salmond 1990, section 4.2.
+    """
+    limit = UNLIMITED if components is None else components
+    return Mht(model, clustering(limit, distance), prune_weight, prune_density)
+
+
+def n_scan(
+    model: Model,
+    components: int | None = None,
+    scans: int = 2,
+    prune_weight: float = 7e-4,
+    prune_density: float = 1e-10,
+) -> NScanMht:
+    """MHT that merges the hypotheses with the same detections in the last `scans` scans.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    components : int or None
+        Most hypotheses after the reduction: beyond it pairs are merged by cost B. None for no limit.
+    scans : int
+        N. With 0 all hypotheses are merged, as in a PDA.
+    prune_weight : float
+        gamma: hypotheses of less weight are pruned before the reduction.
+    prune_density : float
+        gamma~: hypotheses whose weight over the square root of the determinant is less are pruned after it;
+        in s^2/m^4 for a planar position and velocity.
+
+    Returns
+    -------
+    NScanMht
+
+    References
+    ----------
+    Singer, Sea and Housewright 1974.
+    """
+    limit = UNLIMITED if components is None else check_count(components)
+    return NScanMht(model, NScan(limit, scans), prune_weight, prune_density)
 
 
 def ise(model: Model, components: int = 15, prune_weight: float = 5e-4, prune_density: float = 1e-10) -> Mht:

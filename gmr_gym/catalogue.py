@@ -50,6 +50,7 @@ REDUCTIONS = {  # each with what it does
     "greedy-chi-square": "merges by moments the pair of least chi-square divergence from its merge",
     "prune-or-merge": "merges or prunes, whichever raises the divergence of the result from the whole least",
     "adaptive-2023": "runnalls until the next merge costs much more than those to follow",
+    "cluster": "Salmond: the heaviest takes in all within a distance of it, then the heaviest of the rest",
 }
 BACKENDS = ("loky", "dask", "ray")  # what shares runs among processes
 

@@ -24,6 +24,7 @@ from gmr_gym.mixture import Mixture, match, match_all, rescaled
 from gmr_gym.models.gating import Gates, gate_threshold, gates
 from gmr_gym.models.kalman import Sensor, predict, predict_all, predict_detections
 from gmr_gym.models.model import Model
+from gmr_gym.reduction.heaviest_first import Clustering, merge_by_distance
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
 from gmr_gym.reduction.runnalls import Greedy, merge_by_cost
@@ -104,7 +105,7 @@ def predict_and_prune(
         Gates of the predicted hypotheses.
     """
     if isinstance(model.sensor, Sensor):
-        likely, used, _ = expand_and_prune(
+        likely, used, *_ = expand_and_prune(
             belief[:], model.motion[:], model.sensor[:], z, gate_and_log_weights(model),
             prune_weight, max_hypotheses,
         )  # fmt: skip
@@ -204,6 +205,10 @@ def reduce_and_estimate(
         limits = prune_weight, max_hypotheses, reduce.components, reduce.loss_bound, density
         w, m, P, mean, covariance = estimate_scan(*posterior, *limits)
         return Mixture(w, m, P), mean, covariance
+    if isinstance(reduce, Clustering):
+        limits = prune_weight, max_hypotheses, reduce.components, reduce.distance, density
+        w, m, P, mean, covariance = estimate_clustered_scan(*posterior, *limits)
+        return Mixture(w, m, P), mean, covariance
     entering = Mixture(*prune_by_weight(*posterior, prune_weight, max_hypotheses))
     left = Mixture(*prune_by_density(*reduce(entering)[0], density))
     _, mean, covariance = match_all(left)
@@ -248,7 +253,8 @@ def expand_scan(belief, motion, sensor, z, threshold, log_miss, log_detect):
 @kernel
 def expand_and_prune(belief, motion, sensor, z, weights, prune_weight, max_hypotheses):
     """`expand_scan` without the hypotheses that `prune_by_weight` drops, which are not updated: the fields of
-    a Mixture, not normalised, and of the Gates, and the number of detections in them, counted in each."""
+    a Mixture, not normalised, and of the Gates, the number of detections in them, counted in each, and parent
+    and detection of every hypothesis."""
     (w, m, P), (F, Q, offset), (H, R) = belief, motion, sensor
     m, P = predict_all(m, P, F, Q, offset)
     predicted_z = predict_detections(m, P, H, R, z)
@@ -262,7 +268,7 @@ def expand_and_prune(belief, motion, sensor, z, weights, prune_weight, max_hypot
             w[n], parent[n], detection[n] = w[h], parent[h], detection[h]
             n += 1
     m, P = update_associated(m, P, predicted_z, parent[:n], detection[:n])
-    return (w[:n], m, P), (predicted_z.z_hat, predicted_z.S, threshold), hits
+    return (w[:n], m, P), (predicted_z.z_hat, predicted_z.S, threshold), hits, parent[:n], detection[:n]
 
 
 @kernel
@@ -296,6 +302,24 @@ def reduce_scan(w, m, P, prune_weight, max_hypotheses, components, loss_bound, d
     return w, m, P, entered, left
 
 
+@kernel
+def estimate_clustered_scan(w, m, P, prune_weight, max_hypotheses, components, distance, density):
+    """The reduced w, m and P of `cluster_scan`, and their mean (1, d) and covariance (1, d, d)."""
+    w, m, P, _ = cluster_scan(w, m, P, prune_weight, max_hypotheses, components, distance, density)
+    _, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), ONE)
+    return w, m, P, mean, covariance
+
+
+@kernel(inline="always")
+def cluster_scan(w, m, P, prune_weight, max_hypotheses, components, distance, density):
+    """Prune by weight, cluster and prune by density: the reduced w, m and P, and the work of clustering, see
+    `gmr_gym.reduction.heaviest_first.merge_by_distance`."""
+    w, m, P = prune_by_weight(w, m, P, prune_weight, max_hypotheses)
+    w, m, P, _, work = merge_by_distance(w, m, P, distance, components)
+    w, m, P = prune_by_density(w, m, P, density)
+    return w, m, P, work
+
+
 @kernel(inline="always")
 def prune_by_weight(w, m, P, prune_weight, max_hypotheses):
     """SP: the heaviest hypotheses of weight at least prune_weight, normalised."""
@@ -311,17 +335,3 @@ def prune_by_density(w, m, P, density):
     w = rescaled(w)
     w, m, P, _ = select(w, m, P, above_threshold(w, w / root_determinants(P), density))
     return rescaled(w), m, P
-
-
-@kernel
-def merge_costs(entered, left):
-    r"""Number of pairwise costs B that greedy merging evaluates from n = `entered` to r = `left` hypotheses.
-
-    Notes
-    -----
-    One for each of the n (n - 1) / 2 pairs at first, then, after each merge, one for the new hypothesis with
-    each of the others:
-
-    .. math:: \frac{n (n - 1)}{2} + (r - 1) + r + \dots + (n - 2) = (n - 1)^2 - \frac{(r - 1) (r - 2)}{2}
-    """
-    return (entered - 1) ** 2 - (left - 1) * (left - 2) // 2

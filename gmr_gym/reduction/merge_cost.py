@@ -246,3 +246,17 @@ def logarithm(x):
     series = 1 / 7 + s2 * (1 / 9 + s2 * (1 / 11 + s2 * (1 / 13 + s2 * series)))
     series = 1 / 3 + s2 * (1 / 5 + s2 * series)
     return exponent * 0.6931471805599453 + 2.0 * (s + s * s2 * series)
+
+
+@kernel
+def merge_costs(entered, left):
+    r"""Number of pairwise costs B that greedy merging evaluates from n = `entered` to r = `left` components.
+
+    Notes
+    -----
+    One for each of the n (n - 1) / 2 pairs at first, then, after each merge, one for the new component with
+    each of the others:
+
+    .. math:: \frac{n (n - 1)}{2} + (r - 1) + r + \dots + (n - 2) = (n - 1)^2 - \frac{(r - 1) (r - 2)}{2}
+    """
+    return (entered - 1) ** 2 - (left - 1) * (left - 2) // 2

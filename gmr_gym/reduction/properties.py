@@ -65,4 +65,5 @@ PROPERTIES = {
     "greedy-chi-square": _BY_PAIRS,
     "prune-or-merge": Properties(("weight",), AFFINE, "N^2 d^3"),
     "adaptive-2023": _BY_PAIRS._replace(bounded=True),
+    "cluster": _BY_PAIRS._replace(bounded=True),
 }  # fmt: skip

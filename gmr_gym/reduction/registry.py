@@ -12,7 +12,7 @@ from inspect import signature
 from typing import Any
 
 from gmr_gym.catalogue import reduction_entry_points, reductions
-from gmr_gym.checks import check_not_negative
+from gmr_gym.checks import check_choice, check_count, check_not_negative
 from gmr_gym.literals import name_and_parameters
 from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.adaptive_merging import adaptive_2023
@@ -20,14 +20,17 @@ from gmr_gym.reduction.agglomeration import greedy_isd
 from gmr_gym.reduction.clustering import LINKAGES, hierarchical, k_means, k_medoids
 from gmr_gym.reduction.consistent_merging import consistent, greedy_chi_square, greedy_wasserstein
 from gmr_gym.reduction.dissimilarity import MEASURES
+from gmr_gym.reduction.heaviest_first import cluster, clustering
 from gmr_gym.reduction.ise import integral_squared_error
 from gmr_gym.reduction.measures import MEASURES as BARYCENTRES
+from gmr_gym.reduction.measures import TELESCOPING
+from gmr_gym.reduction.n_scan import NScan
 from gmr_gym.reduction.oracles import brute_force, transportation_optimum
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.prune_or_merge import prune_or_merge
 from gmr_gym.reduction.pruning import capping
 from gmr_gym.reduction.refinement import gmrc, refine
-from gmr_gym.reduction.runnalls import adaptive, runnalls
+from gmr_gym.reduction.runnalls import Greedy, adaptive, greedy, runnalls
 from gmr_gym.reduction.salmond_west import salmond, west
 from gmr_gym.reduction.transportation import dphem, transportation
 from gmr_gym.reduction.vo_ma import vo_ma
@@ -62,6 +65,7 @@ REDUCERS: dict[str, Callable] = {
     "greedy-chi-square": greedy_chi_square,
     "prune-or-merge": prune_or_merge,
     "adaptive-2023": adaptive_2023,
+    "cluster": cluster,
 }
 
 
@@ -106,9 +110,53 @@ def reducer(name: str, components: int, **parameters: Any) -> partial:
     return partial(reduction, components=components, **given, **parameters)
 
 
+def compilable(reduce: Callable[..., Reduced]) -> Callable[..., Reduced]:
+    """The Greedy of `runnalls` or `adaptive`, or the Clustering of `cluster`, with its parameters; another
+    reduction as it is."""
+    if not isinstance(reduce, partial):
+        return reduce
+    keywords = dict(reduce.keywords)
+    if reduce.func is runnalls:
+        return Greedy(check_count(keywords["components"]))
+    if reduce.func is cluster:
+        return clustering(**keywords)
+    if reduce.func is adaptive:
+        measure = keywords.pop("measure", "kl")
+        check_choice("measure", measure, TELESCOPING)
+        merging = greedy(**keywords)
+        return merging if measure == "kl" else reduce
+    return reduce
+
+
+def hypothesis_reducer(name: str, components: int) -> Callable[..., Reduced]:
+    """The reduction of that name for hypotheses with detections: NScan, or what `reducer` finds.
+
+    Parameters
+    ----------
+    name : str
+        "n-scan", or a name that `reducer` takes, with parameters or not.
+    components : int
+        Upper limit of the number of hypotheses that remain.
+
+    Raises
+    ------
+    ValueError
+        As `reducer`.
+    """
+    base, given = name_and_parameters(name) if isinstance(name, str) else (name, {})
+    if base != "n-scan":
+        return reducer(name, components)
+    for parameter in given:
+        if parameter != "scans":
+            raise ValueError(f"reduction 'n-scan' takes no parameter {parameter!r}; it takes scans")
+    return NScan(check_count(components), **given)
+
+
 def _imported(name: str) -> Callable:
     """The reduction that an installed package gives the name, or "module:function"."""
     point = reduction_entry_points().get(name)
+    if name == "n-scan":
+        raise ValueError("reduction 'n-scan' compares the detections of hypotheses, which only MHTs know")
     module, colon, function = (point.value if point else name).partition(":")
     if not colon:
         known = reductions()

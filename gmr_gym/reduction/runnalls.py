@@ -6,9 +6,7 @@ lower the total weight and leave rescaling to `normalised`. Components of weight
 an empty mixture stays empty. A mixture that fails `checked` raises ValueError.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -18,7 +16,7 @@ from gmr_gym.mixture import Mixture, arrays_of
 from gmr_gym.reduction.consistent_merging import merged_within
 from gmr_gym.reduction.greedy_merging import merge_greedily
 from gmr_gym.reduction.measures import TELESCOPING
-from gmr_gym.reduction.merge_cost import total_cost
+from gmr_gym.reduction.merge_cost import merge_costs, total_cost
 from gmr_gym.reduction.protocol import TOO_FAR, Reduced
 from gmr_gym.reduction.pruning import above_threshold, select, weighing
 
@@ -141,19 +139,6 @@ def greedy(components: int | None, loss_bound: float) -> Greedy:
     return Greedy(UNLIMITED if components is None else check_count(components), bound)
 
 
-def compilable(reduce: partial) -> Callable[[Mixture], Reduced]:
-    """The Greedy of `runnalls` or `adaptive` with its parameters; another reduction as it is."""
-    if reduce.func is runnalls:
-        return Greedy(check_count(reduce.keywords["components"]))
-    if reduce.func is adaptive:
-        keywords = dict(reduce.keywords)
-        measure = keywords.pop("measure", "kl")
-        check_choice("measure", measure, TELESCOPING)
-        merging = greedy(**keywords)
-        return merging if measure == "kl" else reduce
-    return reduce
-
-
 def total_merge_cost(p: Mixture) -> float:
     """Cost of merging everything into one Gaussian: the sum of w_i KL(component i || moment match).
 
@@ -205,3 +190,14 @@ def merge_by_cost(w, m, P, components, loss_bound):
         if alive[i] >= 0:
             alive[i] = origin[alive[i]]
     return w, m, P, alive
+
+
+@kernel
+def merge_down(w, m, P, components):
+    """`runnalls` of components of positive weight: w, m, P and origin (n,) of the reduced mixture, and the
+    number of costs that were evaluated."""
+    n = len(w)
+    if n <= components:
+        return w, m, P, np.arange(n), 0
+    w, m, P, origin = merge_greedily(w, m, P, components, -1.0)
+    return w, m, P, origin, merge_costs(n, components)

@@ -10,6 +10,7 @@ import numpy as np
 from gmr_gym.filters.mht import MAX_HYPOTHESES, expand_scan, gate_and_log_weights
 from gmr_gym.kernels import kernel, together
 from gmr_gym.models.kalman import Sensor
+from gmr_gym.reduction.n_scan import extended
 from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
 from gmr_gym.simulation.reward import distance, score
 from gmr_gym.simulation.scans import View, centre_into, scan_into
@@ -17,11 +18,9 @@ from gmr_gym.simulation.single_target import Episode, Scenario, capacity, view_o
 from gmr_gym.tuning.features import Memory, model_features, observe
 from gmr_gym.tuning.hindsight import FORESEEN, hindsight, lookahead
 from gmr_gym.tuning.instances import SCANS
-from gmr_gym.tuning.n_scan import labels_after
 from gmr_gym.tuning.recent import MEMORY, at_first, observe_recent
-from gmr_gym.tuning.thresholds import MEASUREMENT, ODDS, PROCESS, RANGES, REDUCERS, reduced
+from gmr_gym.tuning.thresholds import DEPTH, MEASUREMENT, N_SCAN, ODDS, PROCESS, RANGES, REDUCERS, reduced
 
-N_SCAN = list(REDUCERS).index("n-scan")
 LEAST = RANGES["prune"][0]  # hypotheses that weigh less enter no reduction
 EPISODE = np.dtype(
     [
@@ -58,7 +57,7 @@ EPISODE = np.dtype(
         ("w", "f8", (MAX_HYPOTHESES,)),
         ("m", "f8", (MAX_HYPOTHESES, 4)),
         ("P", "f8", (MAX_HYPOTHESES, 4, 4)),
-        ("labels", "i8", (MAX_HYPOTHESES,)),  # see `n_scan`
+        ("history", "i8", (MAX_HYPOTHESES, DEPTH)),  # detections, see `reduction.n_scan.extended`
         ("recent", "f8", (MEMORY,)),  # see `recent`
         ("cost", "f8"),  # of merging all of the posterior
         ("gated", "i8"),  # Gaussians updated
@@ -160,18 +159,18 @@ def step(episodes, rows, thresholds, steps, observations, seen):
     for i in rows:
         e = episodes[i]
         w, m, P, estimate = np.ones(1), e.prior[:], e.prior_covariance[:], e.prior[0]
-        labels = np.zeros(1, np.int64)
+        history = np.zeros((1, DEPTH), np.int64)
         if e.t >= 0:
             n = e.hypotheses
-            w, m, P, estimate, _, e.relative_loss, e.work, labels = reduced(
-                e.reducer, e.w[:n], e.m[:n], e.P[:n], e.labels[:n], thresholds[i], e.cost, e.gated
+            w, m, P, estimate, _, e.relative_loss, e.work, history = reduced(
+                e.reducer, e.w[:n], e.m[:n], e.P[:n], e.history[:n], thresholds[i], e.cost, e.gated
             )
             e.kept = len(w)
             pay(e, estimate, thresholds[i], steps[i])
         e.t += 1
         observations[i] = 0.0
         if e.t < e.scans:
-            look(e, (w, m, P), labels, estimate, thresholds[i], observations[i], seen)
+            look(e, (w, m, P), history, estimate, thresholds[i], observations[i], seen)
 
 
 @kernel
@@ -191,7 +190,7 @@ def pay(e, estimate, thresholds, out):
 
 
 @kernel
-def look(e, belief, labels, estimate, thresholds, observation, seen):
+def look(e, belief, history, estimate, thresholds, observation, seen):
     """Predicts the belief to the current scan and updates it by the detections, under the factors among the
     thresholds; writes the features (k,) in `seen`.
 
@@ -227,8 +226,8 @@ def look(e, belief, labels, estimate, thresholds, observation, seen):
         )
     kept = heaviest_mask(w, len(e.w)) & above_threshold(w, w, LEAST)
     if e.reducer == N_SCAN:
-        labels = labels_after(labels, full.parent, full.detection)[kept]
-        e.labels[: len(labels)] = labels
+        history = extended(history, full.parent, full.detection)[kept]
+        e.history[: len(history)] = history
     w, m, P, _ = select(w, m, P, kept)
     e.hypotheses = n = len(w)
     e.w[:n], e.m[:n], e.P[:n] = w, m, P

@@ -6,14 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.checks import check_choice
-from gmr_gym.filters.mht import MAX_HYPOTHESES, merge_costs, reduce_scan
+from gmr_gym.filters.mht import MAX_HYPOTHESES, cluster_scan, reduce_scan
+from gmr_gym.filters.n_scan import n_scan_reduce
 from gmr_gym.kernels import kernel
-from gmr_gym.linalg import root_determinants
 from gmr_gym.mixture import rescaled
 from gmr_gym.points import check_unmasked
-from gmr_gym.reduction.merge_cost import total_cost
-from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
-from gmr_gym.tuning.n_scan import DEPTH, merge_alike
+from gmr_gym.reduction.merge_cost import merge_costs, total_cost
+from gmr_gym.reduction.pruning import heaviest_mask, select
 
 
 class Thresholds(NamedTuple):
@@ -30,31 +29,36 @@ class Thresholds(NamedTuple):
     alpha: float = 0.05  # share of the cost of merging everything that merging may spend
     prune: float = 5e-4  # gamma: a hypothesis that weighs less does not enter the merging
     prune_density: float = 1e-10  # gamma~, s^2/m^4 for a planar position and velocity
-    components: int = 100  # N_M: merging goes on past alpha down to so many
+    components: int = 100  # N_M: most hypotheses after the reduction
     history: int = 2  # N: hypotheses that share their last N detections are merged
+    distance: float = 4.0  # squared, by the covariance of the heaviest: what lies within it is merged
     process_noise: float = 1.0  # factor on the standard deviation of the process noise
     measurement_noise: float = 1.0  # factor on the standard deviation of the measurement noise
     detection_odds: float = 1.0  # factor on P_D / (1 - P_D)
 
 
 DORTENZIO = Thresholds()
+DEPTH = 5  # most detections of the past that hypotheses are told apart by
 FACTORS = ("process_noise", "measurement_noise", "detection_odds")
 # and the thresholds that each of them heeds
 REDUCERS = {
     "adaptive": ("alpha", "prune", "prune_density", "components"),
     "n-scan": ("history", "prune", "prune_density", "components"),
+    "cluster": ("distance", "prune", "prune_density", "components"),
 }
 # Thresholds of the actions -1 and 1; the scale between is logarithmic. Below 1e-4 alpha merges next to
 # nothing, above a half it merges all that matters. Each decade of gamma changes the work by a factor of about
 # three, and at 1e-2 it leaves a few hypotheses.
 RANGES = {
     "alpha": (1e-4, 0.5), "prune": (1e-6, 1e-2), "prune_density": (1e-14, 1e-6), "components": (2, 200),
-    "history": (1, DEPTH), "process_noise": (0.25, 8), "measurement_noise": (0.5, 2),
+    "history": (1, DEPTH), "distance": (0.25, 25), "process_noise": (0.25, 8), "measurement_noise": (0.5, 2),
     "detection_odds": (0.125, 8),
 }  # fmt: skip
 
 LIMITS, COMPONENTS = np.array(list(RANGES.values()), float), list(RANGES).index("components")
-HISTORY, PROCESS, MEASUREMENT, ODDS = (list(RANGES).index(name) for name in ("history", *FACTORS))
+HISTORY, DISTANCE = list(RANGES).index("history"), list(RANGES).index("distance")
+PROCESS, MEASUREMENT, ODDS = (list(RANGES).index(name) for name in FACTORS)
+ADAPTIVE, N_SCAN, _ = range(len(REDUCERS))
 WHOLE = np.array([name in ("components", "history") for name in RANGES])
 
 
@@ -234,20 +238,25 @@ def adapt(w, m, P, thresholds, cost, gated):
 
 
 @kernel
-def reduced(reducer, w, m, P, labels, thresholds, cost, gated):
-    """What `adapt` returns, and the labels of the result, by the reducer of that place among `REDUCERS`."""
-    if reducer == 0:
+def reduced(reducer, w, m, P, history, thresholds, cost, gated):
+    """What `adapt` returns, and the history of the result, by the reducer of that place among `REDUCERS`.
+
+    `history` (n, DEPTH) are the last detections of the hypotheses, which matter to "n-scan" alone. But for
+    "adaptive" the limit of hypotheses is kept by pruning the lightest, which takes no work.
+    """
+    if reducer == ADAPTIVE:
         w, m, P, mean, covariance, relative_loss, work = adapt(w, m, P, thresholds, cost, gated)
-        return w, m, P, mean, covariance, relative_loss, work, labels[: len(w)]
-    kept = heaviest_mask(w, MAX_HYPOTHESES) & above_threshold(w, w, thresholds[1])
-    w, m, P, _ = select(w, m, P, kept)
-    labels = labels[kept]
-    work = gated + len(w)
-    w, m, P, labels = merge_alike(w, m, P, labels, np.int64(thresholds[HISTORY]))
+        return w, m, P, mean, covariance, relative_loss, work, history[: len(w)]
+    prune, density, most = thresholds[1], thresholds[2], np.int64(MAX_HYPOTHESES)
+    if reducer == N_SCAN:
+        scans = np.int64(thresholds[HISTORY])
+        w, m, P, history, work = n_scan_reduce(w, m, P, history, scans, prune, most, most, density)
+    else:
+        w, m, P, work = cluster_scan(w, m, P, prune, most, most, thresholds[DISTANCE], density)
+        history = history[: len(w)]
     kept = heaviest_mask(w, np.int64(thresholds[COMPONENTS]))
-    kept &= above_threshold(w, w / root_determinants(P), thresholds[2])
     w, m, P, _ = select(w, m, P, kept)
     w = rescaled(w)
     after, mean, covariance = total_cost(w, m, P)
     relative_loss = max(0.0, 1 - after / cost) if cost > 0.0 else 0.0
-    return w, m, P, mean, covariance, relative_loss, work, labels[kept]
+    return w, m, P, mean, covariance, relative_loss, gated + work, history[kept]

@@ -18,7 +18,7 @@ from judge import played, seeds_of
 from rivals import constants, env_of, families
 from tracked import Tracked, counted, scans_of
 
-from gmr_gym.filters.mht import merge_costs
+from gmr_gym.reduction.merge_cost import merge_costs
 from gmr_gym.tuning.instances import Instance, world
 from gmr_gym.tuning.policies import Constant, Rule
 from gmr_gym.tuning.thresholds import Thresholds, to_action

@@ -11,7 +11,6 @@ from gmr_gym.filters.association import Expansion, expand
 from gmr_gym.filters.mht import (
     ScanUpdate,
     gate_and_log_weights,
-    merge_costs,
     predict_and_update,
     prune_and_reduce,
     reduce_scan,
@@ -19,6 +18,7 @@ from gmr_gym.filters.mht import (
 from gmr_gym.mixture import Mixture, mixture, moments, normalised
 from gmr_gym.models.gating import gates
 from gmr_gym.models.kalman import predict
+from gmr_gym.reduction.merge_cost import merge_costs
 from gmr_gym.reduction.pruning import capping, prune, prune_density
 from gmr_gym.reduction.runnalls import adaptive as reduction_adaptive
 from gmr_gym.reduction.runnalls import greedy, total_merge_cost
