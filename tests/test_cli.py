@@ -248,7 +248,7 @@ def test_reproduce_sets_printed_figures_beside_its_own(call):
     assert rows["capping-30"]["track_loss"]["verdict"] == "too few runs"
     assert "verdict" not in rows["adaptive-30"]["time_per_scan"]
     assert "paper 45.8 " in printed and "paper 39.8 " in printed  # per cent and milliseconds
-    assert len(rows_of("r/runs-1.csv")) == 4 * 4
+    assert len(rows_of("r/runs-1.csv")) == 4 * 6
 
 
 def test_a_tracker_of_ones_own_has_its_row_in_a_papers_table_on_the_same_scans(call):
