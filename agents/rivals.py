@@ -23,6 +23,7 @@ KNOWN = ("clutter", "detection")
 RULES = (
     ("nis_mean", "spread"), ("innovation_mean", "missed"), ("spread", "entropy"), ("nis_long", "manoeuvre"),
 )  # fmt: skip
+CHEAP = -0.5  # of an action: below alpha 8e-4 and gamma 1e-5 the costs of pairs are more than a lost target
 GAIN = 1.0  # of a rule's features, which span about 2
 
 
@@ -47,7 +48,10 @@ def constants(reducer: str, *more: str) -> Family:
     env = env_of(reducer, *more)
     name = f"{reducer}, constants" + f" and {', '.join(more)}" * bool(more)
     start = to_action(Thresholds(prune=1e-3), env["parameters"])
-    return Family(name, dict.fromkeys(env["parameters"], (-1.0, 1.0)), Constant, start, env)
+    low = CHEAP if reducer == "adaptive" else -1.0
+    return Family(
+        name, {p: (-1.0 if p == NOISE else low, 1.0) for p in env["parameters"]}, Constant, start, env
+    )
 
 
 def schedule() -> Family:
@@ -122,17 +126,18 @@ def adaptive_noise(method: str) -> Family:
 def two_motions(tracker: str, motions: int = 2) -> Family:
     """A bank of motions that differ in their process noise."""
     ranges = {
-        "prune_weight": (1e-5, 1e-2), "components": (1.0, 12.0), "low": (0.25, 1.0), "high": (1.0, 6.0),
+        "prune_weight": (1e-5, 1e-2), "history": (1.0, 5.0), "low": (0.25, 1.0), "high": (1.0, 6.0),
         "leave": (0.01, 0.5),
     }  # fmt: skip
 
     def policy(x: np.ndarray) -> Tracked:
-        prune, components, low, high, leave = np.exp(x).tolist()
+        prune, history, low, high, leave = np.exp(x).tolist()
         factors = tuple(np.geomspace(low, high, motions).tolist())
-        options = {"prune_weight": prune, "components": round(components)}
+        options = {"prune_weight": prune, "reduction": f"{BEST}:scans={round(history)}"}
+        options |= {"components": DORTENZIO.components}
         return Tracked(tracker, options, factors, 1 - leave)
 
-    start = np.log([1e-3, 5, 0.5, 2.0, 0.1])  # a quarter of the process noise, and four times
+    start = np.log([1e-3, 2, 0.5, 2.0, 0.1])  # a quarter of the process noise, and four times
     return Family(f"{motions} motions, {tracker}", in_log(ranges), policy, start)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from baselines.mht_of_banks import MhtOfBanks
 from gmr_gym.filters.registry import make_tracker
+from gmr_gym.literals import name_and_parameters
 from gmr_gym.models.model import Model
 from gmr_gym.models.switching import sticky_switching
 from gmr_gym.reduction.merge_cost import merge_costs
@@ -42,6 +43,7 @@ def scans_of(
     """Reward, error, work, components and seconds, scan by scan, of the episode of each seed, and whether a
     loss ended it: what the environment of the scenario gives a policy."""
     tracker, prior = policy.tracking(scenario.model), scenario.model.prior
+    reduction, _ = name_and_parameters(policy.options.get("reduction", "runnalls"))
     for seed in seeds:
         episode, belief = draw(scenario, seed), tracker.init()
         centre, scans, off, over, lost = scenario.centre(prior.w @ prior.m), [], 0, False, False
@@ -49,7 +51,7 @@ def scans_of(
             t = len(scans)
             z = scan(scenario, episode, t, centre).z
             started = perf_counter()
-            belief, report, work = counted(tracker, belief, z)
+            belief, report, work = counted(tracker, reduction, belief, z)
             seconds = perf_counter() - started
             error = distance(report.x[0], episode.x[t], scenario.position)
             reward, off, lost, late = score(
@@ -60,15 +62,27 @@ def scans_of(
         yield scans, lost
 
 
-def counted(tracker: Any, belief: Any, z: np.ndarray) -> tuple[Any, Any, int]:
-    """Belief and report of a scan, and its work: Gaussians updated by a detection, and the costs of pairs
-    that greedy merging evaluates of what enters it."""
+def counted(tracker: Any, reduction: str, belief: Any, z: np.ndarray) -> tuple[Any, Any, int]:
+    """Belief and report of a scan, and its work: Gaussians updated by a detection, and what the reduction
+    looks at to merge those that enter it."""
     if not hasattr(tracker, "trace"):
         belief, report = tracker.step(belief, z)
         return belief, report, belief.work
     belief, report, full = tracker.trace(belief, z)
-    entered = int((full.into >= 0).sum())
+    into = full.into
     if isinstance(tracker, MhtOfBanks):  # the outputs of its banks enter, not every filter
-        entered //= len(tracker.model.motions)
-    left = min(entered, len(report.mixture.w))
-    return belief, report, int((full.detection >= 0).sum()) + merge_costs(entered, left)
+        into = into[: len(into) // len(tracker.model.motions)]
+    sizes = np.bincount(into[into >= 0])
+    return belief, report, int((full.detection >= 0).sum()) + WORK[reduction](sizes)
+
+
+def _costs_of_pairs(sizes: np.ndarray) -> int:
+    return int(merge_costs(sizes.sum(), len(sizes)))
+
+
+def _looked_up(sizes: np.ndarray) -> int:
+    return int(sizes.sum())
+
+
+# of a reduction that merges groups of these sizes, as `gmr_gym.tuning.thresholds.reduced` counts it
+WORK = {"runnalls": _costs_of_pairs, "adaptive": _costs_of_pairs, "n-scan": _looked_up}

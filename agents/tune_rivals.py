@@ -162,7 +162,7 @@ def main(
     """Searches family by family, and writes the front of each to static.json."""
     learning, held_out = (
         Episodes(train, runs, 1, seed),
-        Episodes(valid, valid_runs, max(1, valid_runs // 4), seed),
+        Episodes(valid, valid_runs, max(1, valid_runs // 2), seed),
     )
     fronts: dict[str, list[Rival]] = {}
     for family in families(train):

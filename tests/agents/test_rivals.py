@@ -83,18 +83,21 @@ def test_a_tracker_is_scored_and_its_work_counted_as_in_the_environment(table):
 
 
 @pytest.mark.parametrize("name", ["mmg", "imm-mht"])
-def test_the_work_of_several_motions_is_that_of_every_gaussian_and_of_the_pairs_that_are_merged(name):
+@pytest.mark.parametrize("reduction", ["runnalls", "n-scan:scans=1"])
+def test_the_work_of_several_motions_is_that_of_every_gaussian_and_of_the_reduction(name, reduction):
     scenario = world(SHORT)
-    tracker = Tracked(name, {"components": 3, "prune_weight": 0.0}, (0.5, 2.0), 0.9).tracking(scenario.model)
-    Q = scenario.model.motion.Q
+    policy = Tracked(name, {"components": 4, "prune_weight": 0.0, "reduction": reduction}, (0.5, 2.0), 0.9)
+    tracker, Q = policy.tracking(scenario.model), scenario.model.motion.Q
     assert [m.Q[0, 0] / Q[0, 0] for m in tracker.model.motions] == pytest.approx([0.25, 4.0])
     assert tracker.model.switching == pytest.approx(np.array([[0.9, 0.1], [0.1, 0.9]]))
     ahead = scenario.model.sensor.H @ scenario.model.motion.F @ scenario.model.prior.m[0]
     z = ahead + np.array([[0.0, 5.0], [3.0, -4.0], [-6.0, 2.0]])
-    _, report, work = counted(tracker, tracker.init(), z)
+    base = reduction.split(":")[0]
+    _, report, work = counted(tracker, base, tracker.init(), z)
     # from one Gaussian: two motions, each with three detections or none
-    updated, hypotheses = (6, 8) if name == "mmg" else (6, 4)
-    assert len(report.mixture.w) == 3 and work == updated + merge_costs(hypotheses, 3)
+    hypotheses = 8 if name == "mmg" else 4
+    expected = 6 + (hypotheses if base == "n-scan" else merge_costs(hypotheses, 4))
+    assert len(report.mixture.w) == 4 and work == expected
 
 
 def test_fronts_are_read_as_they_were_written(tmp_path):
