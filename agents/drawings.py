@@ -15,6 +15,7 @@ LABELS = {
     "error_capped": "error of a scan, at most 100 m",
     "work": "work a scan, mean",
     "work_iqm": "work a scan, interquartile mean",
+    "time": "time a scan, s",
 }
 MARKERS = "osD^vP*X<>"
 
@@ -42,6 +43,20 @@ def draw_fronts(
             ax.set(xscale="log", xlabel=LABELS[work], ylabel=LABELS[error])
             ax.grid(alpha=0.3)
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    _save(figure, file)
+
+
+def draw_losses(file: Path, fronts: Mapping[str, Sequence[Mapping[str, float]]]) -> None:
+    """Losses against work, its interquartile mean, and time, by places of `scores.place`, front by front."""
+    figure = Figure(figsize=(14, 7), layout="constrained")
+    for ax, cost in zip(figure.subplots(1, 3), ("work", "work_iqm", "time"), strict=True):
+        for i, (name, places) in enumerate(fronts.items()):
+            points = _points(places, "track_loss", cost)
+            corners = points[front(points)]
+            ax.plot(*corners.T, f"-{MARKERS[i % len(MARKERS)]}", label=name, markersize=5, linewidth=1)
+        ax.set(xscale="log", xlabel=LABELS[cost], ylabel=LABELS["track_loss"])
+        ax.grid(alpha=0.3)
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     _save(figure, file)
 
 

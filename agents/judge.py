@@ -11,8 +11,10 @@ import gymnasium as gym
 import joblib
 import numpy as np
 from threadpoolctl import threadpool_limits
+from tracked import scans_of
 
 import gmr_gym
+from gmr_gym.envs.tuning import PRICE
 from gmr_gym.evaluation import archive
 from gmr_gym.evaluation.source import is_hashed
 from gmr_gym.tuning.instances import Instance, instances, world
@@ -21,7 +23,7 @@ ENV_ID = "gmr_gym/ReductionTuning-v1"
 # policy(features (k,), t) -> action (j,). It is asked about the episodes of an instance side by side, and of
 # them all in one call where it has a method `many`. One with a method `watching` is handed the environment
 # instead and asked for the policy proper: that is for what remembers, or knows more than a policy may, see
-# hindsight.py
+# hindsight.py. One with a method `tracking` is a tracker, see tracked.py
 Policy = Callable[[np.ndarray, int], np.ndarray]
 
 
@@ -101,17 +103,28 @@ def code() -> str:
         package / "envs" / "tuning_vector.py",
         here,
         here.with_name("hindsight.py"),
+        here.with_name("tracked.py"),
+        *here.parent.parent.glob("baselines/*.py"),
     ]
     return joblib.hash([file.read_bytes() for file in sorted(files)])
+
+
+def seeds_of(seed: int, place: int, runs: int) -> list[int]:
+    """Seeds of the episodes of the instance in that place of its table."""
+    keys = [np.random.SeedSequence((seed, place, run)).generate_state(2) for run in range(runs)]
+    return [int(key[0]) << 31 | int(key[1]) >> 1 for key in keys]
 
 
 def _of_instance(policy, settings, row: Instance, place: int, runs: int, seed: int) -> np.ndarray:
     """The fields of Episodes (f, runs) of an instance's episodes."""
     scenario = world(row)
     policy = deepcopy(policy)  # one with a stream of its own begins it anew, whoever played before
-    keys = [np.random.SeedSequence((seed, place, run)).generate_state(2) for run in range(runs)]
-    seeds = [int(key[0]) << 31 | int(key[1]) >> 1 for key in keys]
-    play = _one_by_one if hasattr(policy, "watching") else _side_by_side
+    seeds = seeds_of(seed, place, runs)
+    play = _side_by_side
+    if hasattr(policy, "watching"):
+        play = _one_by_one
+    elif hasattr(policy, "tracking"):
+        play = _tracked
     out = np.empty((len(Episodes._fields), runs))
     with threadpool_limits(1):  # small matrices are slower on several threads
         for run, (scans, lost) in enumerate(play(policy, settings, row.instance_id, seeds)):
@@ -144,6 +157,12 @@ def _one_by_one(policy, settings, name: str, seeds: list[int]) -> Iterator[tuple
             scans.append((reward, info["error"], info["work"], info["components"], seconds))
             over = lost or late
         yield scans, lost
+
+
+def _tracked(policy, settings, name: str, seeds: list[int]) -> Iterator[tuple[list[tuple], bool]]:
+    """As `_one_by_one`, of a tracker."""
+    said = dict(settings)
+    return scans_of(policy, world(instances(said["instances"])[name]), seeds, said.get("price", PRICE))
 
 
 def _side_by_side(policy, settings, name: str, seeds: list[int]) -> Iterator[tuple[list[tuple], bool]]:

@@ -40,16 +40,18 @@ def markdown(title: str, found: Mapping[str, Any]) -> str:
     said += [f"seeds of training: {', '.join(seeds)}"] * bool(seeds)
     return "\n\n".join([
         f"### {title}", f"{'; '.join(said)}.",
-        _table(COLUMNS, found["competitors"]),
-        "Against the best constant, episode by episode:", _table(DIFFERENCES, found["against"]),
-        "What a gain is due to:", _table(DIFFERENCES, found["split"]),
+        table_of(COLUMNS, found["competitors"]),
+        "Against the best constant, episode by episode:", table_of(DIFFERENCES, found["against"]),
+        "What a gain is due to:", table_of(DIFFERENCES, found["split"]),
     ])  # fmt: skip
 
 
-def _table(columns: Mapping[str, tuple[str, float]], rows: Mapping[str, Mapping[str, Any]]) -> str:
+def table_of(columns: Mapping[str, tuple[str, float]], rows: Mapping[str, Mapping[str, Any]]) -> str:
+    """A table of figures, a row each: heading and scale of every column by the name of its figure."""
     lines = [["", *(heading for heading, _ in columns.values())], ["---"] * (len(columns) + 1)]
     for name, figures in rows.items():
-        lines.append([name, *(_shown(figures[metric], scale) for metric, (_, scale) in columns.items())])
+        cells = ((figures.get(metric, Estimate(np.nan)), scale) for metric, (_, scale) in columns.items())
+        lines.append([name, *(_shown(*cell) for cell in cells)])
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 

@@ -39,8 +39,8 @@ SWITCHING = TOLD._replace(
     mode_prior=np.array([0.5, 0.3, 0.2]),
 )
 KNOW_ONE_MOTION = {
-    "adaptive", "capping", "cluster", "ise", "learned-thresholds", "mht", "n-scan", "nearest-neighbour",
-    "pda", "runnalls", "salmond", "west",
+    "adaptive", "adaptive-noise", "capping", "cluster", "ise", "learned-thresholds", "mht", "n-scan",
+    "nearest-neighbour", "pda", "runnalls", "salmond", "west",
 }  # fmt: skip
 
 
@@ -208,7 +208,7 @@ def test_number_at_the_end_of_a_name_is_the_most_components_it_keeps():
     ("name", "parameters", "message"),
     [
         ("runnals-30", {}, "unknown tracker 'runnals-30'; did you mean 'runnalls'"),
-        ("nearest", {}, "unknown tracker 'nearest'.*installed: adaptive, b-best, capping"),
+        ("nearest", {}, "unknown tracker 'nearest'.*installed: adaptive, adaptive-noise, b-best, capping"),
         ("", {}, "unknown tracker ''"),
         ("runnalls", {"component": 3}, "no parameter 'component'; it takes components, prune_weight"),
         ("imm-mth-5", {}, "unknown tracker 'imm-mth-5'; did you mean 'imm-mht'"),
