@@ -1,0 +1,26 @@
+"""The bridge to Stone Soup: reductions, an IMM and trackers as its components, and its trackers, simulators
+and readers as those here.
+
+Needs the extra `stonesoup`; `stonesoup.plugins.gmr_gym` is the same module. Open `trackers.py` first, then
+`models.py`, which says what has a counterpart.
+"""
+
+from gmr_gym.stonesoup.available import STONE_SOUP
+from gmr_gym.stonesoup.detections import ScanReader, detections_of, scan_of
+from gmr_gym.stonesoup.imm import ImmPredictor, ImmUpdater
+from gmr_gym.stonesoup.mixtures import components_of, mixture_of
+from gmr_gym.stonesoup.models import (
+    measurement_model_of,
+    model_of,
+    motion_of,
+    sensor_of,
+    transition_model_of,
+)
+from gmr_gym.stonesoup.reducers import Reducer
+from gmr_gym.stonesoup.trackers import MhtTracker, MultiTargetTracker, PdaTracker, SingleTargetTracker
+
+__all__ = [
+    "STONE_SOUP", "ImmPredictor", "ImmUpdater", "MhtTracker", "MultiTargetTracker", "PdaTracker", "Reducer",
+    "ScanReader", "SingleTargetTracker", "components_of", "detections_of", "measurement_model_of",
+    "mixture_of", "model_of", "motion_of", "scan_of", "sensor_of", "transition_model_of",
+]  # fmt: skip

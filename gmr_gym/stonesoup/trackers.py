@@ -1,0 +1,308 @@
+"""Trackers as those of Stone Soup: they take its detectors, and give its tracks."""
+
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator, Mapping
+from datetime import datetime, timedelta
+from typing import Any
+
+import numpy as np
+from stonesoup.base import Property
+from stonesoup.reader.base import DetectionReader
+from stonesoup.tracker.base import Tracker
+from stonesoup.types.array import CovarianceMatrix
+from stonesoup.types.hypothesis import SingleHypothesis
+from stonesoup.types.multihypothesis import MultipleHypothesis
+from stonesoup.types.prediction import GaussianStatePrediction
+from stonesoup.types.state import TaggedWeightedGaussianState, WeightedGaussianState
+from stonesoup.types.track import Track
+from stonesoup.types.update import GaussianStateUpdate
+
+from gmr_gym.filters.registry import make_tracker
+from gmr_gym.filters.tracker import MultiTargetReport, Report
+from gmr_gym.mixture import Mixture
+from gmr_gym.models.clutter import uniform_clutter
+from gmr_gym.models.gating import Gates, gated_distances_kernel
+from gmr_gym.models.multi_target import MultiTargetModel, multi_target_model
+from gmr_gym.stonesoup.detections import scan_of
+from gmr_gym.stonesoup.mixtures import components_of, mixture_of, vector
+from gmr_gym.stonesoup.models import linear_sensor, model_of, motion_of, reordered, state_order
+
+NO_NOISE = np.empty((0, 0, 0))  # of detections: all have the sensor's
+
+
+class Hypotheses:
+    """The Gaussian mixture of which a state of a track is the mean and covariance."""
+
+    mixture: Mixture
+
+    @property
+    def components(self) -> list[WeightedGaussianState]:
+        """The hypotheses kept, as Stone Soup has them; made when they are asked for."""
+        return components_of(self.mixture, self.timestamp)  # type: ignore[attr-defined]
+
+
+class MixtureUpdate(GaussianStateUpdate, Hypotheses):
+    """State after a scan with detections in the gates."""
+
+
+class MixturePrediction(GaussianStatePrediction, Hypotheses):
+    """State after a scan without any."""
+
+
+class ScanTracker(Tracker):
+    """A tracker of Stone Soup that takes whole scans."""
+
+    detector: DetectionReader = Property(
+        default=None, doc="Source of detections; not needed where `update_tracker` is called"
+    )
+    tracker: str = Property(doc="Name of a tracker, see `gmr-gym list`")
+    parameters: Mapping[str, Any] = Property(default_factory=dict, doc="Its parameters")
+
+    def __iter__(self) -> Iterator[tuple[datetime, set[Track]]]:
+        if self.detector is None:
+            raise ValueError("detector must be given to iterate; or call update_tracker with each scan")
+        self._scans = iter(self.detector)
+        return self
+
+    def __next__(self) -> tuple[datetime, set[Track]]:
+        return self.update_tracker(*next(self._scans))
+
+    @abstractmethod
+    def update_tracker(self, time: datetime, detections: Iterable) -> tuple[datetime, set[Track]]:
+        """Update the tracks with a scan."""
+
+    def _elapsed(self, time: datetime) -> timedelta:
+        """Since the last scan, or the prior."""
+        elapsed = time - self._time
+        if elapsed < timedelta(0):
+            raise ValueError(f"scans must be in order of time, but {time} follows {self._time}")
+        self._time = time
+        return elapsed
+
+
+class SingleTargetTracker(ScanTracker):
+    """One target by any tracker of one target: Gaussian-mixture MHT, PDA, IMM, ...
+
+    The track begins with the prior. A state of it is the mean and covariance; `components` of a state are
+    its hypotheses. A state is an Update where detections were in the gates, and its `hypothesis` has those.
+    When the tracker gives the target up, there are no tracks any more; `track` is still there.
+
+    Raises
+    ------
+    ValueError
+        For a prior without a timestamp, models that there are not here, and as `gmr_gym.make_tracker`.
+    """
+
+    prior: Any = Property(doc="GaussianState or GaussianMixture, with the timestamp at which it holds")
+    transition_model: Any = Property(doc="Linear transition model, or a sequence of them for an IMM")
+    measurement_model: Any = Property(doc="LinearGaussian or CartesianToElevationBearingRange")
+    clutter_spatial_density: float = Property(doc="False alarms per unit volume of the detections' space")
+    prob_detect: float = Property(default=0.9, doc="Detection probability")
+    prob_gate: float = Property(default=0.999, doc="Probability that the gate contains a detection")
+    model_probs: np.ndarray = Property(
+        default=None, doc="Transition matrix (r, r) of several models; row i is after model i"
+    )
+    measurement_update: str = Property(default="debiased", doc="Update of a radar, see `sensor_of`")
+    tracker: str = Property(default="runnalls-30", doc="Name of a tracker of one target, see `gmr-gym list`")
+
+    def __init__(self, *args, **kwargs):
+        super().__init__(*args, **kwargs)
+        if self.prior.timestamp is None:
+            raise ValueError("prior must have a timestamp, the time at which it holds")
+        self._order = state_order(self.measurement_model)
+        self._back = np.argsort(self._order)
+        self._same = bool((self._order == self._back).all() and (np.diff(self._order) == 1).all())
+        self._time = self.prior.timestamp
+        self._built: dict[timedelta, Any] = {}
+        self._belief = self._of(timedelta(seconds=1)).init()
+        self._alive = True
+        self.track = Track([self.prior])
+
+    @property
+    def tracks(self) -> set[Track]:
+        """The track, unless it is given up."""
+        return {self.track} if self._alive else set()
+
+    def update_tracker(self, time: datetime, detections: Iterable) -> tuple[datetime, set[Track]]:
+        """Update the track with a scan.
+
+        Parameters
+        ----------
+        time : datetime
+            Not before that of the last scan.
+        detections : iterable of Detection
+            All at that time, and of one sensor.
+
+        Returns
+        -------
+        time : datetime
+        tracks : set of Track
+
+        Raises
+        ------
+        ValueError
+            As `scan_of`, and for a time that goes back.
+        """
+        found, z = scan_of(detections, self.measurement_model, time)
+        tracker = self._of(self._elapsed(time))
+        self._belief, report = tracker.step(self._belief, z)
+        self._alive = bool(report.alive)
+        near = in_gates(report.gates, tracker.model.sensor.to_gate_space(z)) if found else []
+        self.track.append(self._state(report, time, [found[j] for j in near]))
+        return time, self.tracks
+
+    def _of(self, interval: timedelta) -> Any:
+        """The tracker for an interval."""
+        if interval not in self._built:
+            model = model_of(
+                self.transition_model, self.measurement_model, self.prior, interval,
+                prob_detect=self.prob_detect, prob_gate=self.prob_gate, switching=self.model_probs,
+                clutter_spatial_density=self.clutter_spatial_density, update=self.measurement_update,
+            )  # fmt: skip
+            self._built[interval] = make_tracker(self.tracker, model, **self.parameters)
+        return self._built[interval]
+
+    def _state(self, report: Report, time: datetime, near: list) -> MixtureUpdate | MixturePrediction:
+        x, P, p = report.x[0], report.P[0], report.mixture
+        if not self._same:
+            x, P, p = x[self._back], P[np.ix_(self._back, self._back)], reordered(p, self._back)
+        x, P = vector(x), P.view(CovarianceMatrix)
+        state: MixtureUpdate | MixturePrediction
+        if near:
+            state = MixtureUpdate(x, P, timestamp=time, hypothesis=MultipleHypothesis(
+                [SingleHypothesis(None, one) for one in near]
+            ))  # fmt: skip
+        else:
+            state = MixturePrediction(x, P, timestamp=time)
+        state.mixture = p
+        return state
+
+
+class MhtTracker(SingleTargetTracker):
+    """One target by the Gaussian-mixture MHT, reduced by any reduction.
+
+    `parameters` are those of `baselines.mht.mht`: components, reduction, prune_weight, prune_density.
+    """
+
+    tracker: str = Property(default="mht", doc="Name of a tracker of one target")
+
+
+class PdaTracker(SingleTargetTracker):
+    """One target by probabilistic data association."""
+
+    tracker: str = Property(default="pda", doc="Name of a tracker of one target")
+
+
+class MultiTargetTracker(ScanTracker):
+    """Many targets by any tracker that labels them; the Poisson multi-Bernoulli by default.
+
+    A state of a track is weighted by the probability that the target exists, and tagged with the label. Only
+    declared targets have tracks.
+
+    Raises
+    ------
+    ValueError
+        For models that there are not here, a prior without a time, and as `gmr_gym.make_tracker`.
+    """
+
+    transition_model: Any = Property(doc="Linear transition model")
+    measurement_model: Any = Property(doc="LinearGaussian")
+    births: Any = Property(
+        doc="GaussianMixture or components: expected numbers and places of the targets born in a scan"
+    )
+    meas_range: np.ndarray = Property(doc="Box (p, 2) in which false alarms fall")
+    clutter_rate: float = Property(doc="Expected number of false alarms in it, per scan")
+    prob_detect: float = Property(default=0.9, doc="Detection probability")
+    prob_survival: float = Property(default=0.99, doc="Probability that a target is there a scan later")
+    initial: Any = Property(
+        default=None, doc="Likewise of the targets that are there before, with the time at which it holds"
+    )
+    tracker: str = Property(default="pmb", doc="Name of a tracker of many targets, see `gmr-gym list`")
+
+    def __init__(self, *args, **kwargs):
+        super().__init__(*args, **kwargs)
+        self._initial = None if self.initial is None else mixture_of(self.initial)
+        self._time = None if self.initial is None else _time_of(self.initial)
+        self._built: dict[timedelta, Any] = {}
+        self._belief = self._of(timedelta(seconds=1)).init()
+        self._of_label: dict[int, Track] = {}
+        self._declared: set[Track] = set()
+
+    @property
+    def tracks(self) -> set[Track]:
+        """Tracks of the targets declared in the last scan."""
+        return self._declared
+
+    def update_tracker(self, time: datetime, detections: Iterable) -> tuple[datetime, set[Track]]:
+        """Update the tracks with a scan.
+
+        Parameters
+        ----------
+        time : datetime
+            Not before that of the last scan.
+        detections : iterable of Detection
+            All at that time, and of one sensor.
+
+        Returns
+        -------
+        time : datetime
+        tracks : set of Track
+
+        Raises
+        ------
+        ValueError
+            As `scan_of`, for a time that goes back, and for a tracker that has no labels.
+        """
+        _, z = scan_of(detections, self.measurement_model, time)
+        if self._time is None:
+            self._time = time  # without targets before it, the first scan may be at any time
+        self._belief, report = self._of(self._elapsed(time)).step(self._belief, z)
+        self._declared = {self._appended(label, *state) for label, *state in self._states(report, time)}
+        return time, self.tracks
+
+    def _states(self, report: MultiTargetReport, time: datetime) -> Iterator[tuple]:
+        """Label and state of each declared target."""
+        for x, existence, label in zip(report.x, report.existence, report.label.tolist(), strict=True):
+            if label < 0:
+                raise ValueError(
+                    f"tracker {self.tracker!r} has no labels, of which tracks are made; take pmb"
+                )
+            (row, *_) = np.flatnonzero((report.intensity.m == x).all(axis=1))
+            P = report.intensity.P[row].view(CovarianceMatrix)
+            yield (
+                label,
+                TaggedWeightedGaussianState(vector(x), P, time, weight=float(existence), tag=str(label)),
+            )
+
+    def _appended(self, label: int, state: TaggedWeightedGaussianState) -> Track:
+        track = self._of_label.setdefault(label, Track(id=str(label)))
+        track.append(state)
+        return track
+
+    def _of(self, interval: timedelta) -> Any:
+        """The tracker for an interval."""
+        if interval not in self._built:
+            self._built[interval] = make_tracker(self.tracker, self._model(interval), **self.parameters)
+        return self._built[interval]
+
+    def _model(self, interval: timedelta) -> MultiTargetModel:
+        low, high = np.array(self.meas_range, float).T
+        return multi_target_model(
+            motion_of(self.transition_model, interval), linear_sensor(self.measurement_model),
+            float(self.prob_detect), float(self.prob_survival), mixture_of(self.births),
+            uniform_clutter(low, high, self.clutter_rate), initial=self._initial,
+        )  # fmt: skip
+
+
+def in_gates(gates: Gates, z: np.ndarray) -> list[int]:
+    """Rows of the detections z (k, p) that are in any of the gates."""
+    d2 = gated_distances_kernel(gates.z, gates.S, z[None], NO_NOISE, gates.threshold)
+    return np.flatnonzero(d2.min(axis=0) < np.inf).tolist()
+
+
+def _time_of(state: Any) -> datetime:
+    parts = [state] if hasattr(state, "timestamp") else state
+    time = next((part.timestamp for part in parts if part.timestamp is not None), None)
+    if time is None:
+        raise ValueError("initial must have a timestamp, the time at which it holds")
+    return time
