@@ -2,4 +2,4 @@
 
 from gmr_gym.recorded.extras import module_of
 
-STONE_SOUP = module_of("stonesoup", "stonesoup", "gmr_gym.stonesoup")
+STONE_SOUP = module_of("stonesoup", "stonesoup.base", "gmr_gym.stonesoup")

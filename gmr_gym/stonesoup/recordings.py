@@ -1,24 +1,19 @@
-"""Any detector of Stone Soup, a simulator or a reader of files, as a recording or a scenario here."""
+"""Any detector of Stone Soup, a simulator or a reader of files, as a recording here."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable
 from datetime import datetime
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from stonesoup.models.measurement.linear import LinearGaussian
 from stonesoup.models.measurement.nonlinear import CartesianToBearingRange, CartesianToElevationBearingRange
-from stonesoup.types.groundtruth import GroundTruthPath
 
 from gmr_gym.evaluation.recordings import Scans
-from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.recorded.detections import CARTESIAN, POLAR, Detections, SensorSpec, from_arrays, objects
-from gmr_gym.recorded.radar import _truth, _unknown
-from gmr_gym.simulation.multi_target import MultiTargetEpisode, RecordedScenario
 from gmr_gym.stonesoup.detections import described, same, scan_of
 from gmr_gym.stonesoup.mixtures import rows_of
 from gmr_gym.stonesoup.models import sensor_of
-from gmr_gym.stonesoup.tracks import truth_of, utc
+from gmr_gym.stonesoup.tracks import utc
 
 MOVES = "translation_offset", "rotation_offset"  # of a sensor from scan to scan
 POSITIONS = (2, 3)  # axes
@@ -106,119 +101,6 @@ def recording_of(detector: Iterable, measurement_model: Any = None) -> Detection
         raise ValueError("detector must give at least one detection, got none")
     seen.sort(key=lambda one: (one.time, one.scan, one.z.tolist()))
     return _joined(seen, empty, models)
-
-
-def episode_of(
-    detector: Any, measurement_model: Any, truth: Collection[GroundTruthPath] | None = None
-) -> tuple[MultiTargetEpisode, list[datetime]]:
-    """A detector's scans and ground truth as an episode.
-
-    Parameters
-    ----------
-    detector : DetectionReader
-        Iterated to its end.
-    measurement_model : LinearGaussian
-        Of all detections.
-    truth : collection of GroundTruthPath, optional
-        By default those of a simulator's `groundtruth`, and of true detections.
-
-    Returns
-    -------
-    episode : MultiTargetEpisode
-        A detection is of the target that Stone Soup says it is of.
-    times : list of T datetime
-
-    Raises
-    ------
-    ValueError
-        As `scan_of`, and where there is no ground truth.
-    """
-    times, z, origins, paths = [], [], [], list(truth or ())
-    for time, detections in detector:
-        found, scan = scan_of(detections, measurement_model, time)
-        if truth is None:
-            reader = getattr(detector, "groundtruth", None)
-            current = list(getattr(reader, "groundtruth_paths", ()))
-            current += [one.groundtruth_path for one in found if hasattr(one, "groundtruth_path")]
-            paths += [path for path in current if not any(path is other for other in paths)]
-        times.append(time)
-        z.append(scan)
-        origins += [getattr(one, "groundtruth_path", None) for one in found]
-    if not paths:
-        raise ValueError("detector must have ground truth, got none; give the paths as truth")
-    number = {id(path): j for j, path in enumerate(paths)}
-    first = np.cumsum([0, *map(len, z)])
-    origin = np.array([number.get(id(path), -1) for path in origins], int)
-    return MultiTargetEpisode(truth_of(paths, times), np.concatenate(z), origin, first), times
-
-
-def scenario_of(
-    detectors: Sequence[Any],
-    model: MultiTargetModel,
-    measurement_model: Any,
-    *,
-    position: tuple[int, ...],
-    velocity: tuple[int, ...],
-    cutoff: float,
-    truth: Sequence[Collection[GroundTruthPath]] | None = None,
-) -> RecordedScenario:
-    """A scenario whose episodes are those of detectors of Stone Soup: simulators, or readers of files.
-
-    Parameters
-    ----------
-    detectors : sequence of DetectionReader
-        Each is iterated to its end, once; a simulator drawn ten times is ten of them.
-    model : MultiTargetModel
-        What trackers assume.
-    measurement_model : LinearGaussian
-        Of all detections.
-    position, velocity : tuple of int
-        Which of the true states are coordinates (m) and velocities (m/s).
-    cutoff : float
-        Of the distance between sets that scores an estimate, m.
-    truth : sequence of collections of GroundTruthPath, optional
-        Of each detector; see `episode_of`.
-
-    Returns
-    -------
-    RecordedScenario
-        Its period is the median of all; its horizon the shortest detector.
-
-    Raises
-    ------
-    ValueError
-        As `episode_of`, and for no detector.
-    """
-    if not detectors:
-        raise ValueError("detectors must be at least one")
-    given = truth or [None] * len(detectors)
-    drawn = [episode_of(one, measurement_model, paths) for one, paths in zip(detectors, given, strict=True)]
-    gaps = [(b - a).total_seconds() for _, times in drawn for a, b in zip(times, times[1:], strict=False)]
-    horizon = min(len(times) for _, times in drawn)
-    targets = max(episode.x.shape[1] for episode, _ in drawn)
-    episodes = tuple(_padded(episode, targets) for episode, _ in drawn)
-    return RecordedScenario(
-        model=model,
-        truth=partial(_truth, episodes, horizon),
-        targets=targets,
-        sensor=model.sensor,
-        detection_probability=model.detection_probability,
-        clutter=partial(_unknown, model.clutter.low, model.clutter.high),
-        horizon=horizon,
-        period=float(np.median(gaps)) if gaps else 1.0,
-        position=position,
-        velocity=velocity,
-        cutoff=float(cutoff),
-        order=2.0,
-        recordings=episodes,
-    )
-
-
-def _padded(episode: MultiTargetEpisode, targets: int) -> MultiTargetEpisode:
-    """The episode with as many targets, the others absent."""
-    T, m, d = episode.x.shape
-    absent = np.full((T, targets - m, d), np.nan)
-    return episode._replace(x=np.concatenate([episode.x, absent], axis=1))
 
 
 def _number(models: list[Any], model: Any) -> int:

@@ -117,8 +117,8 @@ def track_rows_of(
     Returns
     -------
     gmr_gym.recorded.Tracks
-        Labels count from 1. A state that is a prediction is coasted, any other confirmed. What Stone Soup does
-        not say is NaN, or -1 for `detection`.
+        Labels count from 1. A state that is a prediction is coasted, any other confirmed. What Stone Soup
+        does not say is NaN, or -1 for `detection`.
 
     Raises
     ------
