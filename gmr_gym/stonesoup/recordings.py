@@ -131,7 +131,8 @@ def _seen(one: Any, model: Any, sensor: int, scan: int) -> _Seen:
     if len(z) not in POSITIONS:
         raise ValueError(f"detections must have two or three coordinates, got {len(z)}")
     path = getattr(one, "groundtruth_path", None)
-    return _Seen(one.timestamp, z, origin, sensor, scan, path and path.id, dict(one.metadata or {}))
+    truth = None if path is None else path.id
+    return _Seen(one.timestamp, z, origin, sensor, scan, truth, dict(one.metadata or {}))
 
 
 def _joined(seen: list[_Seen], empty: list[datetime], models: list[Any]) -> Detections:
