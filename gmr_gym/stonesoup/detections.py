@@ -85,7 +85,7 @@ class ScanReader(DetectionReader):
     start: datetime = Property(doc="Of time 0")
     measurement_model: Any = Property(default=None, doc="Measurement model of all detections")
 
-    @BufferedGenerator.generator_method
+    @BufferedGenerator.generator_method  # type: ignore[untyped-decorator]
     def detections_gen(self) -> Iterator[tuple[datetime, set[Detection]]]:
         """Time and detections of each scan."""
         for time, z in zip(self.times, self.scans, strict=True):

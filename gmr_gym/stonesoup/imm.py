@@ -63,7 +63,7 @@ class ImmPredictor(Predictor):
     )
     mixing: str = Property(default=MIXINGS[0], doc='"augmented" or "unbiased"; see `borrowed_states`')
 
-    def __init__(self, *args, **kwargs):
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         r = len(self.transition_model)
         self._switching = check_switching(np.transpose(self.model_probs), r)
@@ -135,7 +135,7 @@ class ImmUpdater(Updater):
         default=None, doc="Linear; not needed where detections have one of their own"
     )
 
-    def __init__(self, *args, **kwargs):
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._measured = lru_cache(self._predicted_measurement)
 

@@ -18,18 +18,20 @@ from gmr_gym.mixture import Mixture
 from gmr_gym.models.kalman import Motion, Sensor, motion, sensor
 from gmr_gym.models.model import Model, model
 from gmr_gym.models.radar import Radar, radar
+from gmr_gym.models.sensing import MeasurementModel
 from gmr_gym.stonesoup.mixtures import mixture_of
 
 SENSORS = "LinearGaussian and CartesianToElevationBearingRange"
 
 
-def motion_of(transition_model: Any, interval: timedelta) -> Motion:
+def motion_of(transition_model: Any, interval: timedelta | None) -> Motion:
     """A linear transition model over an interval.
 
     Parameters
     ----------
     transition_model : LinearGaussianTransitionModel or CombinedLinearGaussianTransitionModel
-    interval : timedelta
+    interval : timedelta or None
+        None for a model that does not vary with time.
 
     Returns
     -------
@@ -123,7 +125,7 @@ def linear_sensor(measurement_model: Any) -> Sensor:
     return found
 
 
-def measurement_model_of(sensor: Sensor | Radar) -> Any:
+def measurement_model_of(sensor: MeasurementModel) -> Any:
     """A sensor as Stone Soup's measurement model.
 
     Raises

@@ -46,7 +46,7 @@ class MultiTargetTracker(ScanTracker):
     )
     tracker: str = Property(default="pmb", doc="Name of a tracker of many targets, see `gmr-gym list`")
 
-    def __init__(self, *args, **kwargs):
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._initial = None if self.initial is None else mixture_of(self.initial)
         self._time = None if self.initial is None else _time_of(self.initial)
@@ -81,8 +81,6 @@ class MultiTargetTracker(ScanTracker):
             As `scan_of`, for a time that goes back, and for a tracker that has no labels.
         """
         _, z = scan_of(detections, self.measurement_model, time)
-        if self._time is None:
-            self._time = time  # without targets before it, the first scan may be at any time
         self._belief, report = self._of(self._elapsed(time)).step(self._belief, z)
         self._declared = {self._appended(label, *state) for label, *state in self._states(report, time)}
         return time, self.tracks

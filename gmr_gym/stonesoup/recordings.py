@@ -168,10 +168,9 @@ def _spec(model: Any, number: int, p: int) -> SensorSpec:
     R = np.asarray(model.covar(), float)
     if np.count_nonzero(R - np.diag(np.diag(R))):
         raise ValueError(f"noise_covar of {described(model)} must be diagonal, got {R.tolist()}")
-    deviation = np.sqrt(np.diag(R))
+    deviation = np.sqrt(np.diag(R)).tolist()
     if isinstance(model, LinearGaussian):
-        return SensorSpec(f"sensor {number + 1}", CARTESIAN, deviation=tuple(deviation.tolist()))
+        return SensorSpec(f"sensor {number + 1}", CARTESIAN, deviation=tuple(deviation))
     offset = np.zeros(3)
     offset[: model.translation_offset.size] = np.asarray(model.translation_offset, float).ravel()
-    deviation = tuple(deviation[::-1].tolist())
-    return SensorSpec(f"sensor {number + 1}", POLAR, tuple(offset.tolist()), deviation)
+    return SensorSpec(f"sensor {number + 1}", POLAR, tuple(offset.tolist()), tuple(deviation[::-1]))

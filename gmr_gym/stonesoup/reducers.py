@@ -1,14 +1,16 @@
 """Every reduction of a Gaussian mixture as a reducer of Stone Soup."""
 
 import uuid
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from stonesoup.base import Property
 from stonesoup.mixturereducer.base import MixtureReducer
 from stonesoup.types.state import TaggedWeightedGaussianState, WeightedGaussianState
 
+from gmr_gym.mixture import Mixture
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.pruning import prune
 from gmr_gym.reduction.registry import reduction_named
@@ -44,12 +46,12 @@ class Reducer(MixtureReducer):
         default=4.0, doc='Squared Mahalanobis distance within which "vo-ma" merges'
     )
 
-    def __init__(self, *args, **kwargs):
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._reduce  # noqa: B018 - a name that is wrong fails here
 
     @cached_property
-    def _reduce(self):
+    def _reduce(self) -> Callable[[Mixture], Reduced]:
         return reduction_named(self.reduction, self.max_number_components, self.merge_threshold)
 
     def reduce(self, components_list: Sequence[WeightedGaussianState]) -> list[WeightedGaussianState]:

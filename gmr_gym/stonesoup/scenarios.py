@@ -127,7 +127,7 @@ def scenario_of(
     """
     if not detectors:
         raise ValueError("detectors must be at least one")
-    given = truth or [None] * len(detectors)
+    given: Sequence[Any] = [None] * len(detectors) if truth is None else truth
     drawn = [episode_of(one, measurement_model, paths) for one, paths in zip(detectors, given, strict=True)]
     gaps = [(b - a).total_seconds() for _, times in drawn for a, b in pairwise(times)]
     horizon = min(len(times) for _, times in drawn)
@@ -227,7 +227,8 @@ def _drawing(simulator: Any, bits: Any) -> Any:
 def _path(groundtruth: Any, rng: np.random.Generator) -> Truth:
     """The states of a simulator of one target after its initial one."""
     drawing = _drawing(groundtruth, np.random.MT19937(int(rng.integers(2**63))))
-    paths, times = [], []
+    paths: list[GroundTruthPath] = []
+    times = []
     for time, current in drawing:
         times.append(time)
         paths += [path for path in current if not any(path is other for other in paths)]

@@ -32,13 +32,14 @@ NO_NOISE = np.empty((0, 0, 0))  # of detections: all have the sensor's
 class Hypotheses:
     """What a state of a track is the mean and covariance of, made into objects when it is asked for."""
 
+    timestamp: datetime
     mixture: Mixture  # hypotheses kept
     near: list  # detections in the gates
 
     @property
     def components(self) -> list[WeightedGaussianState]:
         """The hypotheses kept."""
-        return components_of(self.mixture, self.timestamp)  # type: ignore[attr-defined]
+        return components_of(self.mixture, self.timestamp)
 
 
 class MixtureUpdate(GaussianStateUpdate, Hypotheses):
@@ -64,6 +65,7 @@ class ScanTracker(Tracker):
     )
     tracker: str = Property(doc="Name of a tracker, see `gmr-gym list`")
     parameters: Mapping[str, Any] = Property(default_factory=dict, doc="Its parameters")
+    _time: datetime | None  # of the last scan, or the prior
 
     def __iter__(self) -> Iterator[tuple[datetime, set[Track]]]:
         if self.detector is None:
@@ -79,8 +81,8 @@ class ScanTracker(Tracker):
         """Update the tracks with a scan."""
 
     def _elapsed(self, time: datetime) -> timedelta:
-        """Since the last scan, or the prior."""
-        elapsed = time - self._time
+        """Since the last scan, or the prior; no time before a first scan without one."""
+        elapsed = time - (time if self._time is None else self._time)
         if elapsed < timedelta(0):
             raise ValueError(f"scans must be in order of time, but {time} follows {self._time}")
         self._time = time
@@ -112,7 +114,7 @@ class SingleTargetTracker(ScanTracker):
     measurement_update: str = Property(default="debiased", doc="Update of a radar, see `sensor_of`")
     tracker: str = Property(default="runnalls-30", doc="Name of a tracker of one target, see `gmr-gym list`")
 
-    def __init__(self, *args, **kwargs):
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         if self.prior.timestamp is None:
             raise ValueError("prior must have a timestamp, the time at which it holds")
@@ -174,7 +176,7 @@ class SingleTargetTracker(ScanTracker):
         if not self._same:
             x, P, p = x[self._back], P[np.ix_(self._back, self._back)], reordered(p, self._back)
         # field by field: their __init__ takes twice as long as a scan of PDA
-        kind = MixtureUpdate if near else MixturePrediction
+        kind: Any = MixtureUpdate if near else MixturePrediction
         state = kind.__new__(kind)
         state.state_vector, state.covar, state.timestamp = vector(x), P.view(CovarianceMatrix), time
         state.mixture, state.near = p, near

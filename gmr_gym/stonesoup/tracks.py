@@ -134,13 +134,13 @@ def track_rows_of(
             raise ValueError(f"states of tracks must have a timestamp, got one of track {label} without")
     states.sort(key=lambda each: (each[2].timestamp, each[0]))
     zero = states[0][2].timestamp if start is None else start
-    label, age, found = zip(*states, strict=True)
+    labels, ages, found = zip(*states, strict=True)
     x, P = (np.array(a) for a in zip(*(mean_and_covariance(mixture_of(one)) for one in found), strict=True))
     at = np.arange(x.shape[1]) if order is None else np.array(order)
     none = np.full(len(found), np.nan)
     return Tracks(
         time=np.array([(one.timestamp - zero).total_seconds() for one in found]),
-        track=np.array(label),
+        track=np.array(labels),
         status=np.array([COASTED if isinstance(one, Prediction) else CONFIRMED for one in found], np.int8),
         x=x[:, at],
         P=P[:, at[:, None], at],
@@ -150,7 +150,7 @@ def track_rows_of(
         detection=np.full(len(found), -1),
         weight=none,
         nis=none,
-        age=np.array(age),
+        age=np.array(ages),
     )
 
 
