@@ -45,7 +45,8 @@ def scan_of(detections: Iterable, measurement_model: Any, time: datetime) -> tup
         return found, np.empty((0, p))
     if {one.timestamp for one in found} != {time}:
         _refuse_times(found, time)
-    for own in {id(one.measurement_model): one.measurement_model for one in found}.values():
+    models = [one.measurement_model for one in found]
+    for own in {id(own): own for own in models}.values():
         if own is not None and own is not measurement_model and not same(own, measurement_model):
             raise ValueError(
                 f"detections must be of one sensor, got one of {described(own)}, and the tracker's "

@@ -10,7 +10,6 @@ from stonesoup.types.array import CovarianceMatrix
 from stonesoup.types.state import TaggedWeightedGaussianState
 from stonesoup.types.track import Track
 
-from gmr_gym.filters.registry import make_tracker
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.models.clutter import uniform_clutter
 from gmr_gym.models.multi_target import MultiTargetModel, multi_target_model
@@ -48,10 +47,7 @@ class MultiTargetTracker(ScanTracker):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self._initial = None if self.initial is None else mixture_of(self.initial)
         self._time = None if self.initial is None else _time_of(self.initial)
-        self._built: dict[timedelta, Any] = {}
-        self._belief = self._of(timedelta(seconds=1)).init()
         self._of_label: dict[int, Track] = {}
         self._declared: set[Track] = set()
 
@@ -104,18 +100,13 @@ class MultiTargetTracker(ScanTracker):
         track.append(state)
         return track
 
-    def _of(self, interval: timedelta) -> Any:
-        """The tracker for an interval."""
-        if interval not in self._built:
-            self._built[interval] = make_tracker(self.tracker, self._model(interval), **self.parameters)
-        return self._built[interval]
-
     def _model(self, interval: timedelta) -> MultiTargetModel:
         low, high = np.array(self.meas_range, float).T
+        initial = None if self.initial is None else mixture_of(self.initial)
         return multi_target_model(
             motion_of(self.transition_model, interval), linear_sensor(self.measurement_model),
             float(self.prob_detect), float(self.prob_survival), mixture_of(self.births),
-            uniform_clutter(low, high, self.clutter_rate), initial=self._initial,
+            uniform_clutter(low, high, self.clutter_rate), initial=initial,
         )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Any
 
@@ -21,11 +22,14 @@ from gmr_gym.filters.registry import make_tracker
 from gmr_gym.filters.tracker import Report
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.gating import Gates, gated_pairs
+from gmr_gym.models.model import Model
 from gmr_gym.stonesoup.detections import scan_of
 from gmr_gym.stonesoup.mixtures import components_of, vector
 from gmr_gym.stonesoup.models import model_of, reordered, state_order
 
 DIRECT = object.__getattribute__  # that of a Track is slow: it looks for what it lacks in its last state
+FIRST = timedelta(seconds=1)  # an interval: the belief before the first scan does not depend on it
+MOST_BUILT = 1000  # trackers for intervals that are kept
 NO_NOISE = np.empty((0, 0, 0))  # of detections: all have the sensor's
 
 
@@ -67,6 +71,12 @@ class ScanTracker(Tracker):
     parameters: Mapping[str, Any] = Property(default_factory=dict, doc="Its parameters")
     _time: datetime | None  # of the last scan, or the prior
 
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._made: Any = make_tracker(self.tracker, self._model(FIRST), **self.parameters)
+        self._built: dict[timedelta, Any] = {}
+        self._belief = self._made.init()
+
     def __iter__(self) -> Iterator[tuple[datetime, set[Track]]]:
         if self.detector is None:
             raise ValueError("detector must be given to iterate; or call update_tracker with each scan")
@@ -79,6 +89,27 @@ class ScanTracker(Tracker):
     @abstractmethod
     def update_tracker(self, time: datetime, detections: Iterable) -> tuple[datetime, set[Track]]:
         """Update the tracks with a scan."""
+
+    @abstractmethod
+    def _model(self, interval: timedelta) -> Any:
+        """The filter model of an interval."""
+
+    def _of(self, interval: timedelta) -> Any:
+        """The tracker for an interval."""
+        if interval not in self._built:
+            if len(self._built) == MOST_BUILT:
+                self._built.clear()
+            self._built[interval] = self._with_motion(self._model(interval))
+        return self._built[interval]
+
+    def _with_motion(self, model: Any) -> Any:
+        """The tracker with the motion of another interval, without looking for it by its name again."""
+        made, name = self._made, "motions" if "motions" in model._fields else "motion"
+        moves = getattr(model, name)
+        # of another length where the tracker takes one motion of several
+        if "model" in made.__dataclass_fields__ and len(moves) == len(getattr(made.model, name)):
+            return replace(made, model=made.model._replace(**{name: moves}))
+        return make_tracker(self.tracker, model, **self.parameters)
 
     def _elapsed(self, time: datetime) -> timedelta:
         """Since the last scan, or the prior; no time before a first scan without one."""
@@ -118,12 +149,10 @@ class SingleTargetTracker(ScanTracker):
         super().__init__(*args, **kwargs)
         if self.prior.timestamp is None:
             raise ValueError("prior must have a timestamp, the time at which it holds")
-        self._order = state_order(self.measurement_model)
-        self._back = np.argsort(self._order)
-        self._same = bool((self._order == self._back).all() and (np.diff(self._order) == 1).all())
+        order = state_order(self.measurement_model)
+        self._back = np.argsort(order)
+        self._same = np.array_equal(order, np.arange(len(order)))
         self._time = self.prior.timestamp
-        self._built: dict[timedelta, Any] = {}
-        self._belief = self._of(timedelta(seconds=1)).init()
         self._alive = True
         self.track = Track([self.prior])
 
@@ -160,16 +189,12 @@ class SingleTargetTracker(ScanTracker):
         self._append(self._state(report, time, [found[j] for j in near]))
         return time, self.tracks
 
-    def _of(self, interval: timedelta) -> Any:
-        """The tracker for an interval."""
-        if interval not in self._built:
-            model = model_of(
-                self.transition_model, self.measurement_model, self.prior, interval,
-                prob_detect=self.prob_detect, prob_gate=self.prob_gate, switching=self.model_probs,
-                clutter_spatial_density=self.clutter_spatial_density, update=self.measurement_update,
-            )  # fmt: skip
-            self._built[interval] = make_tracker(self.tracker, model, **self.parameters)
-        return self._built[interval]
+    def _model(self, interval: timedelta) -> Model:
+        return model_of(
+            self.transition_model, self.measurement_model, self.prior, interval,
+            prob_detect=self.prob_detect, prob_gate=self.prob_gate, switching=self.model_probs,
+            clutter_spatial_density=self.clutter_spatial_density, update=self.measurement_update,
+        )  # fmt: skip
 
     def _state(self, report: Report, time: datetime, near: list) -> MixtureUpdate | MixturePrediction:
         x, P, p = report.x[0], report.P[0], report.mixture

@@ -269,15 +269,16 @@ def test_states_tell_updates_from_predictions_and_name_the_detections_in_the_gat
     assert len(tracker.track.metadatas) == len(tracker.track) == 3
 
 
-def test_scans_at_irregular_times_are_predicted_over_their_intervals():
-    tracker, times = pda_tracker(), [0.0, 0.5, 2.0, 2.25]
+@pytest.mark.parametrize("name", ["pda", "mht", "one-motion"])
+def test_scans_at_irregular_times_are_predicted_over_their_intervals(name):
+    tracker, times = pda_tracker(tracker=name), [0.0, 0.5, 2.0, 2.25]
     for time, z in zip(times, scans(4), strict=True):
         at = START + time * SECOND
         tracker.update_tracker(at, detections_of(z, at))
-    belief, last = make_tracker("pda", own_model()).init(), 0.0
+    belief, last = make_tracker(name, own_model()).init(), 0.0
     for time, z in zip(times, scans(4), strict=True):
         moved = own_model()._replace(motions=(motion_of(MOTIONS[0], (time - last) * SECOND),))
-        belief, report = make_tracker("pda", moved).step(belief, z)
+        belief, report = make_tracker(name, moved).step(belief, z)
         last = time
     np.testing.assert_allclose(tracker.track.state_vector.ravel(), report.x[0], **CLOSE)
 
