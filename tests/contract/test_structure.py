@@ -19,7 +19,7 @@ ORDER = (
     ("checks", "points"),
     ("linalg",), ("mixture",),
     ("reduction", "models"),
-    ("filters", "simulation"), ("scenarios", "evaluation"), ("recorded",), ("tuning",), ("envs",),
+    ("filters", "simulation"), ("scenarios", "evaluation"), ("recorded",), ("stonesoup", "tuning"), ("envs",),
     ("replay",),
     ("__init__",), ("experiments",), ("cli",),
 )  # fmt: skip

@@ -1,0 +1,237 @@
+"""Trackers of one target as those of Stone Soup: they take its detectors, and give its tracks."""
+
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from datetime import datetime, timedelta
+from typing import Any
+
+import numpy as np
+from stonesoup.base import Property
+from stonesoup.reader.base import DetectionReader
+from stonesoup.tracker.base import Tracker
+from stonesoup.types.array import CovarianceMatrix
+from stonesoup.types.hypothesis import SingleHypothesis
+from stonesoup.types.multihypothesis import MultipleHypothesis
+from stonesoup.types.prediction import GaussianStatePrediction
+from stonesoup.types.state import WeightedGaussianState
+from stonesoup.types.track import Track
+from stonesoup.types.update import GaussianStateUpdate
+
+from gmr_gym.filters.registry import make_tracker
+from gmr_gym.filters.tracker import Report
+from gmr_gym.mixture import Mixture
+from gmr_gym.models.gating import Gates, gated_pairs
+from gmr_gym.models.model import Model
+from gmr_gym.stonesoup.detections import scan_of
+from gmr_gym.stonesoup.mixtures import components_of, vector
+from gmr_gym.stonesoup.models import model_of, reordered, state_order
+
+DIRECT = object.__getattribute__  # that of a Track is slow: it looks for what it lacks in its last state
+FIRST = timedelta(seconds=1)  # an interval: the belief before the first scan does not depend on it
+MOST_BUILT = 1000  # trackers for intervals that are kept
+NO_NOISE = np.empty((0, 0, 0))  # of detections: all have the sensor's
+
+
+class Hypotheses:
+    """What a state of a track is the mean and covariance of, made into objects when it is asked for."""
+
+    timestamp: datetime
+    mixture: Mixture  # hypotheses kept
+    near: list  # detections in the gates
+
+    @property
+    def components(self) -> list[WeightedGaussianState]:
+        """The hypotheses kept."""
+        return components_of(self.mixture, self.timestamp)
+
+
+class MixtureUpdate(GaussianStateUpdate, Hypotheses):
+    """State after a scan with detections in the gates."""
+
+    @property
+    def hypothesis(self) -> MultipleHypothesis:
+        """The detections in the gates, each a hypothesis without a probability."""
+        return MultipleHypothesis([SingleHypothesis(None, one) for one in self.near])
+
+
+class MixturePrediction(GaussianStatePrediction, Hypotheses):
+    """State after a scan without any."""
+
+    transition_model = prior = None
+
+
+class ScanTracker(Tracker):
+    """A tracker of Stone Soup that takes whole scans."""
+
+    detector: DetectionReader = Property(
+        default=None, doc="Source of detections; not needed where `update_tracker` is called"
+    )
+    tracker: str = Property(doc="Name of a tracker, see `gmr-gym list`")
+    parameters: Mapping[str, Any] = Property(default_factory=dict, doc="Its parameters")
+    _time: datetime | None  # of the last scan, or the prior
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._made: Any = make_tracker(self.tracker, self._model(FIRST), **self.parameters)
+        self._built: dict[timedelta, Any] = {}
+        self._belief = self._made.init()
+
+    def __iter__(self) -> Iterator[tuple[datetime, set[Track]]]:
+        if self.detector is None:
+            raise ValueError("detector must be given to iterate; or call update_tracker with each scan")
+        self._scans = iter(self.detector)
+        return self
+
+    def __next__(self) -> tuple[datetime, set[Track]]:
+        return self.update_tracker(*next(self._scans))
+
+    @abstractmethod
+    def update_tracker(self, time: datetime, detections: Iterable) -> tuple[datetime, set[Track]]:
+        """Update the tracks with a scan."""
+
+    @abstractmethod
+    def _model(self, interval: timedelta) -> Any:
+        """The filter model of an interval."""
+
+    def _of(self, interval: timedelta) -> Any:
+        """The tracker for an interval."""
+        if interval not in self._built:
+            if len(self._built) == MOST_BUILT:
+                self._built.clear()
+            self._built[interval] = self._with_motion(self._model(interval))
+        return self._built[interval]
+
+    def _with_motion(self, model: Any) -> Any:
+        """The tracker with the motion of another interval, without looking for it by its name again."""
+        made, name = self._made, "motions" if "motions" in model._fields else "motion"
+        moves = getattr(model, name)
+        # of another length where the tracker takes one motion of several
+        if "model" in made.__dataclass_fields__ and len(moves) == len(getattr(made.model, name)):
+            return replace(made, model=made.model._replace(**{name: moves}))
+        return make_tracker(self.tracker, model, **self.parameters)
+
+    def _elapsed(self, time: datetime) -> timedelta:
+        """Since the last scan, or the prior; no time before a first scan without one."""
+        elapsed = time - (time if self._time is None else self._time)
+        if elapsed < timedelta(0):
+            raise ValueError(f"scans must be in order of time, but {time} follows {self._time}")
+        self._time = time
+        return elapsed
+
+
+class SingleTargetTracker(ScanTracker):
+    """One target by any tracker of one target: Gaussian-mixture MHT, PDA, IMM, ...
+
+    The track begins with the prior. A state of it is the mean and covariance; `components` of a state are
+    its hypotheses. A state is an Update where detections were in the gates, and its `hypothesis` has those.
+    When the tracker gives the target up, there are no tracks any more; `track` is still there.
+
+    Raises
+    ------
+    ValueError
+        For a prior without a timestamp, models that there are not here, and as `gmr_gym.make_tracker`.
+    """
+
+    prior: Any = Property(doc="GaussianState or GaussianMixture, with the timestamp at which it holds")
+    transition_model: Any = Property(doc="Linear transition model, or a sequence of them for an IMM")
+    measurement_model: Any = Property(doc="LinearGaussian or CartesianToElevationBearingRange")
+    clutter_spatial_density: float = Property(doc="False alarms per unit volume of the detections' space")
+    prob_detect: float = Property(default=0.9, doc="Detection probability")
+    prob_gate: float = Property(default=0.999, doc="Probability that the gate contains a detection")
+    model_probs: np.ndarray = Property(
+        default=None, doc="Transition matrix (r, r) of several models; row i is after model i"
+    )
+    measurement_update: str = Property(default="debiased", doc="Update of a radar, see `sensor_of`")
+    tracker: str = Property(default="runnalls-30", doc="Name of a tracker of one target, see `gmr-gym list`")
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        if self.prior.timestamp is None:
+            raise ValueError("prior must have a timestamp, the time at which it holds")
+        order = state_order(self.measurement_model)
+        self._back = np.argsort(order)
+        self._same = np.array_equal(order, np.arange(len(order)))
+        self._time = self.prior.timestamp
+        self._alive = True
+        self.track = Track([self.prior])
+
+    @property
+    def tracks(self) -> set[Track]:
+        """The track, unless it is given up."""
+        return {self.track} if self._alive else set()
+
+    def update_tracker(self, time: datetime, detections: Iterable) -> tuple[datetime, set[Track]]:
+        """Update the track with a scan.
+
+        Parameters
+        ----------
+        time : datetime
+            Not before that of the last scan.
+        detections : iterable of Detection
+            All at that time, and of one sensor.
+
+        Returns
+        -------
+        time : datetime
+        tracks : set of Track
+
+        Raises
+        ------
+        ValueError
+            As `scan_of`, and for a time that goes back.
+        """
+        found, z = scan_of(detections, self.measurement_model, time)
+        tracker = self._of(self._elapsed(time))
+        self._belief, report = tracker.step(self._belief, z)
+        self._alive = bool(report.alive)
+        near = in_gates(report.gates, tracker.model.sensor.to_gate_space(z)) if found else []
+        self._append(self._state(report, time, [found[j] for j in near]))
+        return time, self.tracks
+
+    def _model(self, interval: timedelta) -> Model:
+        return model_of(
+            self.transition_model, self.measurement_model, self.prior, interval,
+            prob_detect=self.prob_detect, prob_gate=self.prob_gate, switching=self.model_probs,
+            clutter_spatial_density=self.clutter_spatial_density, update=self.measurement_update,
+        )  # fmt: skip
+
+    def _state(self, report: Report, time: datetime, near: list) -> MixtureUpdate | MixturePrediction:
+        x, P, p = report.x[0], report.P[0], report.mixture
+        if not self._same:
+            x, P, p = x[self._back], P[np.ix_(self._back, self._back)], reordered(p, self._back)
+        # field by field: their __init__ takes twice as long as a scan of PDA
+        kind: Any = MixtureUpdate if near else MixturePrediction
+        state = kind.__new__(kind)
+        state.state_vector, state.covar, state.timestamp = vector(x), P.view(CovarianceMatrix), time
+        state.mixture, state.near = p, near
+        return state
+
+    def _append(self, state: MixtureUpdate | MixturePrediction) -> None:
+        """`Track.append`, which makes the hypotheses of every state to look for metadata."""
+        said = {key: value for one in state.near for key, value in one.metadata.items()}
+        metadatas = DIRECT(self.track, "metadatas")
+        metadatas.append({**metadatas[-1], **said} if said else metadatas[-1])
+        DIRECT(self.track, "states").append(state)
+
+
+class MhtTracker(SingleTargetTracker):
+    """One target by the Gaussian-mixture MHT, reduced by any reduction.
+
+    `parameters` are those of `baselines.mht.mht`: components, reduction, prune_weight, prune_density.
+    """
+
+    tracker: str = Property(default="mht", doc="Name of a tracker of one target")
+
+
+class PdaTracker(SingleTargetTracker):
+    """One target by probabilistic data association."""
+
+    tracker: str = Property(default="pda", doc="Name of a tracker of one target")
+
+
+def in_gates(gates: Gates, z: np.ndarray) -> list[int]:
+    """Rows of the detections z (k, p) that are in any of the gates."""
+    first, detection, _ = gated_pairs(gates.z, gates.S, z[None], NO_NOISE, gates.threshold)
+    rows = detection[: first[-1]].tolist()
+    return rows if len(first) == 2 else sorted({*rows})  # of one gate in order, and each once
