@@ -11,6 +11,7 @@ from baselines.fitted_phd import fitted_phd
 from baselines.gm_cphd import CphdBelief, GmCphd, gm_cphd
 from baselines.gm_phd import GmPhd, gm_phd
 from baselines.learning_phd import learning_phd
+from baselines.learning_pmb import learning_pmb
 from gmr_gym.filters import cphd as cardinality
 from gmr_gym.filters import phd
 from gmr_gym.filters.phd import LabelledIntensity
@@ -621,7 +622,7 @@ def test_an_intensity_that_is_none_is_refused_by_name(wrong, message):
         multi_target_model(constant_velocity(1.0, 1.0), position_sensor(3.0), 0.9, 0.99, **(right | wrong))
 
 
-@pytest.mark.parametrize("make", [*FILTERS, learning_phd, fitted_phd])
+@pytest.mark.parametrize("make", [*FILTERS, learning_phd, fitted_phd, learning_pmb])
 def test_a_sensor_that_is_not_linear_is_refused(make):
     model = multi_target_model(
         constant_velocity(1.0, 1.0, axes=3), radar([10.0, 0.01, 0.01]), 0.9, 0.99, no_components(6),
