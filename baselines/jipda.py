@@ -101,9 +101,8 @@ class Jipda(KnownClutterTracker):
         check_probability("confirm", self.confirm)
         for name in ("drop", "drop_confirmed"):
             if not 0 <= getattr(self, name) < self.confirm:
-                raise ValueError(
-                    f"{name} must be a probability less than confirm {self.confirm}, got {getattr(self, name)}"
-                )
+                got = getattr(self, name)
+                raise ValueError(f"{name} must be a probability less than confirm {self.confirm}, got {got}")
 
     def init(self) -> JipdaBelief:
         """Belief one period before the first scan."""
