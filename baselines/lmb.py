@@ -179,7 +179,7 @@ def lmb(
     tracks: int = 200,
     association: str = "exact",
 ) -> Lmb:
-    """Labelled multi-Bernoulli filter with exact association probabilities, of one motion or several.
+    """LMB filter (labelled multi-Bernoulli) with exact association probabilities, of one motion or several.
 
     Parameters
     ----------
