@@ -59,9 +59,13 @@ class Jpda(ConfirmingTracker):
         check_whole("tracks", self.tracks, 1)
         check_probability("start_probability", self.start_probability)
 
-    def associate(self, tracks: MixtureTracks, z: np.ndarray, log_kappa: np.ndarray) -> Stage:
-        """Predicted tracks after the detections z (k, p), of clutter of log intensity log_kappa (k,)."""
-        found = associate(tracks, self.model, z, log_kappa, self.association)
+    def associate(
+        self, tracks: MixtureTracks, tentative: np.ndarray, z: np.ndarray, log_kappa: np.ndarray
+    ) -> Stage:
+        """Predicted tracks after the detections z (k, p), of clutter of log intensity log_kappa (k,).
+
+        Those that are `tentative` (n,) have only what the others leave."""
+        found = associate(tracks, self.model, z, log_kappa, self.association, tentative)
         seen = np.bincount(
             tracks.track, tracks.weight * detected(tracks.densities, self.model), len(tracks.label)
         )

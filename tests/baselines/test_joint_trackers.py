@@ -1,15 +1,18 @@
 """GNN, JPDA, JIPDA, LMB and PMB of mixtures as trackers: what they find, keep and bear."""
 
 from functools import partial
+from time import perf_counter
 
 import numpy as np
 import pytest
 
+from baselines.delta_glmb import delta_glmb
 from baselines.gnn import gnn
 from baselines.jipda import jipda
 from baselines.jpda import jpda
 from baselines.learning_pmb import Pmb, pmb
 from baselines.lmb import lmb
+from gmr_gym.filters import multi_bernoulli_mixture as mixtures
 from gmr_gym.filters import track_logic as logic_of
 from gmr_gym.filters.mixture_pmb import MixturePmb
 from gmr_gym.filters.track_logic import track_logic
@@ -146,6 +149,34 @@ def test_gnn_takes_the_assignment_of_least_cost_and_not_the_nearest_first():
 
 def followed_on(tracker, belief, z):
     return tracker.step(belief, z)
+
+
+def test_an_lmb_has_the_existences_of_the_delta_glmb():
+    places = [[100.0, 0, 0, 5], [106, 4, 5, 0], [-100, 50, 5, 0]], [np.diag([100.0, 100, 9, 9])] * 3
+    model = told(births=(1e-12, 1e-12), initial=mixture([0.4, 0.3, 0.2], *places))
+    z = np.array([[101.0, 6.0], [108.0, 2.0], [97.0, 3.0], [-96.0, 51.0]])
+    every = delta_glmb(model, 100_000, prune_components=0.0, births="model", association="murty")
+    belief, _ = every.step(every.init(), z)
+    exists = dict(zip(belief.label, mixtures.track_existence(belief), strict=True))
+    alike = lmb(model, births="model", prune_existence=1e-6)
+    tracks = alike.step(alike.init(), z)[0].tracks
+    likely = tracks.existence > 1e-4
+    assert likely.sum() == 3
+    expected = sorted(r for r in exists.values() if r > 1e-4)
+    np.testing.assert_allclose(np.sort(tracks.existence[likely]), expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize("make", TRACKERS)
+def test_a_cluster_of_thirty_targets_is_bounded_work(make):
+    rng = np.random.default_rng(0)
+    births = mixture([30.0], [[0.0, 0, 0, 0]], [np.diag([400.0, 400, 9, 9])])
+    model = told(initial=births)
+    tracker = make(model)
+    belief, begun = tracker.init(), perf_counter()
+    for _ in range(6):
+        belief, report = tracker.step(belief, rng.normal(0, 12, (33, 2)))
+    assert perf_counter() - begun < 10.0
+    assert report.approximated <= 1
 
 
 def test_m_of_n_confirms_and_drops_by_its_counts():

@@ -246,3 +246,19 @@ def test_a_cluster_too_large_is_counted():
     z = np.random.default_rng(0).normal(0, 2, (33, 2))
     assert updated(tracks, told(), z)[1].approximated == 1
     assert updated(drawn(9), told(), z[:3])[1].approximated == 0
+
+
+def test_later_tracks_have_what_the_first_leave():
+    model, tracks, z = told(), drawn(11, 4, existence=1.0), np.random.default_rng(5).normal(0, 8, (6, 2))
+    log_kappa, later = np.log(np.full(6, 1e-4)), np.array([True, False, True, False])
+    found = associate(tracks, model, z, log_kappa, later=later)
+    got = reduce(found.tracks, None)
+    first = associate(mixture_tracks.take(tracks, np.array([1, 3])), model, z, log_kappa)
+    free = first.unassigned > 0.5
+    assert 0 < free.sum() < 6
+    then = associate(mixture_tracks.take(tracks, np.array([0, 2])), model, z[free], log_kappa[free])
+    for alone, rows in ((first, [1, 3]), (then, [0, 2])):
+        np.testing.assert_allclose(reduce(alone.tracks, None).densities.m, got.densities.m[rows], rtol=1e-12)
+        np.testing.assert_allclose(alone.missed, found.missed[rows], rtol=1e-12)
+    first.unassigned[free] *= then.unassigned
+    np.testing.assert_allclose(found.unassigned, first.unassigned, rtol=1e-12)
