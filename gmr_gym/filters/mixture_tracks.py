@@ -27,6 +27,7 @@ from gmr_gym.reduction.registry import reducer
 
 Reduction = Callable[[Mixture], Reduced]
 FREE = 0.5  # probability of belonging to no track, above which a detection is left to others
+IMPROBABLE = float(np.log(1e-5))  # a pair of less weight has a marginal probability of less
 NEGLIGIBLE = 1e-15  # probability of a pair that no posterior is formed for
 ASSOCIATIONS = ("exact", "belief-propagation")
 
@@ -390,10 +391,18 @@ Marginals = tuple[np.ndarray, np.ndarray, np.ndarray, int]
 def _marginals(
     track: np.ndarray, detection: np.ndarray, log_psi: np.ndarray, association: str, n: int, k: int
 ) -> Marginals:
-    """Marginal probabilities of pairs, missed tracks and unassigned detections; approximated clusters."""
+    """Marginal probabilities of pairs, missed tracks and unassigned detections; approximated clusters.
+
+    A cluster that is too large is taken without its improbable pairs, and approximated where it still is.
+    """
     if association != "exact":
         return *propagate(track, detection, log_psi, n, k), 0
     assigned, missed, unassigned, approximate = marginals(track, detection, log_psi, n, k)
+    if approximate.any():
+        kept = np.flatnonzero(~approximate[track] | (log_psi > IMPROBABLE))
+        assigned = np.zeros(len(track))
+        track, detection = track[kept], detection[kept]
+        assigned[kept], missed, unassigned, approximate = marginals(track, detection, log_psi[kept], n, k)
     root = clusters(track, detection, n, k)[approximate] if approximate.any() else approximate[:0]
     return assigned, missed, unassigned, len(np.unique(root))
 
