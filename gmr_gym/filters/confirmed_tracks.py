@@ -11,27 +11,25 @@ import numpy as np
 
 from gmr_gym.filters import track_logic
 from gmr_gym.filters.mixture_tracks import (
+    FREE,
     Intensity,
     MixtureTracks,
     added,
     appear,
     collapsed,
     intensity_of,
-    joined_intensities,
-    new_targets,
     no_tracks,
     predict,
     started,
     take,
+    undetected_after,
+    undetected_at,
 )
-from gmr_gym.filters.target_densities import moved
 from gmr_gym.filters.track_logic import TrackHistory, TrackLogic
 from gmr_gym.filters.tracker import KnownClutterTracker, MultiTargetReport
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.multi_target import MultiTargetModel
-
-FREE = 0.5  # probability of belonging to no track, above which a detection is left to the next stage
 
 
 class ConfirmedTracks(NamedTuple):
@@ -42,8 +40,8 @@ class ConfirmedTracks(NamedTuple):
     tracks : MixtureTracks
         All of existence 1.
     history : TrackHistory
-    initial : Intensity
-        Of targets that were there before the first scan; none after it.
+    undetected : Intensity
+        Of targets not yet detected.
     next_label : int
         Next unused label.
     approximated : int
@@ -52,19 +50,19 @@ class ConfirmedTracks(NamedTuple):
 
     tracks: MixtureTracks
     history: TrackHistory
-    initial: Intensity
+    undetected: Intensity
     next_label: int
     approximated: int
 
 
 class Stage(NamedTuple):
-    """Tracks after a scan that they had to themselves.
+    """Tracks after a scan.
 
     Attributes
     ----------
     tracks : MixtureTracks
     unassigned : ndarray, shape (k,)
-        Probability that each detection is of none of them.
+        Probability that each detection is of no track.
     hit : ndarray of bool, shape (n,)
         Whether each has a detection.
     gain : ndarray, shape (n,)
@@ -88,14 +86,18 @@ class ConfirmingTracker(KnownClutterTracker):
     tracks: int
 
     @abstractmethod
-    def associate(self, tracks: MixtureTracks, z: np.ndarray, log_kappa: np.ndarray) -> Stage:
-        """Predicted tracks after the detections z (k, p), of clutter of log intensity log_kappa (k,)."""
+    def associate(
+        self, tracks: MixtureTracks, tentative: np.ndarray, z: np.ndarray, log_kappa: np.ndarray
+    ) -> Stage:
+        """Predicted tracks after the detections z (k, p), of clutter of log intensity log_kappa (k,).
+
+        Those that are `tentative` (n,) have only what the others leave."""
 
     def init(self) -> ConfirmedTracks:
         """Belief one period before the first scan."""
         nothing = track_logic.started(self.logic, np.empty(0))
-        initial = intensity_of(self.model.initial, self.model)
-        return ConfirmedTracks(no_tracks(self.model), nothing, initial, 0, 0)
+        undetected = intensity_of(self.model.initial, self.model)
+        return ConfirmedTracks(no_tracks(self.model), nothing, undetected, 0, 0)
 
     def update(
         self, belief: ConfirmedTracks, z: np.ndarray, clutter: Clutter
@@ -103,35 +105,23 @@ class ConfirmingTracker(KnownClutterTracker):
         """Belief after the scan `z` (k, p), and the probability (k,) that each is a false alarm."""
         model, history = self.model, belief.history
         log_kappa, tracks = np.log(clutter.density(z)), predict(belief.tracks, model)
-        initial = belief.initial._replace(densities=moved(belief.initial.densities, model))
-        unassigned, free, stages, order = np.ones(len(z)), np.ones(len(z), bool), [], []
-        for confirmed in (True, False):
-            rows = np.flatnonzero(history.confirmed == confirmed)
-            stage = self.associate(_certain(take(tracks, rows)), z[free], log_kappa[free])
-            unassigned[free] *= stage.unassigned
-            free = unassigned > FREE
-            stages.append(stage)
-            order.append(rows)
-        sure, tentative = stages
-        after, kept = track_logic.advanced(
-            self.logic, track_logic.take(history, np.concatenate(order)),
-            np.append(sure.hit, tentative.hit), np.append(sure.gain, tentative.gain),
-        )  # fmt: skip
-        intensity = joined_intensities([new_targets(tracks, model), initial])
-        appearing = appear(intensity, model, z, log_kappa)
-        new = started(appearing, z, free.astype(float), self.start_probability)
+        stage = self.associate(_certain(tracks), ~history.confirmed, z, log_kappa)
+        history, kept = track_logic.advanced(self.logic, history, stage.hit, stage.gain)
+        undetected = undetected_at(belief.undetected, tracks, model)
+        appearing = appear(undetected, model, z, log_kappa)
+        free = (stage.unassigned > FREE).astype(float)
+        new, _ = started(appearing, z, free, self.start_probability)
         score = np.log(new.existence) - np.log1p(-new.existence)
-        both = _certain(added(take(added(sure.tracks, tentative.tracks), np.flatnonzero(kept)), new))
-        label = np.append(both.label[: kept.sum()], belief.next_label + new.label)
-        both = both._replace(label=label)
-        after = track_logic.joined(track_logic.take(after, kept), track_logic.started(self.logic, score))
-        most = np.sort(np.argsort(~after.confirmed, kind="stable")[: self.tracks])
+        new = new._replace(label=belief.next_label + new.label)
+        both = _certain(added(take(stage.tracks, np.flatnonzero(kept)), new))
+        history = track_logic.joined(track_logic.take(history, kept), track_logic.started(self.logic, score))
+        most = np.sort(np.argsort(~history.confirmed, kind="stable")[: self.tracks])
         posterior = ConfirmedTracks(
-            take(both, most), track_logic.take(after, most),
-            Intensity(np.empty(0), no_tracks(model).densities), belief.next_label + len(new.label),
-            sure.approximated + tentative.approximated,
+            take(both, most), track_logic.take(history, most),
+            undetected_after(undetected, model, self.tracks), belief.next_label + len(new.label),
+            stage.approximated,
         )  # fmt: skip
-        return posterior, unassigned * np.exp(-appearing.log_ratio)
+        return posterior, stage.unassigned * np.exp(-appearing.log_ratio)
 
     def report(
         self, posterior: ConfirmedTracks, clutter: Clutter

@@ -5,6 +5,7 @@ a scan, and the mixture that they make of every track.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from gmr_gym.checks import check_count
 from gmr_gym.filters import target_densities
 from gmr_gym.filters.belief_propagation import propagate
 from gmr_gym.filters.intensity_update import log_sum
-from gmr_gym.filters.marginals import approximated_clusters, marginals
+from gmr_gym.filters.marginals import clusters, marginals
 from gmr_gym.filters.pmb import LEAST_MISS
 from gmr_gym.filters.target_densities import Densities, Pairs, joined, merge, outputs, pair, posteriors
 from gmr_gym.filters.target_densities import take as take_densities
@@ -25,6 +26,8 @@ from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reducer
 
 Reduction = Callable[[Mixture], Reduced]
+FREE = 0.5  # probability of belonging to no track, above which a detection is left to others
+IMPROBABLE = float(np.log(1e-5))  # a pair of less weight has a marginal probability of less
 NEGLIGIBLE = 1e-15  # probability of a pair that no posterior is formed for
 ASSOCIATIONS = ("exact", "belief-propagation")
 
@@ -88,23 +91,46 @@ class Appearing(NamedTuple):
     log_ratio: np.ndarray
 
 
+class TrackPairs(NamedTuple):
+    """The e pairs of a track and a detection.
+
+    Attributes
+    ----------
+    track, detection : ndarray of int, shape (e,)
+    log_psi : ndarray, shape (e,)
+        log of the weight of each, relative to a miss and a detection of no track.
+    assigned : ndarray, shape (e,)
+        Marginal probability of each.
+    """
+
+    track: np.ndarray
+    detection: np.ndarray
+    log_psi: np.ndarray
+    assigned: np.ndarray
+
+
 class Associated(NamedTuple):
     """Tracks after a scan, not yet reduced.
 
     Attributes
     ----------
     tracks : MixtureTracks
+    detection : ndarray of int, shape (N,)
+        That each hypothesis has, -1 for none; those come first.
     unassigned : ndarray, shape (k,)
         Probability that each detection is of no track.
     missed : ndarray, shape (n,)
         Probability that each track has no detection.
+    pairs : TrackPairs
     approximated : int
         Clusters whose association probabilities are approximate.
     """
 
     tracks: MixtureTracks
+    detection: np.ndarray
     unassigned: np.ndarray
     missed: np.ndarray
+    pairs: TrackPairs
     approximated: int
 
 
@@ -136,6 +162,32 @@ def new_targets(tracks: MixtureTracks, model: MultiTargetModel) -> Intensity:
     parents = tracks.existence[tracks.track] * tracks.weight / model.survival_probability
     spawned = Intensity(model.spawn_weight * parents, Densities(w, m, P + model.spawn_covariance))
     return joined_intensities([born, spawned])
+
+
+def undetected_at(before: Intensity, tracks: MixtureTracks, model: MultiTargetModel) -> Intensity:
+    """The undetected targets one period later: those before it that survive, and new ones of it, some of them
+    about the predicted `tracks`."""
+    survived = Intensity(
+        model.survival_probability * before.w, target_densities.moved(before.densities, model)
+    )
+    return joined_intensities([survived, new_targets(tracks, model)])
+
+
+def undetected_after(
+    undetected: Intensity, model: MultiTargetModel, most: int, least: float = 1e-5
+) -> Intensity:
+    """The targets that a scan has not detected, of at most so many components, each of at least so much
+    weight."""
+    w = undetected.w * (1.0 - detected(undetected.densities, model))
+    order = np.argsort(-w, kind="stable")[:most]
+    kept = np.sort(order[(w[order] >= least) & (w[order] > 0)])
+    return Intensity(w[kept], take_densities(undetected.densities, kept))
+
+
+def most_likely(existence: np.ndarray, least: float | np.ndarray, most: int) -> np.ndarray:
+    """Indices, increasing, of at most so many tracks, each of at least so much existence."""
+    order = np.argsort(-existence, kind="stable")
+    return np.sort(order[((existence >= least) & (existence > 0))[order]][:most])
 
 
 def predict(tracks: MixtureTracks, model: MultiTargetModel) -> MixtureTracks:
@@ -171,11 +223,12 @@ def added(tracks: MixtureTracks, new: MixtureTracks) -> MixtureTracks:
     """The tracks, and new ones after them."""
     if len(new.existence) == 0:
         return tracks
-    return MixtureTracks(
-        np.append(tracks.existence, new.existence), np.append(tracks.label, new.label),
-        joined([tracks.densities, new.densities]), np.append(tracks.weight, new.weight),
-        np.append(tracks.track, new.track + len(tracks.existence)),
-    )  # fmt: skip
+    new = new._replace(track=new.track + len(tracks.existence))
+    existence, label, weight, track = (
+        np.concatenate([getattr(tracks, field), getattr(new, field)])
+        for field in ("existence", "label", "weight", "track")
+    )
+    return MixtureTracks(existence, label, joined([tracks.densities, new.densities]), weight, track)
 
 
 def appear(intensity: Intensity, model: MultiTargetModel, z: np.ndarray, log_kappa: np.ndarray) -> Appearing:
@@ -207,7 +260,9 @@ def appear(intensity: Intensity, model: MultiTargetModel, z: np.ndarray, log_kap
     return Appearing(intensity, pairs, log_part, log_ratio)
 
 
-def started(appearing: Appearing, z: np.ndarray, unassigned: np.ndarray, least: float) -> MixtureTracks:
+def started(
+    appearing: Appearing, z: np.ndarray, unassigned: np.ndarray, least: float
+) -> tuple[MixtureTracks, np.ndarray]:
     r"""A new track for every detection that may be the first of a target.
 
     Parameters
@@ -222,8 +277,10 @@ def started(appearing: Appearing, z: np.ndarray, unassigned: np.ndarray, least: 
 
     Returns
     -------
-    MixtureTracks
+    tracks : MixtureTracks
         By decreasing existence; labels count from 0.
+    detection : ndarray of int, shape (n,)
+        The first of each.
 
     Notes
     -----
@@ -241,7 +298,7 @@ def started(appearing: Appearing, z: np.ndarray, unassigned: np.ndarray, least: 
     parts = posteriors(appearing.intensity.densities, pairs, chosen)
     densities = merge(parts, np.exp(log_part[chosen] - log_ratio[of]), place[of], len(new))
     one = np.arange(len(new))
-    return MixtureTracks(exists[new], one, densities, np.ones(len(new)), one)
+    return MixtureTracks(exists[new], one, densities, np.ones(len(new)), one), new
 
 
 def detected(densities: Densities, model: MultiTargetModel) -> np.ndarray:
@@ -262,6 +319,7 @@ def associate(
     z: np.ndarray,
     log_other: np.ndarray,
     association: str = "exact",
+    later: np.ndarray | None = None,
 ) -> Associated:
     r"""Update predicted tracks with a scan by marginal association probabilities.
 
@@ -275,6 +333,8 @@ def associate(
     log_other : ndarray, shape (k,)
         log of the intensity of the detections that are of no track, at each.
     association : {"exact", "belief-propagation"}
+    later : ndarray of bool, shape (n,), optional
+        Tracks that may have only detections that the others leave, with a probability above `FREE`.
 
     Returns
     -------
@@ -303,25 +363,65 @@ def associate(
         there, seen, track, n, pairs.row, pairs.detection, pairs.log_likelihood, len(z)
     )
     log_psi = log_whole - np.log(miss)[of] - log_other[detection]
-    approximated = 0
-    if association == "exact":
-        assigned, missed, unassigned, approximate = marginals(of, detection, log_psi, n, len(z))
-        approximated = approximated_clusters(of, detection, approximate, len(z))
+    weigh = partial(_marginals, association=association, n=n, k=len(z))
+    if later is None:
+        assigned, missed, unassigned, approximated = weigh(of, detection, log_psi)
     else:
-        assigned, missed, unassigned = propagate(of, detection, log_psi, n, len(z))
+        assigned, missed, unassigned, approximated = _in_turn(weigh, later, of, detection, log_psi)
     found = assigned[at] * np.exp(log_part - log_whole[at])
     lost = missed[track] * there * (1.0 - seen) / miss[track]
     chosen = np.flatnonzero(found > NEGLIGIBLE)
-    rows = np.append(track, track[pairs.row[chosen]])
-    weight = np.append(lost, found[chosen])
+    rows = np.concatenate([track, track[pairs.row[chosen]]])
+    weight = np.concatenate([lost, found[chosen]])
     existence = np.bincount(rows, weight, n)
     # what has gone stays where it was predicted
-    prior = np.append(tracks.weight, np.zeros(len(chosen)))
+    prior = np.concatenate([tracks.weight, np.zeros(len(chosen))])
     weight = np.divide(weight, existence[rows], out=prior, where=existence[rows] > 0)
     densities = joined([p, posteriors(p, pairs, chosen)])
     # what rounding puts above 1 would grow with every scan that misses
     after = MixtureTracks(np.minimum(existence, 1.0), tracks.label, densities, weight, rows)
-    return Associated(after, unassigned, missed, approximated)
+    has = np.concatenate([np.full(len(track), -1), pairs.detection[chosen]])
+    weighed = TrackPairs(of, detection, log_psi, assigned)
+    return Associated(after, has, unassigned, missed, weighed, approximated)
+
+
+Marginals = tuple[np.ndarray, np.ndarray, np.ndarray, int]
+
+
+def _marginals(
+    track: np.ndarray, detection: np.ndarray, log_psi: np.ndarray, association: str, n: int, k: int
+) -> Marginals:
+    """Marginal probabilities of pairs, missed tracks and unassigned detections; approximated clusters.
+
+    A cluster that is too large is taken without its improbable pairs, and approximated where it still is.
+    """
+    if association != "exact":
+        return *propagate(track, detection, log_psi, n, k), 0
+    assigned, missed, unassigned, approximate = marginals(track, detection, log_psi, n, k)
+    if approximate.any():
+        kept = np.flatnonzero(~approximate[track] | (log_psi > IMPROBABLE))
+        assigned = np.zeros(len(track))
+        track, detection = track[kept], detection[kept]
+        assigned[kept], missed, unassigned, approximate = marginals(track, detection, log_psi[kept], n, k)
+    root = clusters(track, detection, n, k)[approximate] if approximate.any() else approximate[:0]
+    return assigned, missed, unassigned, len(np.unique(root))
+
+
+def _in_turn(
+    weigh: Callable[..., Marginals],
+    later: np.ndarray,
+    track: np.ndarray,
+    detection: np.ndarray,
+    log_psi: np.ndarray,
+) -> Marginals:
+    """`_marginals` of the tracks that come first, then of the `later` ones on what these leave."""
+    one = np.flatnonzero(~later[track])
+    assigned, missed, unassigned, approximated = weigh(track[one], detection[one], log_psi[one])
+    two = np.flatnonzero(later[track] & (unassigned > FREE)[detection])
+    found, *others, more = weigh(track[two], detection[two], log_psi[two])
+    every = np.zeros(len(track))
+    every[one], every[two] = assigned, found
+    return every, missed * others[0], unassigned * others[1], approximated + more
 
 
 def collapsing(reduction: str, components: int) -> Reduction | None:
