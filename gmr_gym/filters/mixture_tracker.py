@@ -1,4 +1,4 @@
-"""Trackers of many targets by multi-Bernoulli mixtures: how many hypotheses they keep, and what they declare."""
+"""Trackers of many targets by multi-Bernoulli mixtures: what they keep and what they declare."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

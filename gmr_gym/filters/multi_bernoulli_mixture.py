@@ -1,5 +1,5 @@
-r"""Multi-Bernoulli mixtures: global hypotheses about many targets, with or without a Poisson intensity of those
-that are undetected (Williams 2015; Vo and Vo 2013).
+r"""Multi-Bernoulli mixtures: global hypotheses about many targets, with or without a Poisson intensity of
+those that are undetected (Williams 2015; Vo and Vo 2013).
 
 A leaf of a track is a density and a probability that the target exists. Where existence is certain, a leaf
 exists, and hypotheses without it say that the target does not.
