@@ -88,7 +88,7 @@ def ranked_assignments(cost, count, spread=np.inf):
 
 @leaf_kernel
 def _branch(split, part, i, again, sets, row):
-    """Makes set `part` those assignments of set `split` in which row i has another column than in its best one;
+    """Makes set `part` those of set `split` in which row i has another column than in its best assignment;
     `again` where that row has been barred from columns before. row (m,) becomes the row of each column."""
     column, u, v, barred = sets
     n, m = column.shape[1] - 1, len(row)
