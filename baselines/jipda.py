@@ -17,15 +17,15 @@ from gmr_gym.filters.mixture_tracks import (
     collapsed,
     collapsing,
     intensity_of,
-    joined_intensities,
-    new_targets,
+    most_likely,
     no_tracks,
     predict,
     reduce,
     started,
     take,
+    undetected_after,
+    undetected_at,
 )
-from gmr_gym.filters.target_densities import moved
 from gmr_gym.filters.tracker import KnownClutterTracker, MultiTargetReport
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import Clutter
@@ -39,8 +39,8 @@ class JipdaBelief(NamedTuple):
     ----------
     tracks : MixtureTracks
     confirmed : ndarray of bool, shape (n,)
-    initial : Intensity
-        Of targets that were there before the first scan; none after it.
+    undetected : Intensity
+        Of targets not yet detected.
     next_label : int
         Next unused label.
     approximated : int
@@ -49,7 +49,7 @@ class JipdaBelief(NamedTuple):
 
     tracks: MixtureTracks
     confirmed: np.ndarray
-    initial: Intensity
+    undetected: Intensity
     next_label: int
     approximated: int
 
@@ -64,8 +64,10 @@ class Jipda(KnownClutterTracker):
         The filter model.
     reduce : callable or None
         Reduction of the mixture of each track; None merges it by its moments, mode by mode.
-    confirm, drop : float
-        Existence from which a track is declared for good, and below which it is dropped.
+    confirm : float
+        Existence from which a track is declared until it is dropped.
+    drop, drop_confirmed : float
+        Existence below which a track is dropped before and after it is confirmed.
     prune_weight : float
         Hypotheses of less weight in their track are pruned before the reduction.
     tracks : int
@@ -75,9 +77,8 @@ class Jipda(KnownClutterTracker):
     Notes
     -----
     A detection of no track is the first of a new target with probability
-    :math:`\rho_j / (\rho_j + \kappa_j)`, with :math:`\rho_j` of the births of the scan, and of the targets
-    that were there before the first. One that is missed in its first scan is found by births of later ones
-    alone, where Poisson multi-Bernoulli trackers keep an intensity of the undetected.
+    :math:`\rho_j / (\rho_j + \kappa_j)`. Departs: the paper has one density of new targets for all scans;
+    :math:`\rho_j` is that of the targets not yet detected, as of Poisson multi-Bernoulli trackers.
 
     References
     ----------
@@ -88,6 +89,7 @@ class Jipda(KnownClutterTracker):
     reduce: Reduction | None
     confirm: float = 0.9
     drop: float = 1e-3
+    drop_confirmed: float = 0.05
     prune_weight: float = 1e-4
     tracks: int = 200
     association: str = "exact"
@@ -97,8 +99,10 @@ class Jipda(KnownClutterTracker):
         check_limits(self.prune_weight, 1)
         check_whole("tracks", self.tracks, 1)
         check_probability("confirm", self.confirm)
-        if not 0 <= self.drop < self.confirm:
-            raise ValueError(f"drop must be a probability less than confirm {self.confirm}, got {self.drop}")
+        for name in ("drop", "drop_confirmed"):
+            if not 0 <= getattr(self, name) < self.confirm:
+                got = getattr(self, name)
+                raise ValueError(f"{name} must be a probability less than confirm {self.confirm}, got {got}")
 
     def init(self) -> JipdaBelief:
         """Belief one period before the first scan."""
@@ -109,26 +113,21 @@ class Jipda(KnownClutterTracker):
         """Belief after the scan `z` (k, p), and the probability (k,) that each is a false alarm."""
         model = self.model
         log_kappa, tracks = np.log(clutter.density(z)), predict(belief.tracks, model)
-        initial = belief.initial._replace(densities=moved(belief.initial.densities, model))
-        appearing = appear(joined_intensities([new_targets(tracks, model), initial]), model, z, log_kappa)
+        undetected = undetected_at(belief.undetected, tracks, model)
+        appearing = appear(undetected, model, z, log_kappa)
         found = associate(tracks, model, z, log_kappa + appearing.log_ratio, self.association)
-        kept = self._kept(found.tracks.existence, belief.confirmed)
+        least = np.where(belief.confirmed, self.drop_confirmed, self.drop)
+        kept = most_likely(found.tracks.existence, least, self.tracks)
         old = reduce(take(found.tracks, kept), self.reduce, self.prune_weight)
-        new = started(appearing, z, found.unassigned, self.drop)
+        new, _ = started(appearing, z, found.unassigned, self.drop)
         new = new._replace(label=belief.next_label + new.label)
         confirmed = np.append(belief.confirmed[kept], np.zeros(len(new.label), bool))
         both = added(old, new)
         confirmed |= both.existence >= self.confirm
-        posterior = JipdaBelief(
-            both, confirmed, Intensity(np.empty(0), no_tracks(model).densities),
-            belief.next_label + len(new.label), found.approximated,
-        )  # fmt: skip
+        unseen = undetected_after(undetected, model, self.tracks)
+        next_label = belief.next_label + len(new.label)
+        posterior = JipdaBelief(both, confirmed, unseen, next_label, found.approximated)
         return posterior, found.unassigned * np.exp(-appearing.log_ratio)
-
-    def _kept(self, existence: np.ndarray, confirmed: np.ndarray) -> np.ndarray:
-        """The tracks that are not dropped, at most `tracks`."""
-        order = np.argsort(-existence, kind="stable")[: self.tracks]
-        return np.sort(order[(existence[order] >= self.drop) & (existence[order] > 0)])
 
     def report(self, posterior: JipdaBelief, clutter: Clutter) -> tuple[JipdaBelief, MultiTargetReport]:
         """The belief, unchanged, and its report: the confirmed tracks, by decreasing existence."""
@@ -148,6 +147,7 @@ def jipda(
     reduction: str = "runnalls",
     confirm: float = 0.9,
     drop: float = 1e-3,
+    drop_confirmed: float = 0.05,
     *,
     prune_weight: float = 1e-4,
     tracks: int = 200,
@@ -163,8 +163,10 @@ def jipda(
         Most components of each track; 1 is JIPDA.
     reduction : str
         Reduction of each track to `components`, such as "runnalls" or "capping".
-    confirm, drop : float
-        Existence from which a track is declared for good, and below which it is dropped.
+    confirm : float
+        Existence from which a track is declared until it is dropped.
+    drop, drop_confirmed : float
+        Existence below which a track is dropped before and after it is confirmed.
     prune_weight : float
         Hypotheses of less weight in their track are pruned before the reduction.
     tracks : int
@@ -185,4 +187,13 @@ def jipda(
     ----------
     Musicki and Evans 2004; exact probabilities by Maskell, Briers and Wright 2004.
     """
-    return Jipda(model, collapsing(reduction, components), confirm, drop, prune_weight, tracks, association)
+    return Jipda(
+        model,
+        collapsing(reduction, components),
+        confirm,
+        drop,
+        drop_confirmed,
+        prune_weight,
+        tracks,
+        association,
+    )

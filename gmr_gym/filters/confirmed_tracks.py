@@ -17,14 +17,13 @@ from gmr_gym.filters.mixture_tracks import (
     appear,
     collapsed,
     intensity_of,
-    joined_intensities,
-    new_targets,
     no_tracks,
     predict,
     started,
     take,
+    undetected_after,
+    undetected_at,
 )
-from gmr_gym.filters.target_densities import moved
 from gmr_gym.filters.track_logic import TrackHistory, TrackLogic
 from gmr_gym.filters.tracker import KnownClutterTracker, MultiTargetReport
 from gmr_gym.mixture import Mixture
@@ -42,8 +41,8 @@ class ConfirmedTracks(NamedTuple):
     tracks : MixtureTracks
         All of existence 1.
     history : TrackHistory
-    initial : Intensity
-        Of targets that were there before the first scan; none after it.
+    undetected : Intensity
+        Of targets not yet detected.
     next_label : int
         Next unused label.
     approximated : int
@@ -52,7 +51,7 @@ class ConfirmedTracks(NamedTuple):
 
     tracks: MixtureTracks
     history: TrackHistory
-    initial: Intensity
+    undetected: Intensity
     next_label: int
     approximated: int
 
@@ -94,8 +93,8 @@ class ConfirmingTracker(KnownClutterTracker):
     def init(self) -> ConfirmedTracks:
         """Belief one period before the first scan."""
         nothing = track_logic.started(self.logic, np.empty(0))
-        initial = intensity_of(self.model.initial, self.model)
-        return ConfirmedTracks(no_tracks(self.model), nothing, initial, 0, 0)
+        undetected = intensity_of(self.model.initial, self.model)
+        return ConfirmedTracks(no_tracks(self.model), nothing, undetected, 0, 0)
 
     def update(
         self, belief: ConfirmedTracks, z: np.ndarray, clutter: Clutter
@@ -103,7 +102,6 @@ class ConfirmingTracker(KnownClutterTracker):
         """Belief after the scan `z` (k, p), and the probability (k,) that each is a false alarm."""
         model, history = self.model, belief.history
         log_kappa, tracks = np.log(clutter.density(z)), predict(belief.tracks, model)
-        initial = belief.initial._replace(densities=moved(belief.initial.densities, model))
         unassigned, free, stages, order = np.ones(len(z)), np.ones(len(z), bool), [], []
         for confirmed in (True, False):
             rows = np.flatnonzero(history.confirmed == confirmed)
@@ -117,9 +115,9 @@ class ConfirmingTracker(KnownClutterTracker):
             self.logic, track_logic.take(history, np.concatenate(order)),
             np.append(sure.hit, tentative.hit), np.append(sure.gain, tentative.gain),
         )  # fmt: skip
-        intensity = joined_intensities([new_targets(tracks, model), initial])
-        appearing = appear(intensity, model, z, log_kappa)
-        new = started(appearing, z, free.astype(float), self.start_probability)
+        undetected = undetected_at(belief.undetected, tracks, model)
+        appearing = appear(undetected, model, z, log_kappa)
+        new, _ = started(appearing, z, free.astype(float), self.start_probability)
         score = np.log(new.existence) - np.log1p(-new.existence)
         both = _certain(added(take(added(sure.tracks, tentative.tracks), np.flatnonzero(kept)), new))
         label = np.append(both.label[: kept.sum()], belief.next_label + new.label)
@@ -128,7 +126,7 @@ class ConfirmingTracker(KnownClutterTracker):
         most = np.sort(np.argsort(~after.confirmed, kind="stable")[: self.tracks])
         posterior = ConfirmedTracks(
             take(both, most), track_logic.take(after, most),
-            Intensity(np.empty(0), no_tracks(model).densities), belief.next_label + len(new.label),
+            undetected_after(undetected, model, self.tracks), belief.next_label + len(new.label),
             sure.approximated + tentative.approximated,
         )  # fmt: skip
         return posterior, unassigned * np.exp(-appearing.log_ratio)

@@ -78,12 +78,9 @@ def marginals(track, detection, log_psi, n, k):
     return assigned, missed, unassigned, approximated
 
 
-def approximated_clusters(track: np.ndarray, detection: np.ndarray, approximated: np.ndarray, k: int) -> int:
-    """How many clusters hold the tracks that are `approximated` (n,), of k detections."""
-    if not approximated.any():
-        return 0
-    root = _clusters(track, *grouped(detection, k), len(approximated))
-    return len(np.unique(root[approximated]))
+def clusters(track: np.ndarray, detection: np.ndarray, n: int, k: int) -> np.ndarray:
+    """The lowest track (n,) of the cluster that each of n tracks is of, by its pairs with k detections."""
+    return _clusters(track, *grouped(detection, k), n)
 
 
 @kernel

@@ -13,7 +13,7 @@ from gmr_gym.checks import check_count
 from gmr_gym.filters import target_densities
 from gmr_gym.filters.belief_propagation import propagate
 from gmr_gym.filters.intensity_update import log_sum
-from gmr_gym.filters.marginals import approximated_clusters, marginals
+from gmr_gym.filters.marginals import clusters, marginals
 from gmr_gym.filters.pmb import LEAST_MISS
 from gmr_gym.filters.target_densities import Densities, Pairs, joined, merge, outputs, pair, posteriors
 from gmr_gym.filters.target_densities import take as take_densities
@@ -88,23 +88,46 @@ class Appearing(NamedTuple):
     log_ratio: np.ndarray
 
 
+class TrackPairs(NamedTuple):
+    """The e pairs of a track and a detection.
+
+    Attributes
+    ----------
+    track, detection : ndarray of int, shape (e,)
+    log_psi : ndarray, shape (e,)
+        log of the weight of each, relative to a miss and a detection of no track.
+    assigned : ndarray, shape (e,)
+        Marginal probability of each.
+    """
+
+    track: np.ndarray
+    detection: np.ndarray
+    log_psi: np.ndarray
+    assigned: np.ndarray
+
+
 class Associated(NamedTuple):
     """Tracks after a scan, not yet reduced.
 
     Attributes
     ----------
     tracks : MixtureTracks
+    detection : ndarray of int, shape (N,)
+        That each hypothesis has, -1 for none; those come first.
     unassigned : ndarray, shape (k,)
         Probability that each detection is of no track.
     missed : ndarray, shape (n,)
         Probability that each track has no detection.
+    pairs : TrackPairs
     approximated : int
         Clusters whose association probabilities are approximate.
     """
 
     tracks: MixtureTracks
+    detection: np.ndarray
     unassigned: np.ndarray
     missed: np.ndarray
+    pairs: TrackPairs
     approximated: int
 
 
@@ -136,6 +159,32 @@ def new_targets(tracks: MixtureTracks, model: MultiTargetModel) -> Intensity:
     parents = tracks.existence[tracks.track] * tracks.weight / model.survival_probability
     spawned = Intensity(model.spawn_weight * parents, Densities(w, m, P + model.spawn_covariance))
     return joined_intensities([born, spawned])
+
+
+def undetected_at(before: Intensity, tracks: MixtureTracks, model: MultiTargetModel) -> Intensity:
+    """The undetected targets one period later: those before it that survive, and new ones of it, some of them
+    about the predicted `tracks`."""
+    survived = Intensity(
+        model.survival_probability * before.w, target_densities.moved(before.densities, model)
+    )
+    return joined_intensities([survived, new_targets(tracks, model)])
+
+
+def undetected_after(
+    undetected: Intensity, model: MultiTargetModel, most: int, least: float = 1e-5
+) -> Intensity:
+    """The targets that a scan has not detected, of at most so many components, each of at least so much
+    weight."""
+    w = undetected.w * (1.0 - detected(undetected.densities, model))
+    order = np.argsort(-w, kind="stable")[:most]
+    kept = np.sort(order[(w[order] >= least) & (w[order] > 0)])
+    return Intensity(w[kept], take_densities(undetected.densities, kept))
+
+
+def most_likely(existence: np.ndarray, least: float | np.ndarray, most: int) -> np.ndarray:
+    """Indices, increasing, of at most so many tracks, each of at least so much existence."""
+    order = np.argsort(-existence, kind="stable")
+    return np.sort(order[((existence >= least) & (existence > 0))[order]][:most])
 
 
 def predict(tracks: MixtureTracks, model: MultiTargetModel) -> MixtureTracks:
@@ -207,7 +256,9 @@ def appear(intensity: Intensity, model: MultiTargetModel, z: np.ndarray, log_kap
     return Appearing(intensity, pairs, log_part, log_ratio)
 
 
-def started(appearing: Appearing, z: np.ndarray, unassigned: np.ndarray, least: float) -> MixtureTracks:
+def started(
+    appearing: Appearing, z: np.ndarray, unassigned: np.ndarray, least: float
+) -> tuple[MixtureTracks, np.ndarray]:
     r"""A new track for every detection that may be the first of a target.
 
     Parameters
@@ -222,8 +273,10 @@ def started(appearing: Appearing, z: np.ndarray, unassigned: np.ndarray, least: 
 
     Returns
     -------
-    MixtureTracks
+    tracks : MixtureTracks
         By decreasing existence; labels count from 0.
+    detection : ndarray of int, shape (n,)
+        The first of each.
 
     Notes
     -----
@@ -241,7 +294,7 @@ def started(appearing: Appearing, z: np.ndarray, unassigned: np.ndarray, least: 
     parts = posteriors(appearing.intensity.densities, pairs, chosen)
     densities = merge(parts, np.exp(log_part[chosen] - log_ratio[of]), place[of], len(new))
     one = np.arange(len(new))
-    return MixtureTracks(exists[new], one, densities, np.ones(len(new)), one)
+    return MixtureTracks(exists[new], one, densities, np.ones(len(new)), one), new
 
 
 def detected(densities: Densities, model: MultiTargetModel) -> np.ndarray:
@@ -306,7 +359,8 @@ def associate(
     approximated = 0
     if association == "exact":
         assigned, missed, unassigned, approximate = marginals(of, detection, log_psi, n, len(z))
-        approximated = approximated_clusters(of, detection, approximate, len(z))
+        if approximate.any():
+            approximated = len(np.unique(clusters(of, detection, n, len(z))[approximate]))
     else:
         assigned, missed, unassigned = propagate(of, detection, log_psi, n, len(z))
     found = assigned[at] * np.exp(log_part - log_whole[at])
@@ -321,7 +375,9 @@ def associate(
     densities = joined([p, posteriors(p, pairs, chosen)])
     # what rounding puts above 1 would grow with every scan that misses
     after = MixtureTracks(np.minimum(existence, 1.0), tracks.label, densities, weight, rows)
-    return Associated(after, unassigned, missed, approximated)
+    has = np.append(np.full(len(track), -1), pairs.detection[chosen])
+    weighed = TrackPairs(of, detection, log_psi, assigned)
+    return Associated(after, has, unassigned, missed, weighed, approximated)
 
 
 def collapsing(reduction: str, components: int) -> Reduction | None:

@@ -1,4 +1,6 @@
-"""GNN, JPDA and JIPDA as trackers: what they find, keep and bear."""
+"""GNN, JPDA, JIPDA, LMB and PMB of mixtures as trackers: what they find, keep and bear."""
+
+from functools import partial
 
 import numpy as np
 import pytest
@@ -6,7 +8,10 @@ import pytest
 from baselines.gnn import gnn
 from baselines.jipda import jipda
 from baselines.jpda import jpda
+from baselines.learning_pmb import Pmb, pmb
+from baselines.lmb import lmb
 from gmr_gym.filters import track_logic as logic_of
+from gmr_gym.filters.mixture_pmb import MixturePmb
 from gmr_gym.filters.track_logic import track_logic
 from gmr_gym.mixture import mixture
 from gmr_gym.models.clutter import uniform_clutter
@@ -18,7 +23,10 @@ from gmr_gym.models.switching import sticky_switching
 
 CORNER = np.array([-300.0, -300.0])
 BIRTHS = [[100.0, 0, 0, 5], [-100, 50, 5, 0]], [np.diag([100.0, 100, 9, 9])] * 2
-TRACKERS = [gnn, jpda, jipda]
+TRACKERS = [
+    gnn, jpda, jipda, lmb, partial(lmb, births="model"), partial(pmb, components=3),
+    partial(pmb, projection="momb"), partial(pmb, projection="variational"),
+]  # fmt: skip
 
 
 def told(expected=10.0, detection=0.9, births=(0.01, 0.01), modes=1, **kwargs):
@@ -87,7 +95,7 @@ def test_by_radar_a_target_is_found(make):
 @pytest.mark.parametrize("make", TRACKERS)
 def test_a_thousand_empty_scans_leave_nothing(make):
     belief, reports = followed(make(told()), [*two_walks(5, 2), *[np.empty((0, 2))] * 1000])
-    assert len(reports[-1].x) == len(belief.tracks.label) == 0
+    assert len(reports[-1].x) == 0 and len(belief.tracks.label) <= 2  # those just born
 
 
 @pytest.mark.parametrize("detection", [0.9, 1.0])
@@ -179,8 +187,41 @@ def test_scores_confirm_and_drop_at_wald_s_bounds():
         (jipda, {"reduction": "runnals"}, "did you mean 'runnalls'"),
         (jipda, {"tracks": 0}, "tracks must be"),
         (jipda, {"prune_weight": -1.0}, "prune_weight must be"),
+        (lmb, {"prune_existence": 0.6}, "prune_existence must be"),
+        (lmb, {"births": "storks"}, "births must be"),
+        (lmb, {"association": "hope"}, "association must be"),
+        (pmb, {"projection": "film"}, "projection must be"),
+        (pmb, {"projection": "momb", "association": "hope"}, "association must be"),
+        (pmb, {"hypotheses": 0}, "hypotheses must be"),
+        (pmb, {"components": 2, "prune_hypotheses": 1.0}, "prune_hypotheses must lie"),
     ],
 )
 def test_a_wrong_option_is_named(make, wrong, message):
     with pytest.raises(ValueError, match=message):
         make(told(), **wrong)
+
+
+@pytest.mark.parametrize("association", ["exact", "belief-propagation"])
+def test_a_pmb_of_one_component_is_the_same_by_both_ways(association):
+    model = told(spawn_weight=1e-3)
+    plain, general = pmb(model, association=association), MixturePmb(model, None, association=association)
+    assert isinstance(plain, Pmb)
+    scans = two_walks(12, 6)
+    for one, other in zip(followed(plain, scans)[1], followed(general, scans)[1], strict=True):
+        np.testing.assert_array_equal(one.label, other.label)
+        for field in ("x", "existence", "expected_targets"):
+            np.testing.assert_allclose(getattr(one, field), getattr(other, field), rtol=1e-7, atol=1e-7)
+        np.testing.assert_allclose(one.intensity.P, other.intensity.P, rtol=1e-7, atol=1e-7)
+
+
+def test_where_nothing_is_seen_a_track_keeps_its_existence():
+    def seen(x):
+        return np.where(x[:, 1] < 43.0, 0.9, 1e-6)  # behind it nothing is seen
+
+    scans = [*two_walks(9, 7, 0), *[np.empty((0, 2))] * 10]
+    for make in (jipda, pmb):
+        (_, behind), (_, open_field) = (
+            followed(make(told(detection=seen)), scans),
+            followed(make(told()), scans),
+        )
+        assert len(behind[-1].x) >= 1 and len(open_field[-1].x) == 0
