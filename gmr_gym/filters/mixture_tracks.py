@@ -220,11 +220,12 @@ def added(tracks: MixtureTracks, new: MixtureTracks) -> MixtureTracks:
     """The tracks, and new ones after them."""
     if len(new.existence) == 0:
         return tracks
-    return MixtureTracks(
-        np.append(tracks.existence, new.existence), np.append(tracks.label, new.label),
-        joined([tracks.densities, new.densities]), np.append(tracks.weight, new.weight),
-        np.append(tracks.track, new.track + len(tracks.existence)),
-    )  # fmt: skip
+    new = new._replace(track=new.track + len(tracks.existence))
+    existence, label, weight, track = (
+        np.concatenate([getattr(tracks, field), getattr(new, field)])
+        for field in ("existence", "label", "weight", "track")
+    )
+    return MixtureTracks(existence, label, joined([tracks.densities, new.densities]), weight, track)
 
 
 def appear(intensity: Intensity, model: MultiTargetModel, z: np.ndarray, log_kappa: np.ndarray) -> Appearing:
@@ -366,16 +367,16 @@ def associate(
     found = assigned[at] * np.exp(log_part - log_whole[at])
     lost = missed[track] * there * (1.0 - seen) / miss[track]
     chosen = np.flatnonzero(found > NEGLIGIBLE)
-    rows = np.append(track, track[pairs.row[chosen]])
-    weight = np.append(lost, found[chosen])
+    rows = np.concatenate([track, track[pairs.row[chosen]]])
+    weight = np.concatenate([lost, found[chosen]])
     existence = np.bincount(rows, weight, n)
     # what has gone stays where it was predicted
-    prior = np.append(tracks.weight, np.zeros(len(chosen)))
+    prior = np.concatenate([tracks.weight, np.zeros(len(chosen))])
     weight = np.divide(weight, existence[rows], out=prior, where=existence[rows] > 0)
     densities = joined([p, posteriors(p, pairs, chosen)])
     # what rounding puts above 1 would grow with every scan that misses
     after = MixtureTracks(np.minimum(existence, 1.0), tracks.label, densities, weight, rows)
-    has = np.append(np.full(len(track), -1), pairs.detection[chosen])
+    has = np.concatenate([np.full(len(track), -1), pairs.detection[chosen]])
     weighed = TrackPairs(of, detection, log_psi, assigned)
     return Associated(after, has, unassigned, missed, weighed, approximated)
 

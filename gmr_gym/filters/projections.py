@@ -15,11 +15,13 @@ from gmr_gym.filters.ranked_assignments import ranked_assignments, ranked_events
 from gmr_gym.filters.target_densities import Densities, joined, merge
 from gmr_gym.filters.target_densities import take as take_densities
 from gmr_gym.kernels import kernel
+from gmr_gym.linalg import cholesky_into, half_log_determinant, mahalanobis_squared, solve_lower
 
 ROUNDS = 20  # of permutations, most
 TOLERANCE = 1e-3  # a round that saves less is the last
 SUREST = 1.0 - 1e-8  # existence in a Kullback-Leibler divergence
-IMPROBABLE = 1e-6  # marginal probability of a pair that no permutation looks at
+SPREAD = float(np.log(1e4))  # events that are less probable than the best by more are not looked at
+IMPROBABLE = 1e-4  # marginal probability of a pair that no permutation looks at
 
 
 def tomb(found: Associated, new: MixtureTracks, detection: np.ndarray) -> MixtureTracks:
@@ -102,7 +104,7 @@ def variational(
 
     Notes
     -----
-    Departs: new tracks are not permuted; pairs of a marginal probability below 1e-6 count as impossible.
+    Departs: new tracks are not permuted; pairs of a marginal probability below 1e-4 count as impossible.
 
     References
     ----------
@@ -164,7 +166,7 @@ def permuted(
         part, into = np.nonzero(share)
         joint = share[part, into] * existence[part]
         q = merge(take_densities(densities, part), joint, into, n)
-        cost = _divergences(existence, densities, np.bincount(into, joint, n), q)
+        cost = _divergences(existence, *densities, np.bincount(into, joint, n), *q)
         costs.append(float((weight @ cost[local, slot]).sum()))
         if len(costs) == ROUNDS or (len(costs) > 1 and costs[-2] - costs[-1] < TOLERANCE):
             return share, costs
@@ -181,7 +183,7 @@ def _moved(
     there, column = np.unique(pairs.detection[likely], return_inverse=True)
     table = np.full((n, len(there)), -np.inf)
     table[place[pairs.track[likely]], column] = pairs.log_psi[likely]
-    event, log_weight = ranked_events(table, hypotheses)
+    event, log_weight = ranked_events(table, hypotheses, SPREAD)
     weight = np.exp(log_weight - log_weight[0])
     # hypotheses of a track by detection, a miss first; those of one detection are judged as one
     rows = np.flatnonzero(place[tracks.track] >= 0)
@@ -221,21 +223,33 @@ def _shared_out(tracks, mass, row, slot, share):
     )
 
 
-def _divergences(existence, densities, q_existence, q):
-    """Kullback-Leibler divergence (u, n) of u Bernoulli densities from n others."""
-    d = densities.m.shape[2]
-    inverse = np.linalg.inv(q.P)
-    off = densities.m[:, None] - q.m
-    apart = np.einsum("lsri,srij,lsrj->lsr", off, inverse, off)
-    wide = np.einsum("srij,lrji->lsr", inverse, densities.P)
-    volume = np.linalg.slogdet(q.P)[1] - np.linalg.slogdet(densities.P)[1][:, None]
-    w, q_w = densities.w[:, None], q.w
-    with np.errstate(divide="ignore", invalid="ignore"):
-        modes = np.where(w > 0, w * (np.log(w) - np.log(q_w) + 0.5 * (apart + wide - d + volume)), 0.0)
-    r, s = np.minimum(existence, SUREST)[:, None], q_existence.clip(1.0 - SUREST, SUREST)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        there = np.where(r > 0, r * (np.log(r / s) + modes.sum(axis=2)), 0.0)
-    return there + (1.0 - r) * np.log((1.0 - r) / (1.0 - s))
+@kernel
+def _divergences(existence, w, m, P, other_existence, other_w, other_m, other_P):
+    """Kullback-Leibler divergence (u, n) of u Bernoulli densities over modes from n others."""
+    (u, r, d), n = m.shape, len(other_m)
+    L, y, own = np.zeros((n, r, d, d)), np.empty(d), np.zeros((d, d))
+    out = np.zeros((u, n))
+    for i in range(n):
+        for q in range(r):
+            cholesky_into(L[i, q], other_P[i, q])
+    for a in range(u):
+        there = min(existence[a], SUREST)
+        for q in range(r):
+            cholesky_into(own, P[a, q])
+            volume = half_log_determinant(own)
+            for i in range(n):
+                apart = mahalanobis_squared(L[i, q], m[a, q], other_m[i, q], y) - d
+                white = own.copy()
+                solve_lower(L[i, q], white)
+                apart += (white * white).sum() + 2.0 * (half_log_determinant(L[i, q]) - volume)
+                if there * w[a, q] > 0.0:
+                    unlike = np.log(w[a, q] / other_w[i, q]) + 0.5 * apart
+                    out[a, i] += there * w[a, q] * unlike
+        for i in range(n):
+            other = min(max(other_existence[i], 1.0 - SUREST), SUREST)
+            out[a, i] += (1.0 - there) * np.log((1.0 - there) / (1.0 - other))
+            out[a, i] += there * np.log(there / other) if there > 0.0 else 0.0
+    return out
 
 
 @kernel

@@ -157,10 +157,10 @@ def pair(
     """
     p = as_mixture(densities)
     predicted_z = sensor.predict_detections(p, *sensor.gates(p), z)
-    with np.errstate(divide="ignore"):
-        log_weight = np.log(weight) - log_negligible
     # plain tuples: a kernel takes a record in 30 us
-    row, detection, log_likelihood, of_mode = _paired(densities.w, predicted_z[:], log_weight, log_kappa)
+    row, detection, log_likelihood, of_mode = _paired(
+        densities.w, predicted_z[:], weight, log_kappa, log_negligible
+    )
     return Pairs(row, detection, log_likelihood, of_mode, predicted_z)
 
 
@@ -249,12 +249,13 @@ def _predicted(w, m, P, switching, F, Q, offset):
 
 
 @kernel
-def _paired(w, predicted_z, log_weight, log_kappa):
-    """Fields of `Pairs` but for the last; log_weight (n,) is over the negligible ratio."""
+def _paired(w, predicted_z, weight, log_kappa, log_negligible):
+    """Fields of `Pairs` but for the last."""
     z_hat, S, _, z, R, log_jacobian, _, _ = predicted_z
     (n, r), p, k = w.shape, z_hat.shape[1], len(log_kappa)
     row, detection = np.empty(n * k, np.int64), np.empty(n * k, np.int64)
     log_likelihood, of_mode = np.empty(n * k), np.empty((n * k, r))
+    log_weight = np.log(weight) - log_negligible
     L, y, S_pair, log_w, log_peak = np.zeros((r, p, p)), np.empty(p), np.empty((p, p)), np.log(w), np.empty(r)
     at = 0
     for i in range(n):

@@ -136,7 +136,7 @@ def test_a_divergence_is_the_integral():
         return Densities(np.array([w]), np.array(m)[None, :, None], np.array(P)[None, :, None, None])
 
     f, q, r, s = of([0.3, 0.7], [0.0, 2.0], [1.0, 2.0]), of([0.6, 0.4], [1.0, 1.5], [3.0, 1.5]), 0.8, 0.6
-    got = projections._divergences(np.array([r]), f, np.array([s]), q)[0, 0]
+    got = projections._divergences(np.array([r]), *f, np.array([s]), *q)[0, 0]
 
     def part(x, mode):
         a, b = (
