@@ -68,7 +68,7 @@ def track_figures(scenario: MultiTargetScenario, runs: MultiTargetRuns) -> dict[
         first at which it is found, or its last; existence_bias, the mean existence of declared targets less
         the share that is real, existence_brier, the mean square of the difference of each; anees, the
         normalised squared error of the states of found targets over the number of states. nan where there is
-        nothing to tell, as of labels where a declared target has none.
+        nothing to tell, as of labels where no declared target has one.
     """
     parts = {field: getattr(runs, field).mean(axis=1) for field in TRAJECTORY_PARTS}
 

@@ -2,6 +2,7 @@
 far existence and covariance are to be believed."""
 
 from collections.abc import Sequence
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ SWITCHING = 0.1  # of the cutoff: what trajectory GOSPA charges for a switched l
 
 
 class TrackScores(NamedTuple):
-    """Scores of one run by scan, (T,); nan where they need labels and a declared target has none."""
+    """Scores of one run by scan, (T,); nan where they need labels and no declared target has one."""
 
     # parts of trajectory GOSPA, m^order
     trajectory_localisation: np.ndarray
@@ -89,23 +90,34 @@ def track_scores(
         there = np.isfinite(states).all(axis=1)
         row = _paired(of, states[:, position], last, position, cutoff)
         now, label = row >= 0, np.append(of.label, -1)[row]
-        again = now & ever
-        switched = again & (label != last)
+        switched = (label >= 0) & (last >= 0) & (label != last)
         rows.append((
-            switched.sum(), (again & ~before).sum(), (there & ~seen).sum(), (there & ~(ever | now)).sum(),
-            now.sum(), of.existence.sum(), _surprise(of, row[now]), *_errors(of, states, row),
+            switched.sum(), (now & ever & ~before).sum(), (there & ~seen).sum(),
+            (there & ~(ever | now)).sum(), now.sum(), of.existence.sum(), _surprise(of, row[now]),
+            *_errors(of, states, row),
         ))  # fmt: skip
-        last = np.where(now, label, last)
+        last = np.where(label >= 0, label, last)
         before, ever, seen = now, ever | now, seen | there
     counts = [np.array(column, float) for column in zip(*rows, strict=True)]
-    costs = np.full((4, len(truth)), np.nan)
-    if all((of.label >= 0).all() for of in found):
-        scans = [dict(zip(of.label.tolist(), of.x[:, position], strict=True)) for of in found]
-        tracks = by_label(scans, len(position))
-        costs = trajectory_costs(tracks, truth[..., position], cutoff, order, SWITCHING * cutoff)
+    labelled = any((of.label >= 0).any() for of in found) or not any(len(of.x) for of in found)
+    if labelled:
+        costs = _trajectory_costs(found, truth, position, cutoff, order)
     else:
-        counts[0] = np.full(len(truth), np.nan)
+        costs, counts[0] = np.full((4, len(truth)), np.nan), np.full(len(truth), np.nan)
     return TrackScores(*costs, *counts)
+
+
+def _trajectory_costs(
+    found: Sequence[Declared], truth: np.ndarray, position: list[int], cutoff: float, order: float
+) -> np.ndarray:
+    """`trajectory_costs` (4, T); an estimate without a label is a trajectory of one scan."""
+    nameless = count(-1, -1)
+    scans = [
+        {label if label >= 0 else next(nameless): x for label, x in zip(of.label.tolist(), of.x, strict=True)}
+        for of in found
+    ]
+    tracks = by_label(scans, truth.shape[2])[..., position]
+    return trajectory_costs(tracks, truth[..., position], cutoff, order, SWITCHING * cutoff)
 
 
 def _paired(

@@ -33,6 +33,9 @@ METRICS = {
     "time_in_pda_scans": Metric("time, in scans of PDA"),
     "ospa": Metric("OSPA", "m"), "gospa": Metric("GOSPA", "m"),
     **{part: Metric(part, "m^2") for part in ("localisation", "missed", "false")},
+    "gospa_rms": Metric("RMS GOSPA", "m"),
+    **{f"gospa_{phase}": Metric(f"RMS GOSPA {words}", "m")
+       for phase, words in (("before", "before"), ("meeting", "at the meeting"), ("after", "after"))},
     "trajectory_gospa": Metric("T-GOSPA", "m"),
     **{f"trajectory_{part}": Metric(f"T-GOSPA {part}", "m^2")
        for part in ("localisation", "missed", "false", "switches")},

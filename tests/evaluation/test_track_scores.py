@@ -86,6 +86,13 @@ def test_without_labels_there_are_no_trajectories_and_the_rest_stands():
     assert (scores.found == 1).all() and not scores.fragments.any()
 
 
+def test_an_estimate_without_a_label_among_others_is_a_trajectory_of_one_scan():
+    truth = still(0.0)
+    scores = scored([said(truth[t], [-1 if t == 5 else 3]) for t in range(SCANS)], truth)
+    # as cheap as any: the target is missed and the estimate false, or there and back
+    assert scores.trajectory_switches.sum() == pytest.approx(2.0) and not scores.switches.any()
+
+
 def test_existence_is_compared_with_the_share_that_is_real():
     truth = still(0.0)
     ghost = np.array([[0.0, 0, 0, 0], [90.0, 0, 0, 0]])
