@@ -50,27 +50,41 @@ class Gnn(ConfirmingTracker):
         check_whole("tracks", self.tracks, 1)
         check_probability("start_probability", self.start_probability)
 
-    def associate(self, tracks: MixtureTracks, z: np.ndarray, log_kappa: np.ndarray) -> Stage:
-        """Predicted tracks after the detections z (k, p), of clutter of log intensity log_kappa (k,)."""
+    def associate(
+        self, tracks: MixtureTracks, tentative: np.ndarray, z: np.ndarray, log_kappa: np.ndarray
+    ) -> Stage:
+        """Predicted tracks after the detections z (k, p), of clutter of log intensity log_kappa (k,).
+
+        Those that are `tentative` (n,) have only what the others leave."""
         p, (n, k) = tracks.densities, (len(tracks.label), len(z))
         seen = detected(p, self.model)
         pairs = pair(p, self.model.sensor, z, log_kappa, seen)
         log_miss = np.log(np.maximum(1.0 - seen, LEAST_MISS))
         log_hit = np.log(seen)[pairs.row] + pairs.log_likelihood - log_kappa[pairs.detection]
-        cost = np.full((n, k + n), np.inf)
+        which, cost = np.full((n, k), -1), np.full((n, k), np.inf)
+        which[pairs.row, pairs.detection] = np.arange(len(pairs.row))
         cost[pairs.row, pairs.detection] = log_miss[pairs.row] - log_hit
-        cost[np.arange(n), k + np.arange(n)] = 0.0
-        row, column = linear_sum_assignment(cost)
-        of = np.full((n, k), -1)
-        of[pairs.row, pairs.detection] = np.arange(len(pairs.row))
-        hit = column < k
-        chosen = of[row[hit], column[hit]]
-        after, gain, unassigned = p._replace(w=p.w.copy(), m=p.m.copy(), P=p.P.copy()), log_miss, np.ones(k)
-        for out, part in zip(after, posteriors(p, pairs, chosen), strict=True):
+        chosen, free = np.full(n, -1), np.ones(k, bool)  # pair of each track
+        for rows in (np.flatnonzero(~tentative), np.flatnonzero(tentative)):
+            left = np.flatnonzero(free)
+            row, column = assigned(cost[np.ix_(rows, left)])
+            chosen[rows[row]] = which[rows[row], left[column]]
+            free[left[column]] = False
+        hit = chosen >= 0
+        after, gain = p._replace(w=p.w.copy(), m=p.m.copy(), P=p.P.copy()), log_miss
+        for out, part in zip(after, posteriors(p, pairs, chosen[hit]), strict=True):
             out[hit] = part
-        gain[hit] = log_hit[chosen]
-        unassigned[column[hit]] = 0.0
-        return Stage(tracks._replace(densities=after), unassigned, hit, gain, 0)
+        gain[hit] = log_hit[chosen[hit]]
+        return Stage(tracks._replace(densities=after), free.astype(float), hit, gain, 0)
+
+
+def assigned(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the assignment of least cost (n, k), where a row without a column costs nothing."""
+    n, k = cost.shape
+    alone = np.full((n, n), np.inf)
+    np.fill_diagonal(alone, 0.0)
+    row, column = linear_sum_assignment(np.hstack([cost, alone]))
+    return row[column < k], column[column < k]
 
 
 def gnn(

@@ -11,6 +11,7 @@ import numpy as np
 
 from gmr_gym.filters import track_logic
 from gmr_gym.filters.mixture_tracks import (
+    FREE,
     Intensity,
     MixtureTracks,
     added,
@@ -29,8 +30,6 @@ from gmr_gym.filters.tracker import KnownClutterTracker, MultiTargetReport
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.multi_target import MultiTargetModel
-
-FREE = 0.5  # probability of belonging to no track, above which a detection is left to the next stage
 
 
 class ConfirmedTracks(NamedTuple):
@@ -57,13 +56,13 @@ class ConfirmedTracks(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """Tracks after a scan that they had to themselves.
+    """Tracks after a scan.
 
     Attributes
     ----------
     tracks : MixtureTracks
     unassigned : ndarray, shape (k,)
-        Probability that each detection is of none of them.
+        Probability that each detection is of no track.
     hit : ndarray of bool, shape (n,)
         Whether each has a detection.
     gain : ndarray, shape (n,)
@@ -87,8 +86,12 @@ class ConfirmingTracker(KnownClutterTracker):
     tracks: int
 
     @abstractmethod
-    def associate(self, tracks: MixtureTracks, z: np.ndarray, log_kappa: np.ndarray) -> Stage:
-        """Predicted tracks after the detections z (k, p), of clutter of log intensity log_kappa (k,)."""
+    def associate(
+        self, tracks: MixtureTracks, tentative: np.ndarray, z: np.ndarray, log_kappa: np.ndarray
+    ) -> Stage:
+        """Predicted tracks after the detections z (k, p), of clutter of log intensity log_kappa (k,).
+
+        Those that are `tentative` (n,) have only what the others leave."""
 
     def init(self) -> ConfirmedTracks:
         """Belief one period before the first scan."""
@@ -102,34 +105,23 @@ class ConfirmingTracker(KnownClutterTracker):
         """Belief after the scan `z` (k, p), and the probability (k,) that each is a false alarm."""
         model, history = self.model, belief.history
         log_kappa, tracks = np.log(clutter.density(z)), predict(belief.tracks, model)
-        unassigned, free, stages, order = np.ones(len(z)), np.ones(len(z), bool), [], []
-        for confirmed in (True, False):
-            rows = np.flatnonzero(history.confirmed == confirmed)
-            stage = self.associate(_certain(take(tracks, rows)), z[free], log_kappa[free])
-            unassigned[free] *= stage.unassigned
-            free = unassigned > FREE
-            stages.append(stage)
-            order.append(rows)
-        sure, tentative = stages
-        after, kept = track_logic.advanced(
-            self.logic, track_logic.take(history, np.concatenate(order)),
-            np.append(sure.hit, tentative.hit), np.append(sure.gain, tentative.gain),
-        )  # fmt: skip
+        stage = self.associate(_certain(tracks), ~history.confirmed, z, log_kappa)
+        history, kept = track_logic.advanced(self.logic, history, stage.hit, stage.gain)
         undetected = undetected_at(belief.undetected, tracks, model)
         appearing = appear(undetected, model, z, log_kappa)
-        new, _ = started(appearing, z, free.astype(float), self.start_probability)
+        free = (stage.unassigned > FREE).astype(float)
+        new, _ = started(appearing, z, free, self.start_probability)
         score = np.log(new.existence) - np.log1p(-new.existence)
-        both = _certain(added(take(added(sure.tracks, tentative.tracks), np.flatnonzero(kept)), new))
-        label = np.append(both.label[: kept.sum()], belief.next_label + new.label)
-        both = both._replace(label=label)
-        after = track_logic.joined(track_logic.take(after, kept), track_logic.started(self.logic, score))
-        most = np.sort(np.argsort(~after.confirmed, kind="stable")[: self.tracks])
+        new = new._replace(label=belief.next_label + new.label)
+        both = _certain(added(take(stage.tracks, np.flatnonzero(kept)), new))
+        history = track_logic.joined(track_logic.take(history, kept), track_logic.started(self.logic, score))
+        most = np.sort(np.argsort(~history.confirmed, kind="stable")[: self.tracks])
         posterior = ConfirmedTracks(
-            take(both, most), track_logic.take(after, most),
+            take(both, most), track_logic.take(history, most),
             undetected_after(undetected, model, self.tracks), belief.next_label + len(new.label),
-            sure.approximated + tentative.approximated,
+            stage.approximated,
         )  # fmt: skip
-        return posterior, unassigned * np.exp(-appearing.log_ratio)
+        return posterior, stage.unassigned * np.exp(-appearing.log_ratio)
 
     def report(
         self, posterior: ConfirmedTracks, clutter: Clutter

@@ -5,6 +5,7 @@ a scan, and the mixture that they make of every track.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,8 @@ from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reducer
 
 Reduction = Callable[[Mixture], Reduced]
+FREE = 0.5  # probability of belonging to no track, above which a detection is left to others
+IMPROBABLE = float(np.log(1e-5))  # a pair of less weight has a marginal probability of less
 NEGLIGIBLE = 1e-15  # probability of a pair that no posterior is formed for
 ASSOCIATIONS = ("exact", "belief-propagation")
 
@@ -316,6 +319,7 @@ def associate(
     z: np.ndarray,
     log_other: np.ndarray,
     association: str = "exact",
+    later: np.ndarray | None = None,
 ) -> Associated:
     r"""Update predicted tracks with a scan by marginal association probabilities.
 
@@ -329,6 +333,8 @@ def associate(
     log_other : ndarray, shape (k,)
         log of the intensity of the detections that are of no track, at each.
     association : {"exact", "belief-propagation"}
+    later : ndarray of bool, shape (n,), optional
+        Tracks that may have only detections that the others leave, with a probability above `FREE`.
 
     Returns
     -------
@@ -357,13 +363,11 @@ def associate(
         there, seen, track, n, pairs.row, pairs.detection, pairs.log_likelihood, len(z)
     )
     log_psi = log_whole - np.log(miss)[of] - log_other[detection]
-    approximated = 0
-    if association == "exact":
-        assigned, missed, unassigned, approximate = marginals(of, detection, log_psi, n, len(z))
-        if approximate.any():
-            approximated = len(np.unique(clusters(of, detection, n, len(z))[approximate]))
+    weigh = partial(_marginals, association=association, n=n, k=len(z))
+    if later is None:
+        assigned, missed, unassigned, approximated = weigh(of, detection, log_psi)
     else:
-        assigned, missed, unassigned = propagate(of, detection, log_psi, n, len(z))
+        assigned, missed, unassigned, approximated = _in_turn(weigh, later, of, detection, log_psi)
     found = assigned[at] * np.exp(log_part - log_whole[at])
     lost = missed[track] * there * (1.0 - seen) / miss[track]
     chosen = np.flatnonzero(found > NEGLIGIBLE)
@@ -379,6 +383,45 @@ def associate(
     has = np.concatenate([np.full(len(track), -1), pairs.detection[chosen]])
     weighed = TrackPairs(of, detection, log_psi, assigned)
     return Associated(after, has, unassigned, missed, weighed, approximated)
+
+
+Marginals = tuple[np.ndarray, np.ndarray, np.ndarray, int]
+
+
+def _marginals(
+    track: np.ndarray, detection: np.ndarray, log_psi: np.ndarray, association: str, n: int, k: int
+) -> Marginals:
+    """Marginal probabilities of pairs, missed tracks and unassigned detections; approximated clusters.
+
+    A cluster that is too large is taken without its improbable pairs, and approximated where it still is.
+    """
+    if association != "exact":
+        return *propagate(track, detection, log_psi, n, k), 0
+    assigned, missed, unassigned, approximate = marginals(track, detection, log_psi, n, k)
+    if approximate.any():
+        kept = np.flatnonzero(~approximate[track] | (log_psi > IMPROBABLE))
+        assigned = np.zeros(len(track))
+        track, detection = track[kept], detection[kept]
+        assigned[kept], missed, unassigned, approximate = marginals(track, detection, log_psi[kept], n, k)
+    root = clusters(track, detection, n, k)[approximate] if approximate.any() else approximate[:0]
+    return assigned, missed, unassigned, len(np.unique(root))
+
+
+def _in_turn(
+    weigh: Callable[..., Marginals],
+    later: np.ndarray,
+    track: np.ndarray,
+    detection: np.ndarray,
+    log_psi: np.ndarray,
+) -> Marginals:
+    """`_marginals` of the tracks that come first, then of the `later` ones on what these leave."""
+    one = np.flatnonzero(~later[track])
+    assigned, missed, unassigned, approximated = weigh(track[one], detection[one], log_psi[one])
+    two = np.flatnonzero(later[track] & (unassigned > FREE)[detection])
+    found, *others, more = weigh(track[two], detection[two], log_psi[two])
+    every = np.zeros(len(track))
+    every[one], every[two] = assigned, found
+    return every, missed * others[0], unassigned * others[1], approximated + more
 
 
 def collapsing(reduction: str, components: int) -> Reduction | None:

@@ -1,15 +1,18 @@
 """GNN, JPDA, JIPDA, LMB and PMB of mixtures as trackers: what they find, keep and bear."""
 
 from functools import partial
+from time import perf_counter
 
 import numpy as np
 import pytest
 
+from baselines.delta_glmb import delta_glmb
 from baselines.gnn import gnn
 from baselines.jipda import jipda
 from baselines.jpda import jpda
 from baselines.learning_pmb import Pmb, pmb
 from baselines.lmb import lmb
+from gmr_gym.filters import multi_bernoulli_mixture as mixtures
 from gmr_gym.filters import track_logic as logic_of
 from gmr_gym.filters.mixture_pmb import MixturePmb
 from gmr_gym.filters.track_logic import track_logic
@@ -24,8 +27,8 @@ from gmr_gym.models.switching import sticky_switching
 CORNER = np.array([-300.0, -300.0])
 BIRTHS = [[100.0, 0, 0, 5], [-100, 50, 5, 0]], [np.diag([100.0, 100, 9, 9])] * 2
 TRACKERS = [
-    gnn, jpda, jipda, lmb, partial(lmb, births="model"), partial(pmb, components=3),
-    partial(pmb, projection="momb"), partial(pmb, projection="variational"),
+    gnn, jpda, partial(jpda, labels="exchanged"), jipda, lmb, partial(lmb, births="model"),
+    partial(pmb, components=3), partial(pmb, projection="momb"), partial(pmb, projection="variational"),
 ]  # fmt: skip
 
 
@@ -148,6 +151,34 @@ def followed_on(tracker, belief, z):
     return tracker.step(belief, z)
 
 
+def test_an_lmb_has_the_existences_of_the_delta_glmb():
+    places = [[100.0, 0, 0, 5], [106, 4, 5, 0], [-100, 50, 5, 0]], [np.diag([100.0, 100, 9, 9])] * 3
+    model = told(births=(1e-12, 1e-12), initial=mixture([0.4, 0.3, 0.2], *places))
+    z = np.array([[101.0, 6.0], [108.0, 2.0], [97.0, 3.0], [-96.0, 51.0]])
+    every = delta_glmb(model, 100_000, prune_components=0.0, births="model", association="murty")
+    belief, _ = every.step(every.init(), z)
+    exists = dict(zip(belief.label, mixtures.track_existence(belief), strict=True))
+    alike = lmb(model, births="model", prune_existence=1e-6)
+    tracks = alike.step(alike.init(), z)[0].tracks
+    likely = tracks.existence > 1e-4
+    assert likely.sum() == 3
+    expected = sorted(r for r in exists.values() if r > 1e-4)
+    np.testing.assert_allclose(np.sort(tracks.existence[likely]), expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize("make", TRACKERS)
+def test_a_cluster_of_thirty_targets_is_bounded_work(make):
+    rng = np.random.default_rng(0)
+    births = mixture([30.0], [[0.0, 0, 0, 0]], [np.diag([400.0, 400, 9, 9])])
+    model = told(initial=births)
+    tracker = make(model)
+    belief, begun = tracker.init(), perf_counter()
+    for _ in range(6):
+        belief, report = tracker.step(belief, rng.normal(0, 12, (33, 2)))
+    assert perf_counter() - begun < 10.0
+    assert report.approximated <= 1
+
+
 def test_m_of_n_confirms_and_drops_by_its_counts():
     rules = track_logic("m-of-n", 2, 3, 2)
     history = logic_of.started(rules, np.zeros(4))
@@ -179,6 +210,7 @@ def test_scores_confirm_and_drop_at_wald_s_bounds():
         (jpda, {"hits": 3, "window": 2}, "window must be"),
         (gnn, {"misses": 0}, "misses must be"),
         (jpda, {"false_confirmation": 0.7, "missed_confirmation": 0.6}, "must sum to less than 1"),
+        (jpda, {"labels": "lost"}, "labels must be"),
         (jpda, {"association": "hope"}, "association must be"),
         (jpda, {"components": 0}, "components must be"),
         (jpda, {"start_probability": 0.0}, "start_probability must lie"),
@@ -225,3 +257,24 @@ def test_where_nothing_is_seen_a_track_keeps_its_existence():
             followed(make(told()), scans),
         )
         assert len(behind[-1].x) >= 1 and len(open_field[-1].x) == 0
+
+
+def after_a_meeting(labels, seed):
+    """Mean distance of the worse of two targets from the nearest estimate, after they were a metre apart for
+    twelve scans."""
+    y = np.concatenate([np.linspace(25, 0.5, 10), np.full(12, 0.5), np.linspace(0.5, 25, 10)])
+    births = mixture([1.0, 1.0], [[-150.0, 25, 5, -3], [-150, -25, 5, 3]], [np.diag([25.0, 25, 4, 4])] * 2)
+    tracker = jpda(told(2.0, births=(1e-9, 1e-9), initial=births), labels=labels)
+    rng, belief, off = np.random.default_rng(seed), tracker.init(), []
+    for t in range(32):
+        x = np.array([[-145.0 + 5 * t, y[t]], [-145.0 + 5 * t, -y[t]]])
+        belief, report = tracker.step(belief, x + 3 * rng.standard_normal((2, 2)))
+        off.append(np.linalg.norm(report.x[:, None, :2] - x, axis=2).min(axis=0, initial=99.0).max())
+    return np.mean(off[24:])
+
+
+def test_tracks_that_have_met_part_again_where_labels_are_exchanged():
+    kept, exchanged = (
+        np.mean([after_a_meeting(labels, seed) for seed in range(5)]) for labels in ("kept", "exchanged")
+    )
+    assert exchanged < 4.5 < 5.5 < kept
