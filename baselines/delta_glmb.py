@@ -1,4 +1,4 @@
-"""The delta-generalised labelled multi-Bernoulli filter, predicted and updated jointly (Vo, Vo and Hoang 2017)."""
+"""The delta-generalised labelled multi-Bernoulli filter, jointly predicted and updated (Vo, Vo, Hoang)."""
 
 from gmr_gym.checks import check_choice
 from gmr_gym.filters.mixture_tracker import MixtureTracker
