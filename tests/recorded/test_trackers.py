@@ -1,4 +1,4 @@
-"""Tracks of files by other trackers: rules of association, hypotheses, and installed trackers of many targets."""
+"""Tracks of files by rules of association, by hypotheses, and by installed trackers of many targets."""
 
 from itertools import pairwise
 
