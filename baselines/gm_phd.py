@@ -1,7 +1,8 @@
 """The Gaussian-mixture PHD filter (Vo and Ma 2006), with any reduction of its mixture."""
 
 from gmr_gym.filters.gm_phd import GmPhd
-from gmr_gym.models.multi_target import MultiTargetModel
+from gmr_gym.filters.mode_phd import ModePhd
+from gmr_gym.models.multi_target import MultiTargetModel, is_plain
 from gmr_gym.reduction.registry import reduction_named
 
 
@@ -12,7 +13,7 @@ def gm_phd(
     prune_weight: float = 1e-5,
     reduction: str = "vo-ma",
     estimator: str = "expected",
-) -> GmPhd:
+) -> GmPhd | ModePhd:
     """GM-PHD filter reduced to `components`.
 
     Parameters
@@ -33,11 +34,12 @@ def gm_phd(
 
     Returns
     -------
-    GmPhd
+    GmPhd or ModePhd
+        The latter for a model of several motions, a radar or a P_D by state.
 
     References
     ----------
-    Vo and Ma 2006.
+    Vo and Ma 2006; of several motions Pasha, Vo, Tuan and Ma 2009.
 
     Examples
     --------
@@ -54,4 +56,5 @@ def gm_phd(
     >>> round(report.expected_targets, 2)
     0.21
     """
-    return GmPhd(model, reduction_named(reduction, components, merging), prune_weight, estimator=estimator)
+    kind = GmPhd if is_plain(model) else ModePhd
+    return kind(model, reduction_named(reduction, components, merging), prune_weight, estimator=estimator)

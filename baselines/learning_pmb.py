@@ -9,10 +9,12 @@ from gmr_gym.checks import check_choice, check_limits, check_probability
 from gmr_gym.filters import pmb as multi_bernoulli
 from gmr_gym.filters.clutter_estimation import options
 from gmr_gym.filters.learning_tracker import LearningTracker
+from gmr_gym.filters.mixture_pmb import MixturePmb
+from gmr_gym.filters.mixture_tracks import collapsing
 from gmr_gym.filters.pmb import MultiBernoulli
 from gmr_gym.filters.tracker import KnownClutterTracker, MultiTargetReport
 from gmr_gym.models.clutter import Clutter
-from gmr_gym.models.multi_target import MultiTargetModel, check_plain
+from gmr_gym.models.multi_target import MultiTargetModel, check_linear, check_plain, is_plain
 
 
 class PmbLimits(NamedTuple):
@@ -122,8 +124,14 @@ def pmb(
     tracks: int = 200,
     report_threshold: float = 0.5,
     association: str = "exact",
-) -> Pmb:
-    """Poisson multi-Bernoulli tracker of up to `tracks` tracks.
+    projection: str = "tomb",
+    *,
+    components: int = 1,
+    reduction: str = "runnalls",
+    prune_hypotheses: float = 1e-4,
+    hypotheses: int = 100,
+) -> Pmb | MixturePmb:
+    """Poisson multi-Bernoulli tracker of up to `tracks` tracks, by any projection.
 
     Parameters
     ----------
@@ -140,10 +148,23 @@ def pmb(
     association : {"exact", "belief-propagation"}
         How marginal association probabilities are found: "exact" enumerates the association events of each
         cluster of tracks, up to a size.
+    projection : {"tomb", "momb", "variational"}
+        Which hypotheses become one track: "tomb", those of a track; "momb", those of a detection;
+        "variational", those that are most alike.
+    components : int
+        Most components of each track.
+    reduction : str
+        Reduction of each track to `components`, such as "runnalls" or "capping".
+    prune_hypotheses : float
+        With several components: hypotheses of less weight in their track are pruned before the reduction.
+    hypotheses : int
+        Of "variational": most association events of a cluster of tracks that are looked at.
 
     Returns
     -------
-    Pmb
+    Pmb or MixturePmb
+        The latter for a model of several motions, a radar or a P_D by state, and where one of the last five
+        parameters asks for it.
 
     Raises
     ------
@@ -152,9 +173,19 @@ def pmb(
 
     References
     ----------
-    Williams 2015, TOMB/P.
+    Williams 2015, TOMB/P and MOMB/P; Williams, TSP 63(1), 2015.
     """
-    return Pmb(model, pmb_limits(prune_existence, prune_weight, tracks, report_threshold), association)
+    limits, reduce = (
+        pmb_limits(prune_existence, prune_weight, tracks, report_threshold),
+        collapsing(reduction, components),
+    )
+    general = MixturePmb(
+        model, reduce, projection, *limits, association,
+        prune_hypotheses=prune_hypotheses, hypotheses=hypotheses,
+    )  # fmt: skip
+    if reduce is None and projection == "tomb" and is_plain(model):
+        return Pmb(model, limits, association)
+    return general
 
 
 def learning_pmb(
@@ -165,6 +196,7 @@ def learning_pmb(
     report_threshold: float = 0.5,
     *,
     association: str = "exact",
+    projection: str = "tomb",
     memory: int = 20,
     deviation: float = 15.0,
     max_gaussians: int = 12,
@@ -186,6 +218,8 @@ def learning_pmb(
         Tracks of more existence are declared.
     association : {"exact", "belief-propagation"}
         As of `pmb`.
+    projection : {"tomb", "momb", "variational"}
+        As of `pmb`.
     memory : int
         Scans after which a detection counts 1 / e in the clutter estimate.
     deviation : float
@@ -204,5 +238,6 @@ def learning_pmb(
     ValueError
         Naming the parameter that is out of range.
     """
-    known = pmb(model, prune_existence, prune_weight, tracks, report_threshold, association)
+    check_linear(model, "the estimate of clutter")
+    known = pmb(model, prune_existence, prune_weight, tracks, report_threshold, association, projection)
     return LearningTracker(known, options(memory, deviation, max_gaussians, iterations))

@@ -78,6 +78,11 @@ def marginals(track, detection, log_psi, n, k):
     return assigned, missed, unassigned, approximated
 
 
+def clusters(track: np.ndarray, detection: np.ndarray, n: int, k: int) -> np.ndarray:
+    """The lowest track (n,) of the cluster that each of n tracks is of, by its pairs with k detections."""
+    return _clusters(track, *grouped(detection, k), n)
+
+
 @kernel
 def _clusters(track, by_detection, first_detection, n):
     """The lowest track (n,) of the cluster that each is of."""

@@ -160,11 +160,16 @@ def reduce_intensity(
         p, place = capping(p, max_components)
         label = label[place >= 0]
     q, origin = reduce(p)
-    heaviest_last = np.argsort(-p.w, kind="stable")[::-1]
+    return LabelledIntensity(q, labels_of_heaviest(p.w, label, origin, len(q.w)), next_label)
+
+
+def labels_of_heaviest(w: np.ndarray, label: np.ndarray, origin: np.ndarray, count: int) -> np.ndarray:
+    """Label (count,) of the heaviest of the components that each merged one was made of."""
+    heaviest_last = np.argsort(-w, kind="stable")[::-1]
     heaviest_last = heaviest_last[origin[heaviest_last] >= 0]
-    merged = np.full(len(q.w), -1)
+    merged = np.full(count, -1)
     merged[origin[heaviest_last]] = label[heaviest_last]  # the last write wins: the heaviest
-    return LabelledIntensity(q, merged, next_label)
+    return merged
 
 
 def report(

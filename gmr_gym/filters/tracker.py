@@ -135,6 +135,8 @@ class MultiTargetReport(NamedTuple):
         Intensity of targets; weights sum to `expected_targets` up to rounding.
     clutter : Clutter
         Clutter assumed or estimated after the scan.
+    approximated : int
+        Clusters of tracks in the scan too large for exact association probabilities.
     """
 
     x: np.ndarray
@@ -143,6 +145,7 @@ class MultiTargetReport(NamedTuple):
     expected_targets: float
     intensity: Mixture
     clutter: Clutter
+    approximated: int = 0
 
 
 class MultiTargetTracker(Protocol):

@@ -182,14 +182,25 @@ def multi_target_model(
     )  # fmt: skip
 
 
+def is_plain(model: MultiTargetModel) -> bool:
+    """Whether the model has one motion, a linear sensor and a constant P_D."""
+    linear, varying = isinstance(model.sensor, Sensor), callable(model.detection_probability)
+    return len(model.motions) == 1 and linear and not varying
+
+
 def check_plain(model: MultiTargetModel, tracker: str) -> None:
     """Raise ValueError unless the model has one motion, a linear sensor and a constant P_D, for trackers that
     take no other."""
     model.motion  # noqa: B018, a ValueError where there are several
-    if not isinstance(model.sensor, Sensor):
-        raise ValueError(f"{tracker} needs a linear sensor, a Sensor of positions, got a Radar")
+    check_linear(model, tracker)
     if callable(model.detection_probability):
         raise ValueError(f"{tracker} needs a constant detection_probability, got a function of the state")
+
+
+def check_linear(model: MultiTargetModel, tracker: str) -> None:
+    """Raise ValueError unless the model has a linear sensor, for trackers that take no radar."""
+    if not isinstance(model.sensor, Sensor):
+        raise ValueError(f"{tracker} needs a linear sensor, a Sensor of positions, got a Radar")
 
 
 def __getattr__(name: str):

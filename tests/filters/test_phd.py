@@ -11,8 +11,10 @@ from baselines.fitted_phd import fitted_phd
 from baselines.gm_cphd import CphdBelief, GmCphd, gm_cphd
 from baselines.gm_phd import GmPhd, gm_phd
 from baselines.learning_phd import learning_phd
+from baselines.learning_pmb import learning_pmb
 from gmr_gym.filters import cphd as cardinality
 from gmr_gym.filters import phd
+from gmr_gym.filters.mode_phd import ModePhd
 from gmr_gym.filters.phd import LabelledIntensity
 from gmr_gym.mixture import Mixture, gaussian, mixture, moments, normalised, take
 from gmr_gym.models.clutter import Clutter, no_components, uniform_clutter
@@ -20,6 +22,7 @@ from gmr_gym.models.kalman import position_sensor
 from gmr_gym.models.motions import constant_acceleration, constant_velocity
 from gmr_gym.models.multi_target import multi_target_model
 from gmr_gym.models.radar import radar
+from gmr_gym.models.switching import sticky_switching
 from gmr_gym.reduction.properties import MOMENTS, PROPERTIES
 from gmr_gym.reduction.registry import REDUCERS, reduction_named
 from gmr_gym.reduction.vo_ma import vo_ma
@@ -621,7 +624,7 @@ def test_an_intensity_that_is_none_is_refused_by_name(wrong, message):
         multi_target_model(constant_velocity(1.0, 1.0), position_sensor(3.0), 0.9, 0.99, **(right | wrong))
 
 
-@pytest.mark.parametrize("make", [*FILTERS, learning_phd, fitted_phd])
+@pytest.mark.parametrize("make", [gm_cphd, learning_phd, fitted_phd, learning_pmb])
 def test_a_sensor_that_is_not_linear_is_refused(make):
     model = multi_target_model(
         constant_velocity(1.0, 1.0, axes=3), radar([10.0, 0.01, 0.01]), 0.9, 0.99, no_components(6),
@@ -647,3 +650,56 @@ def test_a_target_in_two_components_is_declared_by_the_expected_number_alone(est
 def test_an_unknown_estimator_is_refused():
     with pytest.raises(ValueError, match=r"estimator must be .*expected.*components.*'both'"):
         GmPhd(told(), as_it_is, estimator="both")
+
+
+def test_of_one_motion_the_filter_over_modes_is_that_without():
+    plain, general = gm_phd(spawning(), 20), ModePhd(spawning(), reduction_named("vo-ma", 20, 4.0))
+    one, other = plain.init(), general.init()
+    for seed in range(8):
+        z = np.random.default_rng(seed).uniform(-120, 120, (12, 2))
+        (one, report), (other, again) = plain.step(one, z), general.step(other, z)
+        np.testing.assert_array_equal(report.label, again.label)
+        np.testing.assert_allclose(report.x, again.x, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(report.intensity.w, again.intensity.w, rtol=1e-9)
+        np.testing.assert_allclose(report.intensity.P, again.intensity.P, rtol=1e-9, atol=1e-9)
+
+
+def test_a_target_that_turns_is_followed_by_the_filter_of_two_motions():
+    motions = constant_velocity(1.0, 0.1), constant_velocity(1.0, 20.0)
+    births = mixture([0.05], [[0.0, 0, 20, 0]], [np.diag([100.0, 100, 9, 9])])
+    rng, corner = np.random.default_rng(0), np.array([-600.0, -600.0])
+    x = np.cumsum([[20.0, 0]] * 8 + [[0, 20.0]] * 8, axis=0)
+    z = [np.vstack([row + 3 * rng.standard_normal(2), rng.uniform(-600, 600, (5, 2))]) for row in x]
+
+    def missed(motion, **modes):
+        model = multi_target_model(
+            motion, position_sensor(3.0), 0.95, 0.99, births, uniform_clutter(corner, -corner, 5.0), **modes
+        )
+        tracker, out = gm_phd(model, 30), 0
+        belief = tracker.init()
+        for scan, at in zip(z, x, strict=True):
+            belief, report = tracker.step(belief, scan)
+            off = np.linalg.norm(report.x[:, :2] - at, axis=1)
+            out += not (off < 12.0).any()
+        return out
+
+    assert missed(motions, switching=sticky_switching(0.9, 2)) <= 1
+    assert missed(motions[0]) >= 4
+
+
+def test_components_keep_their_modes_where_they_are_merged():
+    births = mixture([0.5], [[0.0, 0, 0, 0]], [np.diag([100.0, 100, 9, 9])])
+    motions, switching = (constant_velocity(1.0, 0.1), constant_velocity(1.0, 20.0)), sticky_switching(0.9, 2)
+    model = multi_target_model(
+        motions, position_sensor(3.0), 0.9, 0.98, births, EVEN, switching=switching, mode_prior=[0.8, 0.2]
+    )
+    tracker = gm_phd(model, 1, reduction="runnalls")
+    posterior, _ = tracker.update(tracker.init(), np.array([[1.0, 2.0], [-8.0, 4.0]]), model.clutter)
+    (w, densities), *_ = posterior
+    ((total, merged), *_), _ = tracker.report(posterior, model.clutter)
+    np.testing.assert_allclose(total, [w.sum()], rtol=1e-12)
+    np.testing.assert_allclose(merged.w[0], w @ densities.w / w.sum(), rtol=1e-12)
+    for q in range(2):
+        mean, covariance = moments(mixture(w * densities.w[:, q], densities.m[:, q], densities.P[:, q]))
+        np.testing.assert_allclose(merged.m[0, q], mean, rtol=1e-10)
+        np.testing.assert_allclose(merged.P[0, q], covariance, rtol=1e-10, atol=1e-10)

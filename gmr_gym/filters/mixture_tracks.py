@@ -1,0 +1,462 @@
+"""Tracks of many targets that are associated jointly, each a mixture of densities that is reduced by itself.
+
+The update that JPDA, JIPDA and Poisson multi-Bernoulli trackers share: marginal association probabilities of
+a scan, and the mixture that they make of every track.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym.checks import check_count
+from gmr_gym.filters import target_densities
+from gmr_gym.filters.belief_propagation import propagate
+from gmr_gym.filters.intensity_update import log_sum
+from gmr_gym.filters.marginals import clusters, marginals
+from gmr_gym.filters.pmb import LEAST_MISS
+from gmr_gym.filters.target_densities import Densities, Pairs, joined, merge, outputs, pair, posteriors
+from gmr_gym.filters.target_densities import take as take_densities
+from gmr_gym.kernels import kernel
+from gmr_gym.mixture import Mixture
+from gmr_gym.models.multi_target import MultiTargetModel
+from gmr_gym.reduction.properties import MOMENTS, PROPERTIES
+from gmr_gym.reduction.protocol import Reduced
+from gmr_gym.reduction.registry import reducer
+
+Reduction = Callable[[Mixture], Reduced]
+NEGLIGIBLE = 1e-15  # probability of a pair that no posterior is formed for
+ASSOCIATIONS = ("exact", "belief-propagation")
+
+
+class MixtureTracks(NamedTuple):
+    """n tracks, each a mixture of densities.
+
+    Attributes
+    ----------
+    existence : ndarray, shape (n,)
+        Probability that each exists.
+    label : ndarray of int, shape (n,)
+        Distinct labels.
+    densities : Densities
+        N hypotheses, track after track.
+    weight : ndarray, shape (N,)
+        Probability of each, given that its track exists.
+    track : ndarray of int, shape (N,)
+        Track of each, below n.
+    """
+
+    existence: np.ndarray
+    label: np.ndarray
+    densities: Densities
+    weight: np.ndarray
+    track: np.ndarray
+
+
+class Intensity(NamedTuple):
+    """An intensity of targets over states and modes.
+
+    Attributes
+    ----------
+    w : ndarray, shape (u,)
+        Expected numbers.
+    densities : Densities
+        u densities.
+    """
+
+    w: np.ndarray
+    densities: Densities
+
+
+class Appearing(NamedTuple):
+    """What an intensity of targets without tracks makes of the detections of a scan.
+
+    Attributes
+    ----------
+    intensity : Intensity
+    pairs : Pairs
+        Of its densities.
+    log_part : ndarray, shape (e,)
+        log of each pair's share of rho over kappa.
+    log_ratio : ndarray, shape (k,)
+        log((rho + kappa) / kappa) at each detection.
+    """
+
+    intensity: Intensity
+    pairs: Pairs
+    log_part: np.ndarray
+    log_ratio: np.ndarray
+
+
+class TrackPairs(NamedTuple):
+    """The e pairs of a track and a detection.
+
+    Attributes
+    ----------
+    track, detection : ndarray of int, shape (e,)
+    log_psi : ndarray, shape (e,)
+        log of the weight of each, relative to a miss and a detection of no track.
+    assigned : ndarray, shape (e,)
+        Marginal probability of each.
+    """
+
+    track: np.ndarray
+    detection: np.ndarray
+    log_psi: np.ndarray
+    assigned: np.ndarray
+
+
+class Associated(NamedTuple):
+    """Tracks after a scan, not yet reduced.
+
+    Attributes
+    ----------
+    tracks : MixtureTracks
+    detection : ndarray of int, shape (N,)
+        That each hypothesis has, -1 for none; those come first.
+    unassigned : ndarray, shape (k,)
+        Probability that each detection is of no track.
+    missed : ndarray, shape (n,)
+        Probability that each track has no detection.
+    pairs : TrackPairs
+    approximated : int
+        Clusters whose association probabilities are approximate.
+    """
+
+    tracks: MixtureTracks
+    detection: np.ndarray
+    unassigned: np.ndarray
+    missed: np.ndarray
+    pairs: TrackPairs
+    approximated: int
+
+
+def no_tracks(model: MultiTargetModel) -> MixtureTracks:
+    """No track, of targets of the model."""
+    r, d = len(model.motions), len(model.motions[0].F)
+    none, no_label = np.empty(0), np.empty(0, np.int64)
+    densities = Densities(np.empty((0, r)), np.empty((0, r, d)), np.empty((0, r, d, d)))
+    return MixtureTracks(none, no_label, densities, none, no_label)
+
+
+def intensity_of(p: Mixture, model: MultiTargetModel) -> Intensity:
+    """The intensity p of new targets, over the modes of the model."""
+    return Intensity(p.w, target_densities.of_mixture(p, model.mode_prior))
+
+
+def joined_intensities(parts: Sequence[Intensity]) -> Intensity:
+    """The sum of intensities."""
+    return Intensity(np.concatenate([part.w for part in parts]), joined([part.densities for part in parts]))
+
+
+def new_targets(tracks: MixtureTracks, model: MultiTargetModel) -> Intensity:
+    """The intensity of targets born in a scan, or spawned about the predictions of tracks."""
+    born = intensity_of(model.births, model)
+    if not model.spawn_weight > 0:
+        return born
+    w, m, P = tracks.densities
+    # of the tracks that exist before the scan, whether or not they survive it
+    parents = tracks.existence[tracks.track] * tracks.weight / model.survival_probability
+    spawned = Intensity(model.spawn_weight * parents, Densities(w, m, P + model.spawn_covariance))
+    return joined_intensities([born, spawned])
+
+
+def undetected_at(before: Intensity, tracks: MixtureTracks, model: MultiTargetModel) -> Intensity:
+    """The undetected targets one period later: those before it that survive, and new ones of it, some of them
+    about the predicted `tracks`."""
+    survived = Intensity(
+        model.survival_probability * before.w, target_densities.moved(before.densities, model)
+    )
+    return joined_intensities([survived, new_targets(tracks, model)])
+
+
+def undetected_after(
+    undetected: Intensity, model: MultiTargetModel, most: int, least: float = 1e-5
+) -> Intensity:
+    """The targets that a scan has not detected, of at most so many components, each of at least so much
+    weight."""
+    w = undetected.w * (1.0 - detected(undetected.densities, model))
+    order = np.argsort(-w, kind="stable")[:most]
+    kept = np.sort(order[(w[order] >= least) & (w[order] > 0)])
+    return Intensity(w[kept], take_densities(undetected.densities, kept))
+
+
+def most_likely(existence: np.ndarray, least: float | np.ndarray, most: int) -> np.ndarray:
+    """Indices, increasing, of at most so many tracks, each of at least so much existence."""
+    order = np.argsort(-existence, kind="stable")
+    return np.sort(order[((existence >= least) & (existence > 0))[order]][:most])
+
+
+def predict(tracks: MixtureTracks, model: MultiTargetModel) -> MixtureTracks:
+    """Tracks one period later: they survive, and each hypothesis moves."""
+    return tracks._replace(
+        existence=model.survival_probability * tracks.existence,
+        densities=target_densities.moved(tracks.densities, model),
+    )
+
+
+def collapsed(tracks: MixtureTracks) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (n, d) and covariance (n, d, d) of every track."""
+    n = len(tracks.existence)
+    if len(tracks.track) == n:
+        return outputs(tracks.densities)
+    return outputs(merge(tracks.densities, tracks.weight, tracks.track, n))
+
+
+def take(tracks: MixtureTracks, kept: np.ndarray) -> MixtureTracks:
+    """The tracks at the increasing indices `kept`."""
+    if len(kept) == len(tracks.existence):
+        return tracks
+    place = np.full(len(tracks.existence), -1)
+    place[kept] = np.arange(len(kept))
+    rows = place[tracks.track] >= 0
+    return MixtureTracks(
+        tracks.existence[kept], tracks.label[kept], take_densities(tracks.densities, rows),
+        tracks.weight[rows], place[tracks.track[rows]],
+    )  # fmt: skip
+
+
+def added(tracks: MixtureTracks, new: MixtureTracks) -> MixtureTracks:
+    """The tracks, and new ones after them."""
+    if len(new.existence) == 0:
+        return tracks
+    return MixtureTracks(
+        np.append(tracks.existence, new.existence), np.append(tracks.label, new.label),
+        joined([tracks.densities, new.densities]), np.append(tracks.weight, new.weight),
+        np.append(tracks.track, new.track + len(tracks.existence)),
+    )  # fmt: skip
+
+
+def appear(intensity: Intensity, model: MultiTargetModel, z: np.ndarray, log_kappa: np.ndarray) -> Appearing:
+    r"""Weigh the detections of a scan as those of targets without a track.
+
+    Parameters
+    ----------
+    intensity : Intensity
+        Predicted intensity of targets without a track.
+    model : MultiTargetModel
+    z : ndarray, shape (k, p)
+        Detections.
+    log_kappa : ndarray, shape (k,)
+        log of the clutter intensity at them.
+
+    Returns
+    -------
+    Appearing
+
+    Notes
+    -----
+    .. math:: \rho_j = \sum_u w_u P_D(m_u) g_{uj}
+    """
+    expected = intensity.w * detected(intensity.densities, model)
+    pairs = pair(intensity.densities, model.sensor, z, log_kappa, expected)
+    log_part = np.log(expected[pairs.row]) + pairs.log_likelihood - log_kappa[pairs.detection]
+    log_ratio = np.zeros(len(z))
+    np.logaddexp.at(log_ratio, pairs.detection, log_part)
+    return Appearing(intensity, pairs, log_part, log_ratio)
+
+
+def started(
+    appearing: Appearing, z: np.ndarray, unassigned: np.ndarray, least: float
+) -> tuple[MixtureTracks, np.ndarray]:
+    r"""A new track for every detection that may be the first of a target.
+
+    Parameters
+    ----------
+    appearing : Appearing
+    z : ndarray, shape (k, p)
+        Detections.
+    unassigned : ndarray, shape (k,)
+        Probability that each is of no track.
+    least : float
+        Tracks of less existence are left out.
+
+    Returns
+    -------
+    tracks : MixtureTracks
+        By decreasing existence; labels count from 0.
+    detection : ndarray of int, shape (n,)
+        The first of each.
+
+    Notes
+    -----
+    A detection of no track with probability :math:`u_j` starts one of existence
+    :math:`u_j \rho_j / (\rho_j + \kappa_j)`, the moment match of the parts of the intensity.
+    """
+    _, pairs, log_part, log_ratio = appearing
+    exists = unassigned * -np.expm1(-log_ratio)
+    new = np.flatnonzero((exists >= least) & (exists > 0))
+    new = new[np.lexsort((*z[new].T, -exists[new]))]
+    place = np.full(len(z), -1)
+    place[new] = np.arange(len(new))
+    chosen = np.flatnonzero(place[pairs.detection] >= 0)
+    of = pairs.detection[chosen]
+    parts = posteriors(appearing.intensity.densities, pairs, chosen)
+    densities = merge(parts, np.exp(log_part[chosen] - log_ratio[of]), place[of], len(new))
+    one = np.arange(len(new))
+    return MixtureTracks(exists[new], one, densities, np.ones(len(new)), one), new
+
+
+def detected(densities: Densities, model: MultiTargetModel) -> np.ndarray:
+    """P_D (n,) of each density.
+
+    Notes
+    -----
+    Departs: where P_D is a function of the state, its value at the mean stands for its average.
+    """
+    if callable(model.detection_probability):
+        return model.detected(outputs(densities)[0])
+    return np.full(len(densities.w), model.detection_probability)
+
+
+def associate(
+    tracks: MixtureTracks,
+    model: MultiTargetModel,
+    z: np.ndarray,
+    log_other: np.ndarray,
+    association: str = "exact",
+) -> Associated:
+    r"""Update predicted tracks with a scan by marginal association probabilities.
+
+    Parameters
+    ----------
+    tracks : MixtureTracks
+        Predicted; their existence may be certain.
+    model : MultiTargetModel
+    z : ndarray, shape (k, p)
+        Detections.
+    log_other : ndarray, shape (k,)
+        log of the intensity of the detections that are of no track, at each.
+    association : {"exact", "belief-propagation"}
+
+    Returns
+    -------
+    Associated
+        Every hypothesis after a miss and after every detection in its gate.
+
+    Notes
+    -----
+    Hypothesis h of track i, of weight :math:`v_h`, has the ratios
+
+    .. math::
+
+        \psi_{ij} = \frac{r_i \sum_h v_h P_{D,h} g_{hj}}{(1 - r_i \sum_h v_h P_{D,h}) (\kappa_j + \rho_j)}
+
+    and after the scan the weights :math:`p_{ij} v_h P_{D,h} g_{hj} / \sum_h v_h P_{D,h} g_{hj}` and
+    :math:`p_{i0} r_i v_h (1 - P_{D,h}) / (1 - r_i \sum_h v_h P_{D,h})`.
+
+    References
+    ----------
+    Fortmann, Bar-Shalom and Scheffe 1983 (certain targets); Musicki and Evans 2004; Williams 2015.
+    """
+    p, track, n = tracks.densities, tracks.track, len(tracks.existence)
+    there, seen = tracks.existence[track] * tracks.weight, detected(p, model)
+    pairs = pair(p, model.sensor, z, log_other, there * seen)
+    miss, log_part, of, detection, log_whole, at = _ratios(
+        there, seen, track, n, pairs.row, pairs.detection, pairs.log_likelihood, len(z)
+    )
+    log_psi = log_whole - np.log(miss)[of] - log_other[detection]
+    approximated = 0
+    if association == "exact":
+        assigned, missed, unassigned, approximate = marginals(of, detection, log_psi, n, len(z))
+        if approximate.any():
+            approximated = len(np.unique(clusters(of, detection, n, len(z))[approximate]))
+    else:
+        assigned, missed, unassigned = propagate(of, detection, log_psi, n, len(z))
+    found = assigned[at] * np.exp(log_part - log_whole[at])
+    lost = missed[track] * there * (1.0 - seen) / miss[track]
+    chosen = np.flatnonzero(found > NEGLIGIBLE)
+    rows = np.append(track, track[pairs.row[chosen]])
+    weight = np.append(lost, found[chosen])
+    existence = np.bincount(rows, weight, n)
+    # what has gone stays where it was predicted
+    prior = np.append(tracks.weight, np.zeros(len(chosen)))
+    weight = np.divide(weight, existence[rows], out=prior, where=existence[rows] > 0)
+    densities = joined([p, posteriors(p, pairs, chosen)])
+    # what rounding puts above 1 would grow with every scan that misses
+    after = MixtureTracks(np.minimum(existence, 1.0), tracks.label, densities, weight, rows)
+    has = np.append(np.full(len(track), -1), pairs.detection[chosen])
+    weighed = TrackPairs(of, detection, log_psi, assigned)
+    return Associated(after, has, unassigned, missed, weighed, approximated)
+
+
+def collapsing(reduction: str, components: int) -> Reduction | None:
+    """The reduction of that name to `components`; None where it is the merge of all by their moments."""
+    named = reducer(reduction, check_count(components))
+    whole = PROPERTIES.get(reduction)
+    return None if components == 1 and whole is not None and whole.keeps == MOMENTS else named
+
+
+def reduce(tracks: MixtureTracks, reduction: Reduction | None, prune_weight: float = 0.0) -> MixtureTracks:
+    """Reduce the mixture of every track.
+
+    Parameters
+    ----------
+    tracks : MixtureTracks
+        In any order of hypotheses.
+    reduction : callable or None
+        A reduction of a Mixture; None merges each track to one density by its moments, mode by mode.
+    prune_weight : float
+        Hypotheses of less weight in their track are pruned before the reduction.
+
+    Returns
+    -------
+    MixtureTracks
+        With several motions hypotheses are merged as the reduction merges their Gaussians over the modes.
+    """
+    n = len(tracks.existence)
+    if reduction is None:
+        densities = merge(tracks.densities, tracks.weight, tracks.track, n)
+        return tracks._replace(densities=densities, weight=np.ones(n), track=np.arange(n))
+    order = np.argsort(tracks.track, kind="stable")
+    first = np.searchsorted(tracks.track[order], np.arange(n + 1))
+    parts, weights = [], []
+    for i in range(n):
+        rows = order[first[i] : first[i + 1]]
+        weight = tracks.weight[rows]
+        kept = weight >= min(prune_weight, weight.max())
+        w, density = _reduced(weight[kept], take_densities(tracks.densities, rows[kept]), reduction)
+        parts.append(density)
+        weights.append(w)
+    if n == 0:
+        return tracks
+    track = np.repeat(np.arange(n), [len(w) for w in weights])
+    return tracks._replace(densities=joined(parts), weight=np.concatenate(weights), track=track)
+
+
+def _reduced(weight: np.ndarray, densities: Densities, reduction: Reduction) -> tuple[np.ndarray, Densities]:
+    """Weights, which sum to 1, and densities of one track after its reduction."""
+    if not weight.sum() > 0:
+        weight = np.ones(len(weight))
+    x, P = outputs(densities)
+    q, origin = reduction(Mixture(weight / weight.sum(), x, P))
+    if densities.w.shape[1] == 1:
+        return q.w / q.w.sum(), Densities(np.ones((len(q.w), 1)), q.m[:, None], q.P[:, None])
+    count = len(q.w)
+    w = np.bincount(origin[origin >= 0], weight[origin >= 0], count)
+    return w / w.sum(), merge(densities, weight, origin, count)
+
+
+@kernel
+def _ratios(there, seen, track, n, row, detection, log_likelihood, k):
+    """Of tracks the probability (n,) of a miss; of pairs of hypotheses (e,) the log weight; of pairs of
+    tracks track, detection and log weight; and which of these each of the former is part of."""
+    miss, e = np.ones(n), len(row)
+    for h in range(len(track)):
+        miss[track[h]] -= there[h] * seen[h]
+    for i in range(n):
+        miss[i] = max(miss[i], LEAST_MISS)
+    log_part, at, place = np.empty(e), np.empty(e, np.int64), np.full(k, -1)
+    of, of_detection, log_whole = np.empty(e, np.int64), np.empty(e, np.int64), np.empty(e)
+    count, begun = 0, 0  # pairs of tracks, and those of the tracks before
+    for a in range(e):
+        i, j = track[row[a]], detection[a]
+        log_part[a] = np.log(there[row[a]] * seen[row[a]]) + log_likelihood[a]
+        if count > begun and of[count - 1] != i:
+            begun = count
+        if not begun <= place[j] < count:
+            place[j], of[count], of_detection[count], log_whole[count] = count, i, j, -np.inf
+            count += 1
+        at[a] = place[j]
+        log_whole[at[a]] = log_sum(log_whole[at[a]], log_part[a])
+    return miss, log_part, of[:count].copy(), of_detection[:count].copy(), log_whole[:count].copy(), at

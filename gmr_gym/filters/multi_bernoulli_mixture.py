@@ -1,0 +1,367 @@
+r"""Multi-Bernoulli mixtures: global hypotheses about many targets, with or without a Poisson intensity of those
+that are undetected (Williams 2015; Vo and Vo 2013).
+
+A leaf of a track is a density and a probability that the target exists. Where existence is certain, a leaf
+exists, and hypotheses without it say that the target does not.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from gmr_gym.filters.global_hypotheses import (
+    NONE,
+    Hypotheses,
+    Options,
+    associate,
+    joined,
+    leaf_weights,
+    simplify,
+    singles,
+)
+from gmr_gym.filters.intensity_update import LOG_NEGLIGIBLE
+from gmr_gym.filters.pmb import LEAST_MISS
+from gmr_gym.filters.target_densities import (
+    Densities,
+    Pairs,
+    merge,
+    moved,
+    of_mixture,
+    outputs,
+    pair,
+    posteriors,
+    take,
+)
+from gmr_gym.filters.target_densities import joined as joined_densities
+from gmr_gym.mixture import Mixture, normalised
+from gmr_gym.models.multi_target import MultiTargetModel
+from gmr_gym.reduction.protocol import Reduced
+
+LARGEST_BIRTH = 0.5  # probability of existence; an expected number above it is that of several targets
+
+
+class MultiBernoulliMixture(NamedTuple):
+    """A multi-Bernoulli mixture and the intensity of undetected targets.
+
+    Attributes
+    ----------
+    hypotheses : Hypotheses
+        Of L leaves.
+    track : ndarray of int, shape (L,)
+        Track of each leaf, ascending.
+    existence : ndarray, shape (L,)
+        Probability that its target exists.
+    leaves : Densities
+    history : ndarray of int, shape (L, s)
+        Numbers of the detections that it had in the last s scans, newest first; -1 for none.
+    label : ndarray of int, shape (n,)
+        Distinct labels of the tracks.
+    undetected : Densities
+    expected : ndarray
+        Expected number of undetected targets of each.
+    next_label, scans, detections : int
+        Next unused label, and number of scans and of detections so far.
+    """
+
+    hypotheses: Hypotheses
+    track: np.ndarray
+    existence: np.ndarray
+    leaves: Densities
+    history: np.ndarray
+    label: np.ndarray
+    undetected: Densities
+    expected: np.ndarray
+    next_label: int = 0
+    scans: int = 0
+    detections: int = 0
+
+
+def untracked(model: MultiTargetModel, memory: int = 0) -> MultiBernoulliMixture:
+    """The belief before the first scan: no tracks; the targets that are there are undetected.
+
+    Parameters
+    ----------
+    model : MultiTargetModel
+    memory : int
+        Scans whose detections are kept in the histories of leaves.
+
+    Returns
+    -------
+    MultiBernoulliMixture
+    """
+    initial = of_mixture(model.initial, model.mode_prior)
+    nothing, none = take(initial, np.empty(0, int)), np.empty(0, int)
+    return MultiBernoulliMixture(
+        NONE, none, np.empty(0), nothing, np.empty((0, memory), int), none, initial, model.initial.w
+    )
+
+
+def predict(
+    belief: MultiBernoulliMixture, model: MultiTargetModel, undetected: bool = True
+) -> MultiBernoulliMixture:
+    """Predict tracks and undetected targets by one period.
+
+    Parameters
+    ----------
+    belief : MultiBernoulliMixture
+    model : MultiTargetModel
+    undetected : bool
+        Whether born targets join the intensity of undetected ones; otherwise each is a new track.
+
+    Returns
+    -------
+    MultiBernoulliMixture
+
+    Notes
+    -----
+    Departs: spawning is in none of the papers; spawned targets are born, about the prediction of a leaf.
+    """
+    survival = model.survival_probability
+    leaves, expected = moved(belief.leaves, model), survival * belief.expected
+    parts, weights = [moved(belief.undetected, model), of_mixture(model.births, model.mode_prior)], [
+        expected, model.births.w
+    ]  # fmt: skip
+    if model.spawn_weight > 0:
+        parts.append(leaves._replace(P=leaves.P + model.spawn_covariance))
+        held = leaf_weights(belief.hypotheses, len(belief.track))
+        weights.append(model.spawn_weight * held * belief.existence)
+    predicted = belief._replace(
+        existence=survival * belief.existence, leaves=leaves, undetected=joined_densities(parts),
+        expected=np.concatenate(weights), scans=belief.scans + 1,
+    )  # fmt: skip
+    return predicted if undetected else _born(predicted)
+
+
+def _born(belief: MultiBernoulliMixture) -> MultiBernoulliMixture:
+    """The undetected targets as tracks: one for each whole or started multiple of `LARGEST_BIRTH`."""
+    number = np.ceil(belief.expected / LARGEST_BIRTH).astype(int)
+    of, leaves, tracks = np.repeat(np.arange(len(number)), number), len(belief.track), len(belief.label)
+    new = np.arange(len(of))
+    cluster = belief.hypotheses.cluster[-1] + 1 if len(belief.hypotheses.cluster) else 0
+    return belief._replace(
+        hypotheses=joined(belief.hypotheses, singles(leaves + new, cluster)),
+        track=np.append(belief.track, tracks + new),
+        existence=np.append(belief.existence, (belief.expected / np.maximum(number, 1))[of]),
+        leaves=joined_densities([belief.leaves, take(belief.undetected, of)]),
+        history=np.vstack([belief.history, np.full((len(of), belief.history.shape[1]), -1)]),
+        label=np.append(belief.label, belief.next_label + new),
+        undetected=take(belief.undetected, np.empty(0, int)), expected=np.empty(0),
+        next_label=belief.next_label + len(of),
+    )  # fmt: skip
+
+
+def update(
+    predicted: MultiBernoulliMixture,
+    model: MultiTargetModel,
+    z: np.ndarray,
+    kappa: np.ndarray,
+    options: Options,
+    rng: np.random.Generator,
+    least: float = 0.0,
+    certain: bool = False,
+) -> tuple[MultiBernoulliMixture, np.ndarray]:
+    r"""Update tracks and undetected targets with a scan.
+
+    Parameters
+    ----------
+    predicted : MultiBernoulliMixture
+    model : MultiTargetModel
+    z : ndarray, shape (k, p)
+        Detections.
+    kappa : ndarray, shape (k,)
+        Intensity of clutter at the detections.
+    options : Options
+        Of the hypotheses.
+    rng : numpy.random.Generator
+        For Gibbs sampling.
+    least : float
+        Leaves of less existence are dropped.
+    certain : bool
+        Whether a hypothesis says of each of its targets that it exists, as a delta-GLMB.
+
+    Returns
+    -------
+    posterior : MultiBernoulliMixture
+    p_clutter : ndarray, shape (k,)
+        Probability that each detection is a false alarm.
+
+    Notes
+    -----
+    A leaf of existence r, missed or with detection j, gives its hypothesis the weight
+
+    .. math:: 1 - r P_D \quad \text{or} \quad r P_D \, g_j, \qquad r' = \frac{r (1 - P_D)}{1 - r P_D}
+        \quad \text{or} \quad 1
+
+    A detection that no leaf has gives it :math:`\kappa_j + \rho_j` with
+
+    .. math:: \rho_j = P_D \sum_u w_u g_{uj}
+
+    over the undetected targets, and starts a track of existence :math:`\rho_j / (\rho_j + \kappa_j)`. Where
+    existence is certain a missed leaf has :math:`r (1 - P_D)`, and a hypothesis without it :math:`1 - r`.
+
+    Pairs of a smaller ratio to a miss than a hypothesis may have to the others are left out.
+
+    References
+    ----------
+    Williams 2015; Garcia-Fernandez et al. 2018; Vo, Vo and Phung 2014 for certain existence.
+    """
+    new = _begun(predicted, model, z, np.log(kappa), least)
+    r, p_detected = predicted.existence, model.detected(outputs(predicted.leaves)[0])
+    missed = r * (1.0 - p_detected)
+    miss = np.maximum(missed if certain else 1.0 - r * p_detected, LEAST_MISS)
+    with np.errstate(divide="ignore"):
+        log_absent = np.log((1.0 - r if certain else np.zeros(len(r))) / miss)
+        negligible = max(float(np.log(options.least)), LOG_NEGLIGIBLE)
+    hit = r * p_detected / miss
+    pairs = pair(predicted.leaves, model.sensor, z, new.log_free, hit, negligible)
+    log_psi = pairs.log_likelihood + np.log(hit[pairs.row]) - new.log_free[pairs.detection]
+    rows = pairs.row, pairs.detection, log_psi
+    hypotheses = associate(predicted.hypotheses, np.log(miss), log_absent, rows, len(z), options, rng)
+    exists = np.concatenate(
+        [np.ones(len(r)) if certain else missed / miss, np.ones(len(log_psi)), new.existence]
+    )
+    posterior = _grown(predicted, pairs, new, hypotheses, np.where(exists >= least, exists, 0.0))
+    free = leaf_weights(hypotheses, len(exists))[len(r) + len(log_psi) :]
+    p_detected = model.detected(outputs(predicted.undetected)[0])
+    return posterior._replace(
+        expected=predicted.expected * (1.0 - p_detected), detections=predicted.detections + len(z)
+    ), free * kappa * np.exp(-new.log_free)
+
+
+class _Begun(NamedTuple):
+    """What k detections begin that are of no track."""
+
+    detection: np.ndarray  # (n,), those that begin a track
+    densities: Densities  # of its target
+    existence: np.ndarray  # (k,)
+    log_free: np.ndarray  # (k,), log of the intensity of clutter and undetected targets
+
+
+def _begun(
+    predicted: MultiBernoulliMixture,
+    model: MultiTargetModel,
+    z: np.ndarray,
+    log_kappa: np.ndarray,
+    least: float,
+) -> _Begun:
+    undetected = predicted.undetected
+    weight = predicted.expected * model.detected(outputs(undetected)[0])
+    pairs = pair(undetected, model.sensor, z, log_kappa, weight)
+    log_ratio = pairs.log_likelihood + np.log(weight[pairs.row]) - log_kappa[pairs.detection]
+    log_new = np.zeros(len(z))  # log((rho + kappa) / kappa)
+    np.logaddexp.at(log_new, pairs.detection, log_ratio)
+    existence = -np.expm1(-log_new)
+    chosen = np.flatnonzero(existence[pairs.detection] >= least)
+    detection, group = np.unique(pairs.detection[chosen], return_inverse=True)
+    share = np.exp(log_ratio[chosen] - log_new[pairs.detection[chosen]])
+    densities = merge(posteriors(undetected, pairs, chosen), share, group, len(detection))
+    existence[np.setdiff1d(np.arange(len(z)), detection)] = 0.0
+    return _Begun(detection, densities, existence, log_kappa + log_new)
+
+
+def _grown(
+    predicted: MultiBernoulliMixture, pairs: Pairs, new: _Begun, hypotheses: Hypotheses, exists: np.ndarray
+) -> MultiBernoulliMixture:
+    """The leaves, numbered as `associate` does, that the hypotheses have and that may exist."""
+    used = np.zeros(len(exists), bool)
+    used[hypotheses.leaf] = True
+    code, starts = (
+        np.flatnonzero(used & (exists > 0)),
+        np.array([0, len(predicted.track), len(exists) - len(new.existence)]),
+    )
+    missed, hit, begun = (
+        part - start
+        for part, start in zip(np.split(code, np.searchsorted(code, starts[1:])), starts, strict=True)
+    )
+    parent = np.append(missed, pairs.row[hit])
+    track = np.append(predicted.track[parent], len(predicted.label) + np.arange(len(begun)))
+    had = np.concatenate(
+        [np.full(len(missed), -1), predicted.detections + np.append(pairs.detection[hit], begun)]
+    )
+    memory = predicted.history.shape[1]
+    history = np.vstack([predicted.history[parent], np.full((len(begun), memory), -1)])
+    leaves = joined_densities([
+        take(predicted.leaves, missed), posteriors(predicted.leaves, pairs, hit),
+        take(new.densities, np.searchsorted(new.detection, begun)),
+    ])  # fmt: skip
+    label = np.append(predicted.label, predicted.next_label + np.arange(len(begun)))
+    order = np.argsort(track, kind="stable")
+    into = np.full(len(exists), -1)
+    into[code[order]] = np.arange(len(code))
+    kept, track = np.unique(track[order], return_inverse=True)
+    return predicted._replace(
+        hypotheses=simplify(hypotheses, into), track=track, existence=exists[code[order]],
+        leaves=take(leaves, order), history=np.column_stack([had, history])[order, :memory],
+        label=label[kept], next_label=predicted.next_label + len(begun),
+    )  # fmt: skip
+
+
+def merged(belief: MultiBernoulliMixture, group: np.ndarray) -> MultiBernoulliMixture:
+    """The belief with the leaves of each group (L,) merged, -1 for those that are dropped.
+
+    Groups are numbered from 0 without gaps, and a group is of one track; numbers of tracks ascend with them.
+    """
+    count, kept = group.max(initial=-1) + 1, group >= 0
+    held = leaf_weights(belief.hypotheses, len(group))
+    weight = held * belief.existence
+    total = np.bincount(group[kept], held[kept], count)
+    existence = np.bincount(group[kept], weight[kept], count) / total
+    first = np.full(count, len(group))
+    np.minimum.at(first, group[kept], np.flatnonzero(kept))
+    tracks, track = np.unique(belief.track[first], return_inverse=True)
+    return belief._replace(
+        hypotheses=simplify(belief.hypotheses, group), track=track, existence=np.minimum(existence, 1.0),
+        leaves=merge(belief.leaves, weight, group, count), history=belief.history[first],
+        label=belief.label[tracks],
+    )  # fmt: skip
+
+
+def forgotten(belief: MultiBernoulliMixture) -> MultiBernoulliMixture:
+    """The leaves of a track that have had the same detections in the scans of the history merged."""
+    rows = np.column_stack([belief.track, belief.history])
+    group = np.unique(rows, axis=0, return_inverse=True)[1].reshape(-1)
+    return belief if len(rows) == group.max(initial=-1) + 1 else merged(belief, group)
+
+
+def reduced(
+    belief: MultiBernoulliMixture, reduction: Callable[[Mixture], Reduced], components: int
+) -> MultiBernoulliMixture:
+    """The leaves of every track, as a mixture, reduced; leaves merged are those of one group of `reduction`.
+
+    Tracks of up to `components` leaves are left as they are.
+    """
+    number = np.bincount(belief.track, minlength=len(belief.label))
+    if number.max(initial=0) <= components:
+        return belief
+    weight = leaf_weights(belief.hypotheses, len(belief.track)) * belief.existence
+    x, P = outputs(belief.leaves)
+    group, count = np.empty(len(belief.track), int), 0
+    for own in np.split(np.arange(len(belief.track)), np.cumsum(number)[:-1]):
+        of = np.arange(len(own))
+        if len(own) > components:
+            of = reduction(normalised(Mixture(weight[own], x[own], P[own])))[1]
+            of = np.where(of >= 0, np.unique(of, return_inverse=True)[1].reshape(-1) - (of.min() < 0), -1)
+        group[own] = np.where(of >= 0, count + of, -1)
+        count += of.max() + 1
+    return merged(belief, group)
+
+
+def prune(belief: MultiBernoulliMixture, weight: float, tracks: int) -> MultiBernoulliMixture:
+    """Drops undetected components of less `weight`, and keeps up to `tracks` of them and of the tracks."""
+    order = np.argsort(-belief.expected, kind="stable")[:tracks]
+    kept = np.sort(order[(belief.expected[order] >= weight) & (belief.expected[order] > 0)])
+    belief = belief._replace(undetected=take(belief.undetected, kept), expected=belief.expected[kept])
+    if len(belief.label) <= tracks:
+        return belief
+    existence = track_existence(belief)
+    chosen = np.zeros(len(existence), bool)
+    chosen[np.argsort(-existence, kind="stable")[:tracks]] = True
+    leaves = chosen[belief.track]
+    return merged(belief, np.where(leaves, np.cumsum(leaves) - 1, -1))
+
+
+def track_existence(belief: MultiBernoulliMixture) -> np.ndarray:
+    """Probability of existence (n,) of each track."""
+    weight = leaf_weights(belief.hypotheses, len(belief.track)) * belief.existence
+    return np.minimum(np.bincount(belief.track, weight, len(belief.label)), 1.0)
