@@ -178,8 +178,8 @@ def test_the_tracker_of_many_targets_is_chosen_by_option_or_settings(call):
     words = "track", "z.csv", *ASSUMED, "--config", "s.toml", "--overwrite"
     code, printed, _ = call(*words)
     assert code == 0 and "tracking 16 detections in 8 scans by gnn" in printed and ", 2 tracks;" in printed
-    code, printed, _ = call(*words, "--tracker", "pmb:association=exact", "--smooth")
-    assert code == 0 and "pmb does not use motion models other than that of 3 m/s^2: pmb, pda, gnn" in printed
+    code, printed, _ = call(*words, "--tracker", "learning-pmb", "--smooth")
+    assert code == 0 and "learning-pmb does not use motion models other than that of 3 m/s^2: pmb," in printed
     lines = [line for line in Path("tracks.csv").read_text().splitlines() if line[0] != "#"]
     row = [*csv.DictReader(lines)][-1]
     assert row["nis"] == row["mode_constant-velocity_3"] == "" and row["detection_row"] in ("16", "17")
