@@ -178,8 +178,8 @@ def test_the_tracker_of_many_targets_is_chosen_by_option_or_settings(call):
     words = "track", "z.csv", *ASSUMED, "--config", "s.toml", "--overwrite"
     code, printed, _ = call(*words)
     assert code == 0 and "tracking 16 detections in 8 scans by gnn" in printed and ", 2 tracks;" in printed
-    code, printed, _ = call(*words, "--tracker", "learning-pmb", "--smooth")
-    assert code == 0 and "learning-pmb does not use motion models other than that of 3 m/s^2: pmb," in printed
+    code, printed, _ = call(*words, "--tracker", "gm-cphd", "--smooth")
+    assert code == 0 and "gm-cphd does not use motion models other than that of 3 m/s^2: pmb," in printed
     lines = [line for line in Path("tracks.csv").read_text().splitlines() if line[0] != "#"]
     row = [*csv.DictReader(lines)][-1]
     assert row["nis"] == row["mode_constant-velocity_3"] == "" and row["detection_row"] in ("16", "17")
@@ -191,7 +191,7 @@ def test_a_tracker_that_cannot_track_the_file_is_refused(call):
     Path("z.csv").write_text("time_s,x_m,y_m,mmsi\n0,1,1,a\n1,900,1,b\n2,1,1,a\n")
     words = "track", "z.csv", *ASSUMED, "--tracker"
     for tracker, message in (
-        ("gm-pdh", "unknown tracker 'gm-pdh', did you mean 'gm-phd'?; choose from fitted-phd, "),
+        ("gm-pdh", "unknown tracker 'gm-pdh', did you mean 'gm-phd'?; choose from "),
         ("runnalls-30", "tracker 'runnalls-30' is for one target; give --targets one, or one of pmb, pda"),
         ("gm-phd:x=1", "tracker 'gm-phd' takes no parameter 'x'"),
     ):
