@@ -13,6 +13,7 @@ import numpy as np
 
 from gmr_gym.data import flight, flight_names
 from gmr_gym.recorded import LiveTracker, SensorSpec, cut, from_arrays, read, smooth, track, tracking_model
+from gmr_gym.recorded.model import TRACKERS
 from gmr_gym.recorded.tracks import COASTED, CONFIRMED, joined_rows
 
 QUIET = 0.3  # m/s^2, of a target that does not turn
@@ -40,7 +41,9 @@ def velocity_and_turning(time: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, n
     return v, across > TURN
 
 
-def rows_of(time: np.ndarray, x: np.ndarray, deviation: float, motion: tuple[float, ...], seed: int):
+def rows_of(
+    time: np.ndarray, x: np.ndarray, deviation: float, motion: tuple[float, ...], seed: int, tracker: str
+):
     """Filtered, late and smoothed rows of tracks of one simulated recording of the path."""
     rng = np.random.default_rng(seed)
     low, high = x.min(axis=0) - 10 * deviation, x.max(axis=0) + 10 * deviation
@@ -55,7 +58,9 @@ def rows_of(time: np.ndarray, x: np.ndarray, deviation: float, motion: tuple[flo
     )
     found = from_arrays(at, np.concatenate(z), sensors=[sensor])
     speed = 1.5 * np.linalg.norm(velocity_and_turning(time, x)[0], axis=1).max()
-    model = tracking_model([sensor], low, high, acceleration_deviation=motion, max_speed=speed)
+    model = tracking_model(
+        [sensor], low, high, acceleration_deviation=motion, max_speed=speed, tracker=tracker
+    )
     scans, live = cut(found), LiveTracker(model, lag=LAG)
     tracks, late = track(found, scans, model), []
     for scan in scans:
@@ -65,11 +70,13 @@ def rows_of(time: np.ndarray, x: np.ndarray, deviation: float, motion: tuple[flo
     return tracks, late, smooth(tracks, found, model)
 
 
-def errors(time: np.ndarray, x: np.ndarray, deviation: float, motion: tuple[float, ...], seed: int):
+def errors(
+    time: np.ndarray, x: np.ndarray, deviation: float, motion: tuple[float, ...], seed: int, tracker: str
+):
     """Of each scan at which a confirmed track is near the truth: whether the truth turns there, and squared
     errors of position and velocity (3,), filtered, late and smoothed; and the share of such scans."""
     v, turning = velocity_and_turning(time, x)
-    found = rows_of(time, x, deviation, motion, seed)
+    found = rows_of(time, x, deviation, motion, seed, tracker)
     tracks, there = found[0], []
     for t in range(len(time)):
         declared = (tracks.status == CONFIRMED) | (tracks.status == COASTED)
@@ -82,13 +89,15 @@ def errors(time: np.ndarray, x: np.ndarray, deviation: float, motion: tuple[floa
     return np.array(there), len(there) / len(time)
 
 
-def table(file: Path | None, deviation: float, acceleration: float, runs: int) -> list[str]:
+def table(
+    file: Path | None, deviation: float, acceleration: float, runs: int, tracker: str = "pmb"
+) -> list[str]:
     """Lines of a Markdown table."""
     heads = [f"{where}, {unit}" for unit in ("m", "m/s") for where in ("in turns", "elsewhere")]
     lines = [f"| path | motion | followed, % | {' | '.join(heads)} |", "|---" * 7 + "|"]
     for name, (time, x) in paths(file).items():
         for motion in (QUIET,), (acceleration,), (QUIET, acceleration):
-            made = [errors(time, x, deviation, motion, seed) for seed in range(runs)]
+            made = [errors(time, x, deviation, motion, seed, tracker) for seed in range(runs)]
             found = np.concatenate([each for each, _ in made])
             turns = found[:, 0] == 1
             cells = [rms(found[where, of]) for of in (slice(1, 4), slice(4, 7)) for where in (turns, ~turns)]
@@ -111,5 +120,6 @@ if __name__ == "__main__":
     parser.add_argument("--deviation", type=float, default=20.0, help="of the simulated sensor, m")
     parser.add_argument("--acceleration", type=float, default=3.0, help="of a target that turns, m/s^2")
     parser.add_argument("--runs", type=int, default=10)
+    parser.add_argument("--tracker", choices=TRACKERS, default=TRACKERS[0])
     asked = parser.parse_args()
-    print("\n".join(table(asked.file, asked.deviation, asked.acceleration, asked.runs)))
+    print("\n".join(table(asked.file, asked.deviation, asked.acceleration, asked.runs, asked.tracker)))

@@ -68,23 +68,20 @@ def track_many(
         found = detections_of(file, settings)
     model = many_targets_model(found, settings, given, tracker)
     found = found._replace(sensors=model.sensors)  # with what is assumed where nothing is known
-    words = [
-        "gmr-gym", "track", str(file), "--targets", "many", "--tracker", tracker, *typed(given), "--out",
-        str(asked["out"]),
-    ]  # fmt: skip
-    run = Run(file, settings, found, scans, are_reports(found, scans), model, shlex.join(words))
-    truth = check_run(run, asked)
+    run = Run(
+        file, settings, found, scans, are_reports(found, scans), model, _command(file, tracker, given, asked)
+    )
+    truth, other = check_run(run, asked), plugged_for(tracker, run)
     if asked["dry_run"]:
         yield from planned(run, asked)
+        return
+    yield f"tracking {_size(run)} by {tracker}"
+    yield from unused(other) if other else ()
+    if other:
+        tracks = track_plugged(other, found, scans, model)
     else:
-        yield f"tracking {_size(run)} by {tracker}"
-        if tracker in TRACKERS:
-            tracks = track(found, scans, model, reports=run.reports)
-        else:
-            other = plugged_for(tracker, run)
-            yield from unused(other)
-            tracks = track_plugged(other, found, scans, model)
-        yield from write_all(tracks, run, asked, truth)
+        tracks = track(found, scans, model, reports=run.reports)
+    yield from write_all(tracks, run, asked, truth)
 
 
 class Run(NamedTuple):
@@ -104,8 +101,11 @@ class Run(NamedTuple):
         return [f"{mode.motion}_{mode.deviation:g}" for mode in self.model.modes]
 
 
-def plugged_for(tracker: str, run: Run) -> Plugged:
-    """The tracker of many targets for the detections of a run, which must be scans."""
+def plugged_for(tracker: str, run: Run) -> Plugged | None:
+    """The installed tracker of this name for the detections of a run, which must be scans; None for those of
+    `TRACKERS`."""
+    if tracker in TRACKERS:
+        return None
     name, parameters = parsed(tracker)
     if run.reports:
         raise ValueError(
@@ -117,9 +117,8 @@ def plugged_for(tracker: str, run: Run) -> Plugged:
 
 def unused(other: Plugged) -> list[str]:
     """What a tracker does not use, in a line."""
-    if not other.unused:
-        return []
-    return [f"{other.name} does not use {'; '.join(other.unused)}: {', '.join(TRACKERS)} do"]
+    line = f"{other.name} does not use {'; '.join(other.unused)}: {', '.join(TRACKERS)} do"
+    return [line] if other.unused else []
 
 
 def outputs(
@@ -212,6 +211,13 @@ def _write_page(file: Path, tracks: Tracks, run: Run, truth: Truth | None) -> No
         at = np.array([scan.time for scan in run.scans])
         true, _ = at_times(truth.time, truth.target, truth.position[:, :2], at)
     write_page(recording_of(tracks, run.detections, run.scans, title=run.source.name, truth=true), file)
+
+
+def _command(source: Path, tracker: str, given: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
+    """What was typed, with all that it was understood as."""
+    by = ["--tracker", tracker] if tracker != TRACKERS[0] else []
+    words = ["track", f"{source}", "--targets", "many", *by, *typed(given), "--out", f"{asked['out']}"]
+    return shlex.join(["gmr-gym", *words])
 
 
 def _size(run: Run) -> str:

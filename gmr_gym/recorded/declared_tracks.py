@@ -7,6 +7,7 @@ from gmr_gym.filters.imm_tracks import Banks, carried
 from gmr_gym.filters.pmb import LEAST_MISS
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.models.gating import gate_threshold
+from gmr_gym.models.intervals import Mode
 from gmr_gym.models.positions import Look
 from gmr_gym.recorded.array_records import chosen, joined
 from gmr_gym.recorded.model import TrackingModel
@@ -21,10 +22,11 @@ class Declared:
     more."""
 
     def __init__(self, model: TrackingModel):
-        self.model = model
-        self.state = initial_state(model)
+        fastest = max(mode.deviation for mode in model.modes)
+        self.model = model._replace(modes=(Mode("constant-velocity", fastest),))
+        self.state = initial_state(self.model)
         self.label = np.empty(0, np.int64)  # the tracker's own, of each track
-        self.motion, self.rules = model.bank(), rules(model)
+        self.motion, self.rules = self.model.bank(), rules(model)
 
     def update(
         self, time: float, z: np.ndarray, report: MultiTargetReport, R: np.ndarray, sensor: int

@@ -12,7 +12,7 @@ from gmr_gym.filters.tracker import MultiTargetTracker
 from gmr_gym.mixture import gaussian
 from gmr_gym.models import kalman
 from gmr_gym.models.clutter import uniform_clutter
-from gmr_gym.models.intervals import Mode, switching_over, transition
+from gmr_gym.models.intervals import switching_over, transition
 from gmr_gym.models.multi_target import MultiTargetModel, multi_target_model
 from gmr_gym.models.positions import Look
 from gmr_gym.models.spherical import debiased_of
@@ -107,13 +107,12 @@ def track_plugged(
     steps = np.diff(times)
     usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     intervals = np.maximum(np.append(usual, steps), SHORTEST).round(9).tolist()
-    mine = model._replace(modes=(Mode("constant-velocity", max(mode.deviation for mode in model.modes)),))
-    declared, parts = Declared(mine), [no_rows(model.axes, len(model.modes))]
+    declared, parts = Declared(model), [no_rows(model.axes, len(model.modes))]
     belief: Any = None
     for scan, interval in zip(scans, intervals, strict=bool(scans)):
         one = tracker.make(interval, scan.sensor)
         look = checked_look(
-            mine, -np.inf, scan.time, detections.z[scan.rows, : model.axes], None, None, scan.sensor,
+            model, -np.inf, scan.time, detections.z[scan.rows, : model.axes], None, None, scan.sensor,
             detections.origin[scan.rows],
         )  # fmt: skip
         z = _positions(look)

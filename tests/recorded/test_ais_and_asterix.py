@@ -184,6 +184,23 @@ def test_plots_of_asterix_are_cut_into_scans_at_north_markers(tmp_path):
         )  # fmt: skip
 
 
+def test_a_turn_without_plots_is_a_scan_that_detected_nothing(tmp_path):
+    """Turns of 5 s, through midnight, of which the second and the third have no plots; a second radar has
+    north markers alone."""
+    other = {"010": (("SAC", 1), ("SIC", 1))}
+    times = [(86392.0 + 5 * i) % 86400 for i in range(5)]
+    blocks = [part for t in times for part in (north(t), north(t, **other))]
+    blocks.insert(2, block(48, plot(86394.0, 10, 45)))
+    blocks += [block(48, plot(14.0, 11, 45)), north(17.0)]
+    (tmp_path / "raw").write_bytes(b"".join(blocks))
+    found = read(tmp_path / "raw", day=DAY)
+    assert found.time.tolist() == [0, 20] and found.row.tolist() == [1, 2]
+    assert "3 turns without reports are scans that detected nothing" in found.remarks
+    scans = cut(found)
+    assert [scan.rows.tolist() for scan in scans] == [[0], [], [], [], [1]]
+    assert [scan.time for scan in scans] == [0, 5.5, 10.5, 15.5, 20]
+
+
 def test_radars_without_north_markers_are_cut_by_their_period(tmp_path):
     file = tmp_path / "raw"
     file.write_bytes(b"".join(block(48, plot(4.0 * i + i / 50, 10, 7.2 * i)) for i in range(6)))

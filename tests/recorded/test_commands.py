@@ -164,9 +164,65 @@ def test_how_many_targets_there_are_may_stand_in_the_settings(call):
         "2 scans tracked; written to track.csv" in call("track", "z.csv", *ASSUMED, "--config", "s.toml")[1]
     )
     words = "track", "z.csv", *ASSUMED, "--config", "s.toml", "--targets", "many"
-    assert "tracks; written to tracks.csv" in call(*words)[1]
+    assert ", 1 track; written to tracks.csv" in call(*words, "--only", "all")[1]
     Path("s.toml").write_text('[tracks]\ntargets = "few"\n')
     assert "targets must be one of one, many, got 'few'" in call(*words[:-2])[2]
+
+
+def test_the_tracker_of_many_targets_is_chosen_by_option_or_settings(call):
+    rng = np.random.default_rng(0)
+    places = [(t, *xy) for t in range(8) for xy in rng.normal([[10 * t, 0], [0, 900 + 9 * t]], 4)]
+    rows = [f"{t},{x:.2f},{y:.2f}" for t, x, y in places]
+    Path("z.csv").write_text("time_s,x_m,y_m\n" + "\n".join(rows))
+    Path("s.toml").write_text('[tracks]\ntracker = "gnn"\n')
+    words = "track", "z.csv", *ASSUMED, "--config", "s.toml", "--overwrite"
+    code, printed, _ = call(*words)
+    assert code == 0 and "tracking 16 detections in 8 scans by gnn" in printed and ", 2 tracks;" in printed
+    code, printed, _ = call(*words, "--tracker", "gm-cphd", "--smooth")
+    assert code == 0 and "gm-cphd does not use motion models other than that of 3 m/s^2: pmb," in printed
+    lines = [line for line in Path("tracks.csv").read_text().splitlines() if line[0] != "#"]
+    row = [*csv.DictReader(lines)][-1]
+    assert row["nis"] == row["mode_constant-velocity_3"] == "" and row["detection_row"] in ("16", "17")
+    smoothed = [line for line in Path("tracks-smoothed.csv").read_text().splitlines() if line[0] != "#"]
+    assert len(smoothed) == len(lines)
+
+
+def test_a_tracker_that_cannot_track_the_file_is_refused(call):
+    Path("z.csv").write_text("time_s,x_m,y_m,mmsi\n0,1,1,a\n1,900,1,b\n2,1,1,a\n")
+    words = "track", "z.csv", *ASSUMED, "--tracker"
+    for tracker, message in (
+        ("gm-pdh", "unknown tracker 'gm-pdh', did you mean 'gm-phd'?; choose from "),
+        ("runnalls-30", "tracker 'runnalls-30' is for one target; give --targets one, or one of pmb, pda"),
+        ("gm-phd:x=1", "tracker 'gm-phd' takes no parameter 'x'"),
+    ):
+        assert message in call(*words, tracker)[2]
+    reports = call(*words, "gm-phd", "--id", "mmsi")[2]
+    assert "tracker 'gm-phd' needs scans, and these are reports of single targets: give --scan-win" in reports
+
+
+def test_what_is_there_is_not_written_over_unasked(call):
+    Path("z.csv").write_text("time_s,x_m,y_m\n0,1,1\n1,1,1\n")
+    for name in ("track.csv", "track-smoothed.csv", "s.toml"):
+        Path(name).write_text("mine")
+    one = "track", "z.csv", *ONE
+    for words, option, name in (
+        (one, "--out", "track.csv"),
+        ((*one, "--smooth", "--out", "track.csv"), "--out", "track.csv"),
+        ((*one, "--smooth", "--out", "new.csv"), "--smooth", "new-smoothed.csv"),
+        (("inspect", "z.csv", "--write", "s.toml"), "--write", "s.toml"),
+    ):
+        Path("new-smoothed.csv").write_text("mine")
+        code, printed, errors = call(*words)
+        assert (code, printed) == (2, "") and Path(name).read_text() == "mine"
+        assert f"{option}: {name} is there already; give --overwrite, or another name" in errors
+    assert call(*one, "--overwrite")[0] == 0 and Path("track.csv").read_text() != "mine"
+
+
+def test_a_recorded_episode_names_the_unit_of_its_times(call):
+    assert call("record", "gmr_gym/RecordedFlight-v0", "--truth", "true.csv")[0] == 0
+    for name in ("detections.csv", "true.csv"):
+        assert Path(name).read_text().startswith("time_s,")
+    assert "time from time_s" in call("inspect", "detections.csv")[1]
 
 
 def test_one_target_is_smoothed_into_a_second_file(call):

@@ -183,8 +183,22 @@ def test_json_with_lists_of_detections_and_a_moving_sensor(tmp_path):
         columns,
         order="strict",
     )
-    for text, message in (('[{"a": 1]', "not JSON"), ("[1, 2]", "must be a list of records in braces")):
+    for text, message in (
+        (
+            '{"t": 0}\n{"t": 1}\n',
+            "a record of JSON on each line; make them one list first, as `jq -s . FILE`",
+        ),
+        ('[{"a": 1]', "not JSON"),
+        ('{\n"a": 1', "not JSON"),
+        ("[1, 2]", "must be a list of records in braces"),
+    ):
         refused(message, written(tmp_path, text, "bad.json"))
+
+
+def test_lines_that_end_in_a_carriage_return_alone_are_refused_with_the_way_out(tmp_path):
+    text = "time_s,x_m,y_m\r0,1,1\r"
+    refused(r"end in line feeds first, as `tr '\r' '\n' < OLD > NEW` does", written(tmp_path, text))
+    assert len(read(written(tmp_path, text.replace("\r", "\r\n"))).time) == 1
 
 
 def test_arrays_and_data_frames_are_read_by_their_columns():
