@@ -7,12 +7,20 @@ Motion models are weighted by the density of an equivalent residual (Maybeck et 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from numbers import Integral
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gmr_gym.filters.association import Expansion, expand
 from gmr_gym.filters.filter_bank import diverging, floored, mmae_weights
+from gmr_gym.filters.histories import (
+    WithHistory,
+    after_scan,
+    at_start,
+    joined_belief,
+    parted_belief,
+    reduce_with,
+)
 from gmr_gym.filters.joint_gating import Limits, gate_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrow_into, borrowed_states
 from gmr_gym.filters.trace import Trace, rows_of_scan
@@ -22,9 +30,10 @@ from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import predict
 from gmr_gym.models.model import Model
 from gmr_gym.models.sensing import PredictedDetections
+from gmr_gym.reduction.n_scan import NScan, inherited
 from gmr_gym.reduction.protocol import Reduced, check_reduced, through
 from gmr_gym.reduction.pruning import entering
-from gmr_gym.reduction.registry import reducer
+from gmr_gym.reduction.registry import hypothesis_reducer
 from gmr_gym.reduction.runnalls import runnalls
 
 Origins = tuple[np.ndarray, np.ndarray]  # of the pruning, and of the reduction after it
@@ -43,6 +52,9 @@ class Mixtures(NamedTuple):
 
     w: np.ndarray
     each: tuple[Mixture, ...]
+
+
+Belief = Mixtures | WithHistory  # the latter with NScan
 
 
 @dataclass(frozen=True)
@@ -94,19 +106,24 @@ class BankOfMhts:
         borrowed = borrowed_states(self.model.motions, MIXINGS[0] if self.mixing is None else self.mixing)
         object.__setattr__(self, "_borrowed", borrowed)
         # wrong parameters fail here rather than at a scan
-        check_reduced(self.reduce(collapsed(self.model.prior)), 1)
+        if not isinstance(self.reduce, NScan):
+            check_reduced(self.reduce(collapsed(self.model.prior)), 1)
         floored(self.model.mode_prior, self.floor)
         diverging(np.zeros(len(self.model.motions)), self.restart)
 
-    def init(self) -> Mixtures:
+    def init(self) -> Belief:
         """Belief one period before the first scan."""
-        return Mixtures(self.model.mode_prior, (self.model.prior,) * len(self.model.motions))
+        prior, r = self.model.prior, len(self.model.motions)
+        history = at_start(self.reduce, len(prior.w))
+        return joined_belief(
+            Mixtures(self.model.mode_prior, (prior,) * r), None if history is None else (history,) * r
+        )
 
-    def step(self, belief: Mixtures, z: np.ndarray) -> tuple[Mixtures, Report]:
+    def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         return self._scan(belief, z)[:2]
 
-    def trace(self, belief: Mixtures, z: np.ndarray) -> tuple[Mixtures, Report, Trace]:
+    def trace(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report, Trace]:
         """What `step` gives, and what became of every hypothesis of every MHT.
 
         The mixture of a belief are the hypotheses of all MHTs, by mode. With mixing, `parent` is -1: a
@@ -114,23 +131,24 @@ class BankOfMhts:
         and nothing goes into its new ones.
         """
         after, report, expansions, near, origins = self._scan(belief, z)
-        full = weighed(after.w, [expansion.mixture for expansion in expansions])
+        before, now = parted_belief(belief)[0], parted_belief(after)[0]
+        full = weighed(now.w, [expansion.mixture for expansion in expansions])
         mode = np.repeat(np.arange(len(expansions)), [len(e.parent) for e in expansions])
-        parent = _pooled_rows(belief, [e.parent for e in expansions])
+        parent = _pooled_rows(before, [e.parent for e in expansions])
         if self.mixing is not None:
             parent = np.full_like(parent, -1)
         detection = rows_of_scan(np.concatenate([e.detection for e in expansions]), near)
-        into = _pooled_rows(after, [through(*pair) for pair in origins])
+        into = _pooled_rows(now, [through(*pair) for pair in origins])
         return after, report, Trace(full, parent, detection, into, mode)
 
     def _scan(
-        self, belief: Mixtures, z: np.ndarray
-    ) -> tuple[Mixtures, Report, list[Expansion], np.ndarray, list[Origins]]:
+        self, belief: Belief, z: np.ndarray
+    ) -> tuple[Belief, Report, list[Expansion], np.ndarray, list[Origins]]:
         """Belief and report; the full posterior of each MHT, the mask (k,) of the detections in them, and the
         origins of their hypotheses."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
-        w, each = belief if self.mixing is None else self._mixed(belief)
+        (w, each), histories = parted_belief(belief if self.mixing is None else self._mixed(belief))
         predicted = [predict(p, motion) for p, motion in zip(each, model.motions, strict=True)]
         own, near, gates_used, alive = gate_jointly(weighed(w, predicted), model, z, self.give_up_limit)
         ends = np.cumsum([len(p.w) for p in predicted])[:-1]
@@ -146,27 +164,39 @@ class BankOfMhts:
             )
             expansions.append(expansion)
         w = mmae_weights(w, log_density)
-        reduced = self._restarted(w, [self._reduced(e.mixture) for e in expansions], log_density)
-        belief = Mixtures(floored(w, self.floor), tuple(p for p, _ in reduced))
-        pooled = weighed(*belief)
+        if histories is None:
+            histories = (None,) * len(w)
+        each_own = [self._reduced(e, history) for e, history in zip(expansions, histories, strict=True)]
+        reduced, origins, histories = zip(*self._restarted(w, each_own, log_density), strict=True)
+        mixtures = Mixtures(floored(w, self.floor), reduced)
+        pooled = weighed(*mixtures)
         pooled = take(pooled, pooled.w > 0)  # the likelihood of a motion may underflow
         mean, covariance = mean_and_covariance(pooled)
-        report = Report(mean[None], covariance[None], gates_used, pooled, alive, belief.w)
-        return belief, report, expansions, near, [origins for _, origins in reduced]
+        report = Report(mean[None], covariance[None], gates_used, pooled, alive, mixtures.w)
+        belief = mixtures if histories[0] is None else WithHistory(mixtures, histories)
+        return belief, report, expansions, near, list(origins)
 
-    def _mixed(self, belief: Mixtures) -> Mixtures:
+    def _mixed(self, belief: Belief) -> Belief:
         """Mix the MHTs before the prediction.
 
         Departs: eq. 14 mixes Gaussians; how mixtures mix is not stated. All hypotheses are pooled with the
         mixing probabilities of eq. 15 and merged by Runnalls to as many as the MHT had. With one hypothesis
         each this is the IMM; a reduction that deletes hypotheses would not reduce to it.
         """
-        joint = self.model.switching * belief.w  # mode now, mode before
+        (before, each), histories = parted_belief(belief)
+        joint = self.model.switching * before  # mode now, mode before
         w = joint.sum(axis=1)
-        shares = np.where(w[:, None] > 0, joint, belief.w)  # arbitrary for an impossible mode
-        pools = [normalised(weighed(share, self._lent(belief.each, q))) for q, share in enumerate(shares)]
-        merged = [runnalls(pool, len(p.w))[0] for pool, p in zip(pools, belief.each, strict=True)]
-        return Mixtures(w, tuple(map(normalised, merged)))
+        shares = np.where(w[:, None] > 0, joint, before)  # arbitrary for an impossible mode
+        pools = [normalised(weighed(share, self._lent(each, q))) for q, share in enumerate(shares)]
+        merged = [runnalls(pool, len(p.w)) for pool, p in zip(pools, each, strict=True)]
+        mixed = Mixtures(w, tuple(normalised(p) for p, _ in merged))
+        if histories is None:
+            return mixed
+        pooled = np.concatenate(histories)
+        return WithHistory(mixed, tuple(
+            inherited(pooled, pool.w, origin, len(p.w))
+            for pool, (p, origin) in zip(pools, merged, strict=True)
+        ))  # fmt: skip
 
     def _lent(self, each: tuple[Mixture, ...], q: int) -> list[Mixture]:
         """The MHTs as mixed into that of mode q; borrowed states have its overall mean and covariance."""
@@ -179,24 +209,33 @@ class BankOfMhts:
             borrow_into(p.m, p.P, np.tile(mean, (n, 1)), np.tile(covariance, (n, 1, 1)), states)
         return lent
 
-    def _reduced(self, p: Mixture) -> tuple[Mixture, Origins]:
-        lighter, kept = entering(p, self.work_limits.prune_weight, self.work_limits.max_hypotheses)
-        reduced, origin = self.reduce(lighter)
-        return normalised(reduced), (kept, origin)
+    def _reduced(self, expansion: Expansion, history: Any) -> tuple[Mixture, Origins, Any]:
+        """An MHT after the pruning and the reduction, their origins, and its histories."""
+        limits = self.work_limits
+        lighter, kept = entering(expansion.mixture, limits.prune_weight, limits.max_hypotheses)
+        history = after_scan(history, expansion.parent, expansion.detection, kept)
+        (reduced, origin), history = reduce_with(self.reduce, lighter, history)
+        return normalised(reduced), (kept, origin), history
 
     def _restarted(
-        self, w: np.ndarray, each: list[tuple[Mixture, Origins]], log_density: np.ndarray
-    ) -> list[tuple[Mixture, Origins]]:
+        self, w: np.ndarray, each: list[tuple[Mixture, Origins, Any]], log_density: np.ndarray
+    ) -> list[tuple[Mixture, Origins, Any]]:
         """The MHTs, those that diverge reset to the mixture of the others; where all diverge, none."""
         diverged = diverging(log_density, self.restart)
         if not diverged.any():
             return each
         rest = np.where(diverged, 0.0, w)
         share = rest if rest.any() else 1.0 - diverged  # where the others have probability 0
-        restarted, _ = self._reduced(normalised(weighed(share, [p for p, _ in each])))
+        pool = normalised(weighed(share, [p for p, _, _ in each]))
+        limits, history = self.work_limits, each[0][2]
+        lighter, kept = entering(pool, limits.prune_weight, limits.max_hypotheses)
+        if history is not None:
+            history = np.concatenate([own for _, _, own in each])[kept >= 0]
+        (reduced, _), history = reduce_with(self.reduce, lighter, history)
+        restarted = normalised(reduced)
         return [
-            (restarted, (kept, np.full_like(origin, -1))) if lost else (p, (kept, origin))
-            for lost, (p, (kept, origin)) in zip(diverged, each, strict=True)
+            (restarted, (kept, np.full_like(origin, -1)), history) if lost else (p, (kept, origin), own)
+            for lost, (p, (kept, origin), own) in zip(diverged, each, strict=True)
         ]
 
 
@@ -312,7 +351,7 @@ def mmae_of_mhts(
     Maybeck, section IV, architecture 1.
     """
     limits = Limits(prune_weight, max_hypotheses, give_up_ratio)
-    return BankOfMhts(model, reducer(reduction, components), None, floor, restart, limits)
+    return BankOfMhts(model, hypothesis_reducer(reduction, components), None, floor, restart, limits)
 
 
 def imm_of_mhts(
@@ -353,7 +392,7 @@ def imm_of_mhts(
     Maybeck, section IV, architecture 2.
     """
     limits = Limits(prune_weight, max_hypotheses, give_up_ratio)
-    return BankOfMhts(model, reducer(reduction, components), mixing, 0.0, 0.0, limits)
+    return BankOfMhts(model, hypothesis_reducer(reduction, components), mixing, 0.0, 0.0, limits)
 
 
 def single_model_mht(
@@ -406,4 +445,4 @@ def single_model_mht(
         raise ValueError(f"mode must be one of the {known} motions, counted from 0, got {mode!r}")
     single = model._replace(motions=(model.motions[mode],), switching=np.ones((1, 1)), mode_prior=np.ones(1))
     limits = Limits(prune_weight, max_hypotheses, give_up_ratio)
-    return BankOfMhts(single, reducer(reduction, components), None, 0.0, 0.0, limits)
+    return BankOfMhts(single, hypothesis_reducer(reduction, components), None, 0.0, 0.0, limits)

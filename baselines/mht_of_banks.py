@@ -23,15 +23,26 @@ from gmr_gym.filters.filter_bank import (
     predict_bank,
     restart_and_floor,
 )
+from gmr_gym.filters.histories import (
+    WithHistory,
+    after_scan,
+    at_start,
+    joined_belief,
+    parted_belief,
+    reduce_with,
+)
 from gmr_gym.filters.joint_gating import Limits, expand_jointly, give_up_limit
 from gmr_gym.filters.mixing import MIXINGS, borrowed_states
 from gmr_gym.filters.trace import Trace, rows_of_scan
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, collapsed, match_all, mean_and_covariance, normalised
 from gmr_gym.models.model import Model
+from gmr_gym.reduction.n_scan import NScan
 from gmr_gym.reduction.protocol import Reduced, check_reduced, through
 from gmr_gym.reduction.pruning import entering
-from gmr_gym.reduction.registry import reducer
+from gmr_gym.reduction.registry import hypothesis_reducer
+
+Belief = FilterBank | WithHistory  # the latter with NScan
 
 
 @dataclass(frozen=True)
@@ -74,52 +85,57 @@ class MhtOfBanks:
     def __post_init__(self):
         object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.work_limits.give_up_ratio))
         # wrong parameters fail here rather than at a scan
-        check_reduced(self.reduce(collapsed(self.model.prior)), 1)
-        bank = self.init()
+        if not isinstance(self.reduce, NScan):
+            check_reduced(self.reduce(collapsed(self.model.prior)), 1)
+        bank, _ = parted_belief(self.init())
         self.after(bank, np.zeros(bank.w.shape))
 
-    def init(self) -> FilterBank:
+    def init(self) -> Belief:
         """Belief one period before the first scan."""
-        return initial_bank(self.model.mode_prior, self.model.prior)
+        bank = initial_bank(self.model.mode_prior, self.model.prior)
+        return joined_belief(bank, at_start(self.reduce, bank.w.shape[1]))
 
-    def step(self, belief: FilterBank, z: np.ndarray) -> tuple[FilterBank, Report]:
+    def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         return self._scan(belief, z)[:2]
 
-    def trace(self, belief: FilterBank, z: np.ndarray) -> tuple[FilterBank, Report, Trace]:
+    def trace(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report, Trace]:
         """What `step` gives, and what became of every filter of every hypothesis.
 
         `full` are the filters of all banks after their interaction, by mode; those of one bank go into the
         same row of `report.mixture`, the output of the bank.
         """
         after, report, expansion, near, filters, into = self._scan(belief, z)
-        r, n = belief.w.shape
+        r, n = parted_belief(belief)[0].w.shape
         mode, parent = np.divmod(expansion.parent, n)
         detection = rows_of_scan(expansion.detection, near)
         return after, report, Trace(as_mixture(filters), parent, detection, np.tile(into, r), mode)
 
     def _scan(
-        self, belief: FilterBank, z: np.ndarray
-    ) -> tuple[FilterBank, Report, Expansion, np.ndarray, FilterBank, np.ndarray]:
+        self, belief: Belief, z: np.ndarray
+    ) -> tuple[Belief, Report, Expansion, np.ndarray, FilterBank, np.ndarray]:
         """Belief and report; the full posterior, the mask (k,) of the detections in it, its banks after their
         interaction, and the hypothesis that each bank went into."""
         model = self.model
         z = check_scan(z, len(model.sensor.H))
-        predicted = predict_bank(self.before(belief, model.switching), model.motions)
+        bank, history = parted_belief(belief)
+        predicted = predict_bank(self.before(bank, model.switching), model.motions)
         expansion, near, gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
         posterior = as_bank(expansion.mixture, len(model.motions))
         posterior = self.after(posterior, expansion.log_density.reshape(posterior.w.shape))
         limits = self.work_limits
         hypotheses, kept = entering(imm_output(posterior), limits.prune_weight, limits.max_hypotheses)
-        reduced, origin = self.reduce(hypotheses)
+        n = len(kept)
+        history = after_scan(history, expansion.parent[:n], expansion.detection[:n], kept)
+        (reduced, origin), history = reduce_with(self.reduce, hypotheses, history)
         into = through(kept, origin)
-        belief = merge_hypotheses(posterior, into, len(reduced.w))
-        belief = belief._replace(w=belief.w / belief.w.sum())
+        bank = merge_hypotheses(posterior, into, len(reduced.w))
+        bank = bank._replace(w=bank.w / bank.w.sum())
         mixture = normalised(reduced)
         mean, covariance = mean_and_covariance(mixture)
-        mode_probabilities = belief.w.sum(axis=1)
+        mode_probabilities = bank.w.sum(axis=1)
         report = Report(mean[None], covariance[None], gates_used, mixture, alive, mode_probabilities)
-        return belief, report, expansion, near, posterior, into
+        return joined_belief(bank, history), report, expansion, near, posterior, into
 
 
 def imm_mht(
@@ -161,7 +177,7 @@ def imm_mht(
     """
     mix = partial(imm_mix, borrowed=borrowed_states(model.motions, mixing))
     limits = Limits(prune_weight, max_hypotheses, give_up_ratio)
-    return MhtOfBanks(model, reducer(reduction, components), mix, no_interaction, limits)
+    return MhtOfBanks(model, hypothesis_reducer(reduction, components), mix, no_interaction, limits)
 
 
 def mmae_pda(
@@ -237,7 +253,7 @@ def mmae_mht(
     """
     after = partial(restart_and_floor, floor=floor, restart=restart)
     limits = Limits(prune_weight, max_hypotheses, give_up_ratio)
-    return MhtOfBanks(model, reducer(reduction, components), no_interaction, after, limits)
+    return MhtOfBanks(model, hypothesis_reducer(reduction, components), no_interaction, after, limits)
 
 
 def _all_in_one(p: Mixture) -> Reduced:

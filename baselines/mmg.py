@@ -12,15 +12,26 @@ import numpy as np
 from gmr_gym.checks import UNLIMITED
 from gmr_gym.filters import mode_mixture
 from gmr_gym.filters.association import Expansion
+from gmr_gym.filters.histories import (
+    WithHistory,
+    after_scan,
+    at_start,
+    joined_belief,
+    parted_belief,
+    reduce_with,
+)
 from gmr_gym.filters.joint_gating import Limits, expand_jointly, give_up_limit
 from gmr_gym.filters.mode_mixture import MixtureWithModes, merge_mode_probabilities, predict_every_mode
 from gmr_gym.filters.trace import Trace, rows_of_scan
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture, mean_and_covariance, normalised
 from gmr_gym.models.model import Model
+from gmr_gym.reduction.n_scan import NScan
 from gmr_gym.reduction.protocol import Reduced, check_reduced, through
 from gmr_gym.reduction.pruning import capping, entering
-from gmr_gym.reduction.registry import reducer
+from gmr_gym.reduction.registry import hypothesis_reducer
+
+Belief = MixtureWithModes | WithHistory  # the latter with NScan
 
 
 @dataclass(frozen=True)
@@ -35,7 +46,7 @@ class Mmg:
     model : Model
         The filter model.
     reduce : callable
-        Reduction, of the posterior and the mode of each component.
+        Reduction, of the posterior and the mode of each component; or NScan, whatever the modes.
     work_limits : Limits
         What is pruned before the reduction, and when the track is given up.
 
@@ -62,44 +73,51 @@ class Mmg:
         object.__setattr__(self, "give_up_limit", give_up_limit(self.model, self.work_limits.give_up_ratio))
         prior = self.model.prior
         # wrong parameters fail here rather than at a scan
-        check_reduced(self.reduce(prior, np.zeros(len(prior.w), int)), len(prior.w))
+        if not isinstance(self.reduce, NScan):
+            check_reduced(self.reduce(prior, np.zeros(len(prior.w), int)), len(prior.w))
 
-    def init(self) -> MixtureWithModes:
+    def init(self) -> Belief:
         """Belief one period before the first scan.
 
         Departs: Table 1 starts with equal mode probabilities; here they are those of the model, equal by
         default."""
         prior = self.model.prior
-        return MixtureWithModes(prior, np.tile(self.model.mode_prior, (len(prior.w), 1)))
+        n = len(prior.w)
+        belief = MixtureWithModes(prior, np.tile(self.model.mode_prior, (n, 1)))
+        return joined_belief(belief, at_start(self.reduce, n))
 
-    def step(self, belief: MixtureWithModes, z: np.ndarray) -> tuple[MixtureWithModes, Report]:
+    def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         return self._scan(belief, z)[:2]
 
-    def trace(self, belief: MixtureWithModes, z: np.ndarray) -> tuple[MixtureWithModes, Report, Trace]:
+    def trace(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report, Trace]:
         """What `step` gives, and what became of every hypothesis with the scan."""
         after, report, full, near, mode, into = self._scan(belief, z)
-        parent, detection = full.parent % len(belief.mixture.w), rows_of_scan(full.detection, near)
+        n = len(parted_belief(belief)[0].mixture.w)
+        parent, detection = full.parent % n, rows_of_scan(full.detection, near)
         return after, report, Trace(full.mixture, parent, detection, through(*into), mode)
 
     def _scan(
-        self, belief: MixtureWithModes, z: np.ndarray
-    ) -> tuple[MixtureWithModes, Report, Expansion, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
+        self, belief: Belief, z: np.ndarray
+    ) -> tuple[Belief, Report, Expansion, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
         """Belief and report; the full posterior, the mask (k,) of the detections in it, its modes (N,), and
         the origins of pruning and reduction."""
         model, limits = self.model, self.work_limits
         z = check_scan(z, len(model.sensor.H))
-        predicted, mode = predict_every_mode(belief, model.motions, model.switching)
+        before, history = parted_belief(belief)
+        predicted, mode = predict_every_mode(before, model.motions, model.switching)
         full, near, gates_used, alive = expand_jointly(predicted, model, z, self.give_up_limit)
         posterior, kept = entering(full.mixture, limits.prune_weight, limits.max_hypotheses)
         mode = mode[full.parent]
         mode_kept = mode[kept >= 0]
-        reduced = self.reduce(posterior, mode_kept)
+        reduce = self.reduce if isinstance(self.reduce, NScan) else partial(_of_modes, self.reduce, mode_kept)
+        history = after_scan(history, full.parent % len(before.mixture.w), full.detection, kept)
+        reduced, history = reduce_with(reduce, posterior, history)
         mixture, shares = merge_mode_probabilities(posterior, mode_kept, reduced, len(model.motions))
-        belief = MixtureWithModes(normalised(mixture), shares)
-        mean, covariance = mean_and_covariance(belief.mixture)
-        mode_probabilities = belief.mixture.w @ shares
-        report = Report(mean[None], covariance[None], gates_used, belief.mixture, alive, mode_probabilities)
+        mixture = normalised(mixture)
+        mean, covariance = mean_and_covariance(mixture)
+        report = Report(mean[None], covariance[None], gates_used, mixture, alive, mixture.w @ shares)
+        belief = joined_belief(MixtureWithModes(mixture, shares), history)
         return belief, report, full, near, mode, (kept, reduced[1])
 
 
@@ -139,7 +157,9 @@ def mmg(
     ----------
     Zhang, MMG.
     """
-    reduce = partial(_whatever_mode, reduce=reducer(reduction, components))
+    reduce = hypothesis_reducer(reduction, components)
+    if not isinstance(reduce, NScan):
+        reduce = partial(_whatever_mode, reduce=reduce)
     return Mmg(model, reduce, Limits(prune_weight, max_hypotheses, give_up_ratio))
 
 
@@ -209,3 +229,7 @@ def b_best(model: Model, components: int = 15, give_up_ratio: float = 20.0) -> M
 
 def _whatever_mode(posterior: Mixture, mode: np.ndarray, reduce: Callable[[Mixture], Reduced]) -> Reduced:
     return reduce(posterior)
+
+
+def _of_modes(reduce: Callable[[Mixture, np.ndarray], Reduced], mode: np.ndarray, p: Mixture) -> Reduced:
+    return reduce(p, mode)

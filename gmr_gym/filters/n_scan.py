@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from gmr_gym.checks import check_limits, check_not_negative
+from gmr_gym.filters.histories import WithHistory
 from gmr_gym.filters.mht import MAX_HYPOTHESES, expand_and_prune, gate_and_log_weights, predict_and_update
 from gmr_gym.filters.trace import Trace, origin_of_reduction, trace_of
 from gmr_gym.filters.tracker import ONE_MODE, CompiledTracker, Report, check_scan
@@ -18,21 +18,6 @@ from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model, check_one_motion
 from gmr_gym.reduction.n_scan import NScan, extended, inherited, merge_by_history
 from gmr_gym.reduction.pruning import above_threshold, entering, heaviest_mask, select
-
-
-class WithHistory(NamedTuple):
-    """A belief, and the detections of the last scans.
-
-    Attributes
-    ----------
-    belief
-        Belief of a tracker of n hypotheses.
-    history : ndarray of int, shape (n, N)
-        Detections of every hypothesis, the latest first: rows of their scans, -1 for a missed detection.
-    """
-
-    belief: Any
-    history: np.ndarray
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from baselines.bank_of_mhts import single_model_mht
 from baselines.imm_pda import ImmPda, imm
 from baselines.learned import LearnedThresholds, learned_thresholds
 from baselines.learning_pmb import pmb
-from baselines.mht import Mht, adaptive, capping, runnalls
+from baselines.mht import Mht, adaptive, capping, cluster, n_scan, runnalls
 from baselines.pda import Pda
 from gmr_gym.evaluation import batch, montecarlo
 from gmr_gym.evaluation.montecarlo import BATCH_FROM, BLOCK, Runs, run, run_once
@@ -80,6 +80,11 @@ SWITCHING = {
 @pytest.mark.parametrize("tracker", TRACKERS)
 def test_together_they_are_what_each_is_alone_to_the_last_bit(world, tracker):
     check_equal(WORLDS[world], TRACKERS[tracker](WORLDS[world].model))
+
+
+@pytest.mark.parametrize("tracker", [cluster, n_scan])
+def test_merging_by_distance_and_by_history_is_the_same_together_as_alone(tracker):
+    check_equal(FIXED, tracker(FIXED.model))
 
 
 @pytest.mark.parametrize("mixing", ["augmented", "unbiased"])

@@ -17,7 +17,7 @@ from gmr_gym.envs.lookup import parsed
 from gmr_gym.envs.registry import MULTI_TARGET
 from gmr_gym.evaluation import curves as module
 from gmr_gym.evaluation.curves import CURVES, Curves, curves, errors_of
-from gmr_gym.evaluation.summary import FEWEST, Estimate
+from gmr_gym.evaluation.summary import FEWEST, Estimate, summary
 from gmr_gym.experiments.claims import Claim, judged
 from gmr_gym.experiments.evidence import Evidence, measured
 from gmr_gym.experiments.figures import HEADINGS
@@ -497,7 +497,8 @@ def test_paired_differences_are_of_every_tracker_from_the_first_under_headings(t
 
 @pytest.mark.parametrize("table", dortenzio.TABLES, ids=lambda table: table.name)
 def test_dortenzios_printed_figures_are_sane(table):
-    assert set(table.published) == set(table.trackers) and len(table.trackers) == 4
+    assert [*table.published, "n-scan", "cluster"] == [*table.trackers] and len(table.published) == 4
+    assert table.trackers["n-scan"] == table.trackers["cluster"] == table.trackers["runnalls-5"]
     losses = {}
     for tracker, figures in table.published.items():
         most = int(tracker.rpartition("-")[2])
@@ -516,7 +517,7 @@ def test_dortenzios_printed_figures_are_sane(table):
 
 def test_printed_figures_are_read_as_they_stand_in_a_papers_file():
     tables = printed_in("dortenzio")
-    assert [list(rows) for rows in tables.values()] == [list(table.trackers) for table in dortenzio.TABLES]
+    assert [list(rows) for rows in tables.values()] == [list(table.published) for table in dortenzio.TABLES]
     assert tables["3"]["adaptive-50"] == {
         "rmse_own": 19.1231, "track_loss": 0.116, "time_per_scan": 0.06, "components": 24.0452
     }  # fmt: skip
@@ -603,6 +604,23 @@ def test_zhangs_reductions_are_drawn_as_error_against_time(drawn, tmp_path):
         ((pytest.approx(i + 1), 5 + i), f"{name.partition('=')[2]} (12.5 % lost)")
         for i, name in enumerate(table.trackers)
     ]
+
+
+def test_rows_beside_those_of_the_paper_change_none_of_its_figures():
+    table, scenario = dortenzio.TABLES[0], replace(turning_target(horizon=5), patience=1)
+    off = np.zeros((6, 9, 5), bool)
+    for i in range(6):
+        off[i, i] = True  # each loses another run
+    results = {
+        name: runs_of(np.random.default_rng(i).standard_normal((9, 5, 4)), off[i], seed=i)
+        for i, name in enumerate(table.trackers)
+    }
+    rows = table.summarise(scenario, results)
+    papers = {name: results[name] for name in table.published}
+    assert list(rows) == [*results] and list(rows)[4:] == ["n-scan", "cluster"]
+    assert {name: rows[name] for name in papers} == summary(scenario, papers)
+    wanted = summary(scenario, papers | {"cluster": results["cluster"]})["cluster"]
+    assert rows["cluster"] == wanted and wanted["error_common"].value != wanted["error_own"].value
 
 
 @pytest.mark.parametrize(
