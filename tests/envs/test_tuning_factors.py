@@ -129,7 +129,7 @@ def test_the_price_of_an_episode_is_drawn_by_its_seed_shown_and_charged():
         assert again.reset(seed=seed)[1] == info
         shown.append(observation[ALL_FEATURES.index("price")])
         price.append(info["price"])
-        _, reward, _, _, info = env.step(np.zeros(4, np.float32))
+        _, reward, _, _, info = env.step(np.zeros(5, np.float32))
         assert reward == pytest.approx(-min(info["error"] / 100, 1) - price[-1] * info["work"], abs=1e-9)
     np.testing.assert_allclose(shown, (np.log10(price) + 3.5) / 1.5, atol=1e-6)
     assert min(price) < 5e-5 and max(price) > 2e-3 and 1e-5 <= min(price) and max(price) <= 1e-2
@@ -143,7 +143,7 @@ def test_side_by_side_it_is_the_same():
         observation, info = single.reset(seed=7 + i)
         np.testing.assert_array_equal(observations[i], observation)
         assert infos["price"][i] == info["price"]
-    actions = np.full((3, 4), 0.25)
+    actions = np.full((3, 5), 0.25)
     for _ in range(4):
         observations, rewards, _, _, infos = envs.step(actions)
         observation, reward, _, _, info = single.step(actions[2])
