@@ -33,8 +33,8 @@ RECENT = (
 ALL_FEATURES = (*FEATURES, *RECENT)
 SETS = {"posterior": FEATURES, "all": ALL_FEATURES}
 SHORT, LONG = 0.3, 0.05  # share of a mean that one scan replaces
-# nis, short and long, innovation and lag likewise, misses in a row, share of misses, log2 of the factor, and of
-# the mean innovation that of the scan before and its mean
+# nis, short and long, innovation and lag likewise, misses in a row, share of misses, log2 of the factor, and
+# of the mean innovation that of the scan before and its mean
 MEMORY = 13
 
 

@@ -40,11 +40,11 @@ class Thresholds(NamedTuple):
 
 DORTENZIO = Thresholds()
 DEPTH = 5  # most detections of the past that hypotheses are told apart by
-FACTORS = ("process_noise", "coasting_noise", "measurement_noise", "detection_odds")
+FACTORS = ("process_noise", "measurement_noise", "detection_odds")
 # and the thresholds that each of them heeds
 REDUCERS = {
     "adaptive": ("alpha", "prune", "prune_density", "components"),
-    "n-scan": ("history", "prune", "prune_density", "components"),
+    "n-scan": ("history", "prune", "prune_density", "components", "coasting_noise"),
     "cluster": ("distance", "prune", "prune_density", "components"),
 }
 # Thresholds of the actions -1 and 1; the scale between is logarithmic. Below 1e-4 alpha merges next to
@@ -57,8 +57,8 @@ RANGES = {
 }  # fmt: skip
 
 LIMITS, COMPONENTS = np.array(list(RANGES.values()), float), list(RANGES).index("components")
-HISTORY, DISTANCE = list(RANGES).index("history"), list(RANGES).index("distance")
-PROCESS, COASTING, MEASUREMENT, ODDS = (list(RANGES).index(name) for name in FACTORS)
+HISTORY, DISTANCE, COASTING = (list(RANGES).index(name) for name in ("history", "distance", "coasting_noise"))
+PROCESS, MEASUREMENT, ODDS = (list(RANGES).index(name) for name in FACTORS)
 ADAPTIVE, N_SCAN, _ = range(len(REDUCERS))
 WHOLE = np.array([name in ("components", "history") for name in RANGES])
 
