@@ -23,7 +23,7 @@ KNOWN = ("clutter", "detection")
 RULES = (
     ("nis_mean", "spread"), ("innovation_mean", "missed"), ("spread", "entropy"), ("nis_long", "manoeuvre"),
 )  # fmt: skip
-CHEAP = -0.5  # of an action: below alpha 8e-4 and gamma 1e-5 the costs of pairs are more than a lost target
+CHEAP = -0.5  # below alpha 8e-4 and gamma 1e-5 the costs of pairs are dearer than a lost target
 GAIN = 1.0  # of a rule's features, which span about 2
 
 
@@ -48,10 +48,10 @@ def constants(reducer: str, *more: str) -> Family:
     env = env_of(reducer, *more)
     name = f"{reducer}, constants" + f" and {', '.join(more)}" * bool(more)
     start = to_action(Thresholds(prune=1e-3), env["parameters"])
-    low = CHEAP if reducer == "adaptive" else -1.0
-    return Family(
-        name, {p: (-1.0 if p == NOISE else low, 1.0) for p in env["parameters"]}, Constant, start, env
-    )
+    ranges = dict.fromkeys(env["parameters"], (-1.0, 1.0))
+    if reducer == "adaptive":
+        ranges |= dict.fromkeys(REDUCERS[reducer], (CHEAP, 1.0))
+    return Family(name, ranges, Constant, start, env)
 
 
 def schedule() -> Family:
