@@ -8,6 +8,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv
 
+WORK = 300.0  # of a scan, in which its price costs about as much as else is lost
+
 
 class FromVector(VecEnv):
     """Environments of one process under stable-baselines3's interface, which asks for the last observation of
@@ -15,6 +17,9 @@ class FromVector(VecEnv):
 
     With `horizon_ends` nothing is expected after the last scan: an end by time is reported as an end.
     Without, a learner adds what its critic says of the last observation, as if the episode had gone on.
+
+    Where the price of work is drawn, the rewards of an episode are divided by 1 + WORK times its price: what
+    is best at a price stays best, and no price outweighs the others.
 
     Raises ValueError unless `envs` resets in the step that ends an episode (AutoresetMode.SAME_STEP).
     """
@@ -31,7 +36,8 @@ class FromVector(VecEnv):
     def reset(self):
         """Observations (n, k) of new episodes; after `seed(s)` they are those of seeds s, s + 1, ..."""
         # a seed of one environment settles those of the rest
-        observations, _ = self.envs.reset(seed=self._seeds[0], options=self._options[0] or None)
+        observations, told = self.envs.reset(seed=self._seeds[0], options=self._options[0] or None)
+        self._price = told.get("price", 0.0)
         self._reset_seeds()
         self._reset_options()
         return observations.copy()
@@ -41,6 +47,9 @@ class FromVector(VecEnv):
 
     def step_wait(self):
         observations, rewards, terminated, truncated, told = self.envs.step(self._actions)
+        if "price" in told:
+            rewards = rewards / (1 + WORK * self._price)
+            self._price = told["price"]
         over = terminated | truncated
         late = truncated & ~terminated & (not self.horizon_ends)
         infos: list[dict[str, Any]] = [{"TimeLimit.truncated": bool(late[i])} for i in range(self.num_envs)]

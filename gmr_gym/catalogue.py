@@ -52,6 +52,9 @@ REDUCTIONS = {  # each with what it does
     "adaptive-2023": "runnalls until the next merge costs much more than those to follow",
     "cluster": "Salmond: the heaviest takes in all within a distance of it, then the heaviest of the rest",
 }
+HYPOTHESIS_REDUCTIONS = {  # of trackers of one target that keep several hypotheses, and of nothing else
+    "n-scan": "merges the hypotheses that share the detections of the last scans, two unless scans is given",
+}
 BACKENDS = ("loky", "dask", "ray")  # what shares runs among processes
 
 

@@ -11,7 +11,13 @@ from typing import Annotated, Any
 
 import typer
 
-from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described, described_reductions
+from gmr_gym.catalogue import (
+    GROUP,
+    HYPOTHESIS_REDUCTIONS,
+    MULTI_TARGET_GROUP,
+    described,
+    described_reductions,
+)
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.registry import ABOUT, READY, TRACKING, TUNING
 from gmr_gym.experiments.detection_options import ALL_GROUPS, INPUT_GROUPS, takes
@@ -79,7 +85,7 @@ def list_() -> None:
         ("segments of gmr_gym/RecordedFlight-v0", dict.fromkeys(flight_names(), "")),
         ("trackers", described(GROUP)),
         ("trackers of many targets", described(MULTI_TARGET_GROUP)),
-        ("reductions, as in mmg-15:reduction=runnalls", described_reductions()),
+        ("reductions, as in mmg-15:reduction=runnalls", described_reductions() | HYPOTHESIS_REDUCTIONS),
         ("papers", PAPERS),
     ):
         screen.print(f"[bold]{title}[/bold]")

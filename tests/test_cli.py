@@ -19,7 +19,7 @@ import pytest
 from PIL import Image
 
 import gmr_gym
-from gmr_gym.catalogue import BACKENDS, REDUCTIONS
+from gmr_gym.catalogue import BACKENDS, HYPOTHESIS_REDUCTIONS, REDUCTIONS
 from gmr_gym.cli import PAPERS, main
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.episodic import settings
@@ -35,7 +35,7 @@ from gmr_gym.experiments.mixtures import crouse, read_mixture
 from gmr_gym.experiments.output import RUN_COLUMNS, write_runs
 from gmr_gym.filters.registry import GROUP, MULTI_TARGET_GROUP, make_tracker, trackers
 from gmr_gym.literals import key_value
-from gmr_gym.reduction.registry import REDUCERS, reducer
+from gmr_gym.reduction.registry import REDUCERS, hypothesis_reducer, reducer
 from gmr_gym.replay import lineup, reduction_page
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.li import airborne_radar
@@ -77,7 +77,14 @@ def test_list_shows_every_environment_segment_tracker_reduction_and_paper(call):
             title = line
             shown[title] = {}
     segments = dict.fromkeys(flight_names(), "")
-    wanted = [ABOUT, segments, trackers(), trackers(MULTI_TARGET_GROUP), REDUCTIONS, PAPERS]
+    wanted = [
+        ABOUT,
+        segments,
+        trackers(),
+        trackers(MULTI_TARGET_GROUP),
+        REDUCTIONS | HYPOTHESIS_REDUCTIONS,
+        PAPERS,
+    ]
     assert code == 0 and list(shown.values()) == wanted
     assert {"environments", "trackers", "papers"} <= set(shown)
     assert tuple(ABOUT) == ENVIRONMENTS
@@ -160,6 +167,7 @@ def test_a_shell_completes_a_papers_tables():
 
 def test_the_names_that_are_listed_are_those_of_the_library():
     assert [*REDUCTIONS] == [*REDUCERS] and all(REDUCTIONS.values())
+    assert all(hypothesis_reducer(name, 3) and name not in REDUCERS for name in HYPOTHESIS_REDUCTIONS)
     assert tuple(workers.BACKENDS) == BACKENDS
 
 

@@ -9,7 +9,14 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from gmr_gym.catalogue import BACKENDS, GROUP, MULTI_TARGET_GROUP, described, described_reductions
+from gmr_gym.catalogue import (
+    BACKENDS,
+    GROUP,
+    HYPOTHESIS_REDUCTIONS,
+    MULTI_TARGET_GROUP,
+    described,
+    described_reductions,
+)
 from gmr_gym.envs.registry import ABOUT, MULTI_TARGET, RECORDED, TRACKED
 from gmr_gym.experiments.figures import ALL_FIGURES
 from gmr_gym.experiments.papers.registry import PAPERS, paper_named
@@ -61,7 +68,8 @@ def complete_tracker(ctx: typer.Context, incomplete: str) -> list[tuple[str, str
     """Trackers for the environment that was typed before; reductions after NAME:reduction=."""
     before, parameter, _ = incomplete.rpartition("reduction=")
     if parameter:
-        return [(f"{before}{parameter}{name}", line) for name, line in described_reductions().items()]
+        known = described_reductions() | HYPOTHESIS_REDUCTIONS
+        return [(f"{before}{parameter}{name}", line) for name, line in known.items()]
     return [*described(MULTI_TARGET_GROUP if _typed(ctx, MULTI_TARGET | RECORDED) else GROUP).items()]
 
 

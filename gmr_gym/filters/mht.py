@@ -243,8 +243,15 @@ def _gate_and_log_weights(p, detection_probability, gate_probability, clutter_de
 def expand_scan(belief, motion, sensor, z, threshold, log_miss, log_detect):
     """The Expansion of a scan, and the fields of the Gates, by a linear sensor. `belief`, `motion` and
     `sensor` are plain tuples of the fields of a Mixture, a Motion and a Sensor."""
-    (w, m, P), (F, Q, offset), (H, R) = belief, motion, sensor
+    (w, m, P), (F, Q, offset) = belief, motion
     m, P = predict_all(m, P, F, Q, offset)
+    return expand_predicted((w, m, P), sensor, z, threshold, log_miss, log_detect)
+
+
+@kernel(inline="always")
+def expand_predicted(predicted, sensor, z, threshold, log_miss, log_detect):
+    """`expand_scan` of a mixture that is predicted already."""
+    (w, m, P), (H, R) = predicted, sensor
     predicted_z = predict_detections(m, P, H, R, z)
     posterior = expand_into_hypotheses(Mixture(w, m, P), predicted_z, threshold, log_miss, log_detect)
     return posterior, (predicted_z.z_hat, predicted_z.S, threshold)

@@ -20,7 +20,9 @@ RECENT = (
     "innovation",  # log2(0.25 + mean of v' v / (p s^2)) / 2 - 0.5: whatever noise was assumed
     "innovation_mean",
     "innovation_long",
-    "lag",  # half the mean product of the innovation and that of the scan before, over p s^2
+    "lag",  # half the mean product of the innovation and that of the scan before, over p s^2, short
+    "lag_long",  # and long
+    "drift",  # log2(0.25 + u' u / p) / 2 + 0.5, u the mean of v / s over about three scans
     "coasting",  # 2 (weight of the heaviest hypothesis without a detection) - 1
     "misses",  # (expected number of misses in a row) / 2 - 1
     "missed_long",  # 4 (share of misses over about twenty scans, less that of the filter model)
@@ -31,19 +33,19 @@ RECENT = (
 ALL_FEATURES = (*FEATURES, *RECENT)
 SETS = {"posterior": FEATURES, "all": ALL_FEATURES}
 SHORT, LONG = 0.3, 0.05  # share of a mean that one scan replaces
-# nis, short and long, innovation likewise, lag, misses in a row, share of misses, log2 of the factor, and the
-# innovation of the scan before
-MEMORY = 10
+# nis, short and long, innovation and lag likewise, misses in a row, share of misses, log2 of the factor, and
+# of the mean innovation that of the scan before and its mean
+MEMORY = 13
 
 
 def at_first(missed: float) -> np.ndarray:
-    """The memory (10,) before the first scan, for the probability of a miss of the filter model."""
-    return np.array([1.0, 1.0, 2.0, 2.0, 0.0, 0.0, missed, 0.0, 0.0, 0.0])
+    """The memory (13,) before the first scan, for the probability of a miss of the filter model."""
+    return np.array([1.0, 1.0, 2.0, 2.0, 0.0, 0.0, 0.0, missed, *np.zeros(5)])
 
 
 @kernel
 def observe_recent(posterior, gates, z, sensor, missed, factor, price, memory):
-    """RECENT (13,), each clipped to +-BOUND, of a scan's full posterior; `memory` (10,) is brought up to it.
+    """RECENT (15,), each clipped to +-BOUND, of a scan's full posterior; `memory` (13,) is brought up to it.
 
     The posterior is an Expansion, `gates` and `sensor` are as in `expand_scan`, `missed` is the probability
     of a miss and `factor` that on the process noise under which the scan was predicted.
@@ -68,20 +70,22 @@ def observe_recent(posterior, gates, z, sensor, missed, factor, price, memory):
             v = z[j, r] - centres[conditioned, r]
             size += w[i] * v * v / variance
             mean[r] += w[i] * v / np.sqrt(variance)
-    product = 0.0
+    product, drift = 0.0, 0.0
     for r in range(p):
-        product += mean[r] * memory[8 + r] / p
-        memory[8 + r] = mean[r]
+        product += mean[r] * memory[9 + r] / p
+        memory[9 + r] = mean[r]
+        memory[11 + r] += SHORT * (mean[r] - memory[11 + r])
+        drift += memory[11 + r] ** 2 / p
     if hit > 0.0:
         nis, size = nis / (hit * p), size / (hit * p)
     else:
         nis, size = memory[0], memory[2]
     for at, value, share in (
         (0, nis, SHORT * hit), (1, nis, LONG * hit), (2, size, SHORT * hit), (3, size, LONG * hit),
-        (4, product, SHORT), (6, 1 - hit, LONG), (7, np.log2(factor), LONG),
+        (4, product, SHORT), (5, product, LONG), (7, 1 - hit, LONG), (8, np.log2(factor), LONG),
     ):  # fmt: skip
         memory[at] += share * (value - memory[at])
-    memory[5] = (1 - hit) * (1 + memory[5])
+    memory[6] = (1 - hit) * (1 + memory[6])
     values = np.empty(len(RECENT))
     for i, value in enumerate((
         np.log2(0.25 + nis) / 2,
@@ -91,11 +95,13 @@ def observe_recent(posterior, gates, z, sensor, missed, factor, price, memory):
         np.log2(0.25 + memory[2]) / 2 - 0.5,
         np.log2(0.25 + memory[3]) / 2 - 0.5,
         memory[4] / 2,
+        memory[5] / 2,
+        np.log2(0.25 + drift) / 2 + 0.5,
         2 * coasting - 1,
-        memory[5] / 2 - 1,
-        4 * (memory[6] - missed),
+        memory[6] / 2 - 1,
+        4 * (memory[7] - missed),
         np.log2(factor) / 1.5,
-        memory[7] / 1.5,
+        memory[8] / 1.5,
         (np.log10(max(price, 1e-9)) + 3.5) / 1.5,
     )):  # fmt: skip
         values[i] = min(max(value, -BOUND), BOUND)

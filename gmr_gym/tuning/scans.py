@@ -7,19 +7,25 @@ the posterior that waits for its thresholds.
 import numba
 import numpy as np
 
-from gmr_gym.filters.mht import MAX_HYPOTHESES, expand_scan, gate_and_log_weights
+from gmr_gym.filters.mht import MAX_HYPOTHESES
 from gmr_gym.kernels import kernel, together
-from gmr_gym.models.kalman import Sensor
 from gmr_gym.reduction.n_scan import extended
 from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
 from gmr_gym.simulation.reward import distance, score
 from gmr_gym.simulation.scans import View, centre_into, scan_into
 from gmr_gym.simulation.single_target import Episode, Scenario, capacity, view_of
-from gmr_gym.tuning.features import Memory, model_features, observe
+from gmr_gym.tuning.assumed import assumed, processed
+from gmr_gym.tuning.features import FEATURES, Memory
 from gmr_gym.tuning.hindsight import FORESEEN, hindsight, lookahead
 from gmr_gym.tuning.instances import SCANS
-from gmr_gym.tuning.recent import MEMORY, at_first, observe_recent
-from gmr_gym.tuning.thresholds import DEPTH, MEASUREMENT, N_SCAN, ODDS, PROCESS, RANGES, REDUCERS, reduced
+from gmr_gym.tuning.recent import MEMORY, at_first
+from gmr_gym.tuning.thresholds import (
+    DEPTH,
+    N_SCAN,
+    RANGES,
+    REDUCERS,
+    reduced,
+)
 
 LEAST = RANGES["prune"][0]  # hypotheses that weigh less enter no reduction
 EPISODE = np.dtype(
@@ -109,10 +115,10 @@ def begin(
     episode["capacity"] = capacity(view.clutter_rate)
     episode["position"], episode["cutoff"] = scenario.position, scenario.cutoff
     episode["prior"], episode["prior_covariance"] = model.prior.m, model.prior.P
-    episode["F"], episode["Q"], episode["offset"] = model.motion
-    episode["H"], episode["R"] = model.sensor.H, model.sensor.R
-    episode["log_weights"], episode["known"] = gate_and_log_weights(model), model_features(model)
-    episode["assumed"] = model.detection_probability, model.gate_probability, model.clutter_density
+    motion, sensor, *rest = assumed(model)
+    episode["F"], episode["Q"], episode["offset"] = motion
+    episode["H"], episode["R"] = sensor
+    episode["log_weights"], episode["assumed"], episode["known"] = rest
     episode["reducer"], episode["price"] = list(REDUCERS).index(reducer), price
     episode["recent"] = at_first(1 - model.detection_probability * model.gate_probability)
     episode["t"], episode["scans"], episode["scans_off"] = -1, n, 0
@@ -202,27 +208,19 @@ def look(e, belief, history, estimate, thresholds, observation, seen):
     view = View(e.clutter_rate, e.low[:], e.high[:], e.limits_view > 0, None)
     z = np.empty((e.capacity, p))
     k, _ = scan_into(z, view, e.key[:], t, centre, e.z[t], e.detected[t] > 0, e.slot[t])
-    Q, R = e.Q * thresholds[PROCESS] ** 2, e.R * thresholds[MEASUREMENT] ** 2
-    threshold, log_miss, log_detect = weights_by_odds(e.log_weights[:], e.assumed[:], thresholds[ODDS])
-    full, gates = expand_scan(
-        belief, (e.F[:], Q, e.offset[:]), (e.H[:], R), z[:k], threshold, log_miss, log_detect
+    told = (
+        (e.F[:], e.Q[:], e.offset[:]), (e.H[:], e.R[:]), e.log_weights[:], e.assumed[:], e.known[:]
+    )  # fmt: skip
+    memory, every = Memory(e.kept, e.relative_loss, e.work), seen.max() >= len(FEATURES)
+    full, _, features, e.cost, e.gated = processed(
+        belief, history, z[:k], told, thresholds, memory, e.recent[:], e.price, every
     )
     w, m, P = full.mixture
-    memory = Memory(e.kept, e.relative_loss, e.work)
-    features, e.cost, e.gated = observe(
-        full, gates[1], Sensor(e.H[:], e.R[:]), log_detect, e.known[:], memory
-    )
-    if seen.max() >= len(features):
-        missed = 1 - e.assumed[0] * e.assumed[1]
-        more = observe_recent(
-            full, gates, z, (e.H[:], e.R[:]), missed, thresholds[PROCESS], e.price, e.recent[:]
-        )
-        features = np.concatenate((features, more))
     for f in range(len(seen)):
         observation[f] = features[seen[f]]
     if len(observation) > len(seen):
         observation[len(seen) :] = hindsight(
-            full.mixture, e.H[:], threshold, e.x[t], e.scans - t, e.scans_off, e.lookahead[t]
+            full.mixture, e.H[:], e.log_weights[0], e.x[t], e.scans - t, e.scans_off, e.lookahead[t]
         )
     kept = heaviest_mask(w, len(e.w)) & above_threshold(w, w, LEAST)
     if e.reducer == N_SCAN:
@@ -231,13 +229,3 @@ def look(e, belief, history, estimate, thresholds, observation, seen):
     w, m, P, _ = select(w, m, P, kept)
     e.hypotheses = n = len(w)
     e.w[:n], e.m[:n], e.P[:n] = w, m, P
-
-
-@kernel
-def weights_by_odds(weights, assumed, factor):
-    """`gate_and_log_weights` (3,) where the odds of a detection are `factor` times those of the filter model,
-    of P_D, P_G and clutter density `assumed` (3,)."""
-    if factor == 1.0:
-        return weights[0], weights[1], weights[2]
-    detection = factor * assumed[0] / (1 - assumed[0] + factor * assumed[0])
-    return weights[0], np.log(1 - detection * assumed[1]), np.log(detection / assumed[2])

@@ -33,6 +33,7 @@ class Thresholds(NamedTuple):
     history: int = 2  # N: hypotheses that share their last N detections are merged
     distance: float = 4.0  # squared, by the covariance of the heaviest: what lies within it is merged
     process_noise: float = 1.0  # factor on the standard deviation of the process noise
+    coasting_noise: float = 1.0  # a further factor for hypotheses that the last scan missed
     measurement_noise: float = 1.0  # factor on the standard deviation of the measurement noise
     detection_odds: float = 1.0  # factor on P_D / (1 - P_D)
 
@@ -43,7 +44,7 @@ FACTORS = ("process_noise", "measurement_noise", "detection_odds")
 # and the thresholds that each of them heeds
 REDUCERS = {
     "adaptive": ("alpha", "prune", "prune_density", "components"),
-    "n-scan": ("history", "prune", "prune_density", "components"),
+    "n-scan": ("history", "prune", "prune_density", "components", "coasting_noise"),
     "cluster": ("distance", "prune", "prune_density", "components"),
 }
 # Thresholds of the actions -1 and 1; the scale between is logarithmic. Below 1e-4 alpha merges next to
@@ -51,12 +52,12 @@ REDUCERS = {
 # three, and at 1e-2 it leaves a few hypotheses.
 RANGES = {
     "alpha": (1e-4, 0.5), "prune": (1e-6, 1e-2), "prune_density": (1e-14, 1e-6), "components": (2, 200),
-    "history": (1, DEPTH), "distance": (0.25, 25), "process_noise": (0.25, 8), "measurement_noise": (0.5, 2),
-    "detection_odds": (0.125, 8),
+    "history": (1, DEPTH), "distance": (0.25, 25), "process_noise": (0.25, 8), "coasting_noise": (0.5, 8),
+    "measurement_noise": (0.5, 2), "detection_odds": (0.125, 8),
 }  # fmt: skip
 
 LIMITS, COMPONENTS = np.array(list(RANGES.values()), float), list(RANGES).index("components")
-HISTORY, DISTANCE = list(RANGES).index("history"), list(RANGES).index("distance")
+HISTORY, DISTANCE, COASTING = (list(RANGES).index(name) for name in ("history", "distance", "coasting_noise"))
 PROCESS, MEASUREMENT, ODDS = (list(RANGES).index(name) for name in FACTORS)
 ADAPTIVE, N_SCAN, _ = range(len(REDUCERS))
 WHOLE = np.array([name in ("components", "history") for name in RANGES])

@@ -1,0 +1,194 @@
+"""The N-scan MHT whose thresholds and assumed noise are set by a trained network at every scan."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import gmr_gym
+from gmr_gym.checks import check_count, check_not_negative
+from gmr_gym.filters.tracker import ONE_MODE, CompiledTracker, Report, check_scan
+from gmr_gym.kernels import kernel
+from gmr_gym.mixture import Mixture
+from gmr_gym.models.gating import Gates
+from gmr_gym.models.kalman import Sensor
+from gmr_gym.models.model import Model, check_one_motion
+from gmr_gym.reduction.n_scan import extended
+from gmr_gym.tuning.assumed import assumed, processed
+from gmr_gym.tuning.features import Memory, at_start
+from gmr_gym.tuning.network import Network, forward, load
+from gmr_gym.tuning.recent import ALL_FEATURES, at_first
+from gmr_gym.tuning.thresholds import (
+    DEPTH,
+    DORTENZIO,
+    FACTORS,
+    N_SCAN,
+    REDUCERS,
+    from_actions,
+    reduced,
+    threshold_index,
+    to_action,
+)
+
+SHIPPED = Path(gmr_gym.__file__).parent / "data" / "policies" / "n-scan.npz"
+
+
+class Belief(NamedTuple):
+    """Hypotheses, and what carries over to the next scan.
+
+    Attributes
+    ----------
+    mixture : Mixture
+    history : ndarray of int (n, DEPTH)
+        Last detections of every hypothesis, see `gmr_gym.reduction.n_scan.extended`.
+    thresholds : ndarray (10,)
+        As `gmr_gym.tuning.thresholds.Thresholds`: its factors hold for the next scan.
+    memory : Memory
+    recent : ndarray (13,)
+        Of `gmr_gym.tuning.recent.observe_recent`.
+    """
+
+    mixture: Mixture
+    history: np.ndarray
+    thresholds: np.ndarray
+    memory: Memory
+    recent: np.ndarray
+
+
+@dataclass(frozen=True)
+class LearnedNScan:
+    """N-scan merging with thresholds, and factors on the assumed noise, that a network computes from the full
+    posterior of every scan.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model.
+    network : Network
+        The policy.
+    price : float
+        Of a unit of work, which the network is shown.
+    components : int
+        Most hypotheses after the reduction.
+
+    Raises
+    ------
+    ValueError
+        For a sensor that is not linear, more than one motion, and a limit or price out of range.
+    """
+
+    model: Model
+    network: Network
+    price: float
+    components: int = DORTENZIO.components
+    # constant arguments of `_scan`, as plain tuples, which enter compiled code sooner than NamedTuples
+    _same: tuple[Any, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self):
+        check_one_motion(self.model)
+        if not isinstance(self.model.sensor, Sensor):
+            raise ValueError("learned thresholds need a linear sensor of positions; the model has a radar")
+        price = check_not_negative("price", self.price)
+        rest = DORTENZIO._replace(components=check_count(self.components))
+        to_action(rest, ("components",))  # a limit out of range fails here rather than at a scan
+        policy = *self.network.packed(), threshold_index(self.network.parameters), np.array(rest, float)
+        object.__setattr__(self, "_same", (assumed(self.model), policy, price))
+
+    @property
+    def compiled(self) -> CompiledTracker | None:
+        """Its form for compiled loops; None for another class that inherits from this."""
+        if type(self) is not LearnedNScan:
+            return None
+        mixture, history, thresholds, memory, recent = self.init()
+        start = mixture[:], history, thresholds, memory[:], recent
+        return CompiledTracker(_compiled_scan, self._same, start)
+
+    def init(self) -> Belief:
+        """Belief one period before the first scan."""
+        model = self.model
+        recent = at_first(1 - model.detection_probability * model.gate_probability)
+        history = np.zeros((len(model.prior.w), DEPTH), np.int64)
+        rest = DORTENZIO._replace(components=self.components)
+        return Belief(model.prior, history, np.array(rest, float), at_start(model), recent)
+
+    def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
+        """Belief after the scan `z` (k, p) one period later, and its report."""
+        z = check_scan(z, len(self.model.sensor.H))
+        plain = belief.mixture[:], belief.history, belief.thresholds, belief.memory[:], belief.recent
+        gates, _, mean, covariance, (mixture, history, thresholds, memory, recent) = _scan(
+            plain, z, *self._same
+        )
+        after = Belief(Mixture(*mixture), history, thresholds, Memory(*memory), recent)
+        return after, Report(mean[None], covariance[None], Gates(*gates), after.mixture)
+
+
+@kernel
+def _scan(belief, z, told, policy, price):
+    """A scan in one call: the fields of the gates, the detections in them, counted in each, the mean (d,) and
+    covariance (d, d) of the result, and the belief, its fields and theirs as plain tuples.
+
+    `told` is what `assumed` returns, and `policy` is the packed network, the indices of what it sets, and the
+    rest of the thresholds.
+    """
+    mixture, history, thresholds, memory, recent = belief
+    layout, numbers, set_by, rest = policy
+    recent = recent.copy()
+    full, gates, features, cost, gated = processed(
+        mixture, history, z, told, thresholds, memory, recent, price, True
+    )
+    single = features.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
+    thresholds = from_actions(forward(single, layout, numbers), set_by, rest)[0]
+    history = extended(history, full.parent, full.detection)
+    w, m, P = full.mixture
+    w, m, P, mean, covariance, relative_loss, work, history = reduced(
+        N_SCAN, w, m, P, history, thresholds, cost, gated
+    )
+    after = (w, m, P), history, thresholds, (len(w), relative_loss, work), recent
+    return gates, gated, mean, covariance, after
+
+
+@kernel(inline="always")
+def _compiled_scan(told, belief, z):
+    """`LearnedNScan.step`, see `CompiledTracker`."""
+    (centres, S, threshold), hits, mean, covariance, after = _scan(belief, z, *told)
+    d = len(mean)
+    w, m, P = after[0]
+    report = Report(
+        mean.reshape(1, d), covariance.reshape(1, d, d),
+        Gates(centres, S, threshold), Mixture(w, m, P), True, ONE_MODE,
+    )  # fmt: skip
+    return after, report, hits
+
+
+def learned_n_scan(
+    model: Model,
+    policy: str | Path | None = None,
+    price: float = 1e-4,
+    components: int = DORTENZIO.components,
+) -> LearnedNScan:
+    """N-scan MHT whose thresholds and assumed process noise are set by a network, the thriftier the dearer
+    work is.
+
+    Parameters
+    ----------
+    model : Model
+        The filter model, of one motion and a linear sensor.
+    policy : str or Path, optional
+        File of the network as agents/export.py writes it; by default the one shipped with gmr_gym.
+    price : float
+        Of a unit of work, in losses of a scan; the one shipped was trained with 1e-5 to 1e-2.
+    components : int
+        Most hypotheses after the reduction.
+
+    Returns
+    -------
+    LearnedNScan
+
+    Raises
+    ------
+    ValueError
+        For an invalid file, see `gmr_gym.tuning.network.load`, and for a model of another kind.
+    """
+    network = load(SHIPPED if policy is None else policy, ALL_FEATURES, (*REDUCERS["n-scan"], *FACTORS))
+    return LearnedNScan(model, network, price, components)
