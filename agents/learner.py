@@ -11,6 +11,7 @@ export from, no folder of a stranger's. What is made to be handed on is the .npz
 import json
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from inspect import signature
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,8 @@ from gmr_gym.experiments.output import write_json
 from gmr_gym.tuning.thresholds import Thresholds, to_action
 
 ENV_ID = "gmr_gym/ReductionTuning-v1"
-START = Thresholds(prune=7e-4, process_noise=1.5)  # what an untrained policy says, whatever it sees
+# what an untrained policy says, whatever it sees
+START = Thresholds(prune=7e-4, components=30, process_noise=1.5, coasting_noise=1.5)
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC}
 CRITICS = {"ppo": OnPolicy, "sac": OffPolicy}  # with hindsight; others' critics see what their actors see
 RECURRENT = ("ppo_lstm",)
@@ -131,11 +133,13 @@ class Run:
         return self.model.num_timesteps >= self.settings.steps
 
     def learn(self, callback=None) -> None:
-        """One chapter, kept on disk when it is whole."""
+        """One chapter, kept on disk when it is whole. The learning rate falls with the steps left."""
         seed = int(np.random.SeedSequence((self.settings.seed, self.chapter)).generate_state(1)[0] // 2)
         self.model.set_random_seed(seed)
         self.venv.seed(seed)
         self.model.set_env(self.venv, force_reset=True)
+        rate = self.model.learning_rate * (1 - self.model.num_timesteps / self.settings.steps)
+        self.model.lr_schedule = partial(_constant, rate)
         self.model.learn(
             min(self.settings.chapter, self.settings.steps - self.model.num_timesteps), callback,
             reset_num_timesteps=False, tb_log_name="run",
@@ -173,6 +177,10 @@ class Run:
 
     def _replay(self, chapter: int) -> Path:
         return self.folder / f"replay-{chapter:04d}.pkl"
+
+
+def _constant(value: float, _left: float) -> float:
+    return value
 
 
 def _begin_at(model: Any, action: np.ndarray) -> None:

@@ -24,8 +24,8 @@ RECORDED = {
 TUNINGS: dict[str, dict[str, Any]] = {
     "gmr_gym/ReductionTuning-v0": {},
     "gmr_gym/ReductionTuning-v1": {
-        "parameters": ("history", "prune", "process_noise", "coasting_noise"), "reducer": "n-scan",
-        "features": "all", "instances": "wide-train", "price": (1e-5, 1e-2),
+        "parameters": ("history", "prune", "components", "process_noise", "coasting_noise"),
+        "reducer": "n-scan", "features": "all", "instances": "wide-train", "price": (1e-5, 1e-2),
     },
 }  # fmt: skip
 TUNING, *_ = TUNINGS
