@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -15,15 +16,16 @@ from gmr_gym.tuning.policies import ByTable, Constant, Rule, Schedule
 from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, to_action
 
 REDUCERS = {"adaptive": ("alpha", "prune"), "n-scan": ("history", "prune"), "cluster": ("distance", "prune")}
-NOISE = "process_noise"
-BEST = "n-scan"  # whose thresholds tables, rules and schedules set
+NOISE, COASTING = "process_noise", "coasting_noise"
+BEST = "n-scan"  # whose thresholds tables, rules and schedules set, and both noises
 PIECES, EVERY = 3, 15  # scans
 CELLS = 2  # of each number that an engineer knows
 KNOWN = ("clutter", "detection")
 RULES = (
-    ("nis_mean", "spread"), ("innovation_mean", "missed"), ("spread", "entropy"), ("nis_long", "manoeuvre"),
+    ("nis_mean", "spread"), ("innovation_mean", "missed"), ("innovation_long", "missed_long"),
+    ("spread", "entropy"),
 )  # fmt: skip
-CHEAP = -0.5  # of an action: below alpha 8e-4 and gamma 1e-5 the costs of pairs are more than a lost target
+CHEAP = -0.5  # below alpha 8e-4 and gamma 1e-5 the costs of pairs are dearer than a lost target
 GAIN = 1.0  # of a rule's features, which span about 2
 
 
@@ -34,7 +36,7 @@ class Family:
     name: str
     ranges: Mapping[str, tuple[float, float]]
     policy: Callable[[np.ndarray], Policy]
-    start: np.ndarray  # the first to be tried
+    starts: Sequence[np.ndarray]  # the first to be tried, which the front is never worse than on VALID
     env: Mapping[str, Any] = field(default_factory=dict)  # none for trackers
 
 
@@ -48,55 +50,43 @@ def constants(reducer: str, *more: str) -> Family:
     env = env_of(reducer, *more)
     name = f"{reducer}, constants" + f" and {', '.join(more)}" * bool(more)
     start = to_action(Thresholds(prune=1e-3), env["parameters"])
-    low = CHEAP if reducer == "adaptive" else -1.0
-    return Family(
-        name, {p: (-1.0 if p == NOISE else low, 1.0) for p in env["parameters"]}, Constant, start, env
-    )
+    ranges = dict.fromkeys(env["parameters"], (-1.0, 1.0))
+    if reducer == "adaptive":
+        ranges |= dict.fromkeys(REDUCERS[reducer], (CHEAP, 1.0))
+    return Family(name, ranges, Constant, [start], env)
 
 
-def schedule() -> Family:
-    """Actions by the clock."""
-    env = env_of(BEST, NOISE)
+def schedule(tuned: Sequence[np.ndarray]) -> Family:
+    """Actions by the clock; it begins with tuned constants (j,), as the next two do."""
+    env = env_of(BEST, NOISE, COASTING)
     j = len(env["parameters"])
     ranges = {f"{name}_{piece}": (-1.0, 1.0) for piece in range(PIECES) for name in env["parameters"]}
-    start = np.tile(to_action(Thresholds(prune=1e-3), env["parameters"]), PIECES)
-    return Family("schedule", ranges, lambda x: Schedule(x.reshape(PIECES, j), EVERY), start, env)
+    starts = [np.tile(constant, PIECES) for constant in tuned]
+    return Family("schedule", ranges, lambda x: Schedule(x.reshape(PIECES, j), EVERY), starts, env)
 
 
-def table(instances_of: str) -> Family:
+def table(tuned: Sequence[np.ndarray], train: str) -> Family:
     """Constants by what an engineer knows of the scenario, in cells that are cut where the instances are."""
-    env = env_of(BEST, NOISE)
+    env = env_of(BEST, NOISE, COASTING)
     j = len(env["parameters"])
-    known = np.array([model_features(world(row).model)[:2] for row in instances(instances_of).values()])
+    known = np.array([model_features(world(row).model)[:2] for row in instances(train).values()])
     shares = (np.arange(CELLS) + 0.5) / CELLS
-    cells = np.array(
-        [[c, d] for c in np.quantile(known[:, 0], shares) for d in np.quantile(known[:, 1], shares)]
-    )
+    cells = np.array(list(product(*(np.quantile(column, shares) for column in known.T))))
     ranges = {f"{name}_{cell}": (-1.0, 1.0) for cell in range(len(cells)) for name in env["parameters"]}
-    start = np.tile(to_action(Thresholds(prune=1e-3), env["parameters"]), len(cells))
-    return Family(
-        "table on clutter and detection",
-        ranges,
-        lambda x: ByTable(KNOWN, cells, x.reshape(-1, j)),
-        start,
-        env,
-    )
+    starts = [np.tile(constant, len(cells)) for constant in tuned]
+    name = f"table on {' and '.join(KNOWN)}"
+    return Family(name, ranges, lambda x: ByTable(KNOWN, cells, x.reshape(-1, j)), starts, env)
 
 
-def rule(names: Sequence[str]) -> Family:
+def rule(tuned: Sequence[np.ndarray], names: Sequence[str]) -> Family:
     """Actions linear in a few features."""
-    env = env_of(BEST, NOISE)
+    env = env_of(BEST, NOISE, COASTING)
     j = len(env["parameters"])
     ranges = {f"bias_{name}": (-1.0 - GAIN, 1.0 + GAIN) for name in env["parameters"]}
     ranges |= {f"gain_{name}_{feature}": (-GAIN, GAIN) for name in env["parameters"] for feature in names}
-    start = np.concatenate((to_action(Thresholds(prune=1e-3), env["parameters"]), np.zeros(j * len(names))))
-    return Family(
-        f"rule on {' and '.join(names)}",
-        ranges,
-        lambda x: Rule(names, x[j:].reshape(j, -1), x[:j]),
-        start,
-        env,
-    )
+    starts = [np.concatenate((constant, np.zeros(j * len(names)))) for constant in tuned]
+    name = f"rule on {' and '.join(names)}"
+    return Family(name, ranges, lambda x: Rule(names, x[j:].reshape(j, -1), x[:j]), starts, env)
 
 
 def in_log(ranges: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
@@ -119,8 +109,7 @@ def adaptive_noise(method: str) -> Family:
         return Tracked("adaptive-noise", options)
 
     name = "fading memory" if method == "constant" else method
-    start = np.array([np.log(middle) for middle in _usual(ranges)])
-    return Family(f"adaptive noise, {name}", in_log(ranges), policy, start)
+    return Family(f"adaptive noise, {name}", in_log(ranges), policy, [np.log(_usual(ranges))])
 
 
 def two_motions(tracker: str, motions: int = 2) -> Family:
@@ -138,18 +127,23 @@ def two_motions(tracker: str, motions: int = 2) -> Family:
         return Tracked(tracker, options, factors, 1 - leave)
 
     start = np.log([1e-3, 2, 0.5, 2.0, 0.1])  # a quarter of the process noise, and four times
-    return Family(f"{motions} motions, {tracker}", in_log(ranges), policy, start)
+    return Family(f"{motions} motions, {tracker}", in_log(ranges), policy, [start])
 
 
-def families(train: str) -> list[Family]:
-    """All of them; tables are cut by the instances of TRAIN."""
+def alone() -> list[Family]:
+    """Those that begin with what is usual. The last are the constants that others begin with."""
     return [
-        *(constants(reducer) for reducer in REDUCERS),
-        *(constants(reducer, NOISE) for reducer in REDUCERS),
-        schedule(), table(train), *(rule(names) for names in RULES),
         *(adaptive_noise(method) for method in METHODS),
         two_motions("imm-mht"), two_motions("mmg"), two_motions("mmae-mht", 3),
+        *(constants(reducer) for reducer in REDUCERS),
+        *(constants(reducer, NOISE) for reducer in REDUCERS),
+        constants(BEST, NOISE, COASTING),
     ]  # fmt: skip
+
+
+def beyond(tuned: Sequence[np.ndarray], train: str) -> list[Family]:
+    """Those that begin with tuned constants (j,); tables are cut by the instances of TRAIN."""
+    return [*(rule(tuned, names) for names in RULES), table(tuned, train), schedule(tuned)]
 
 
 def _usual(ranges: Mapping[str, tuple[float, float]]) -> list[float]:

@@ -18,13 +18,13 @@ import typer
 from batches import Batch, Outcome
 from competitors import Rival, write_fronts
 from judge import code, seeds_of
-from rivals import Family, families
+from rivals import Family, alone, beyond
 from tracked import Tracked, scans_of
 
 from gmr_gym.tuning.instances import instances
 
 PRICES = np.geomspace(1e-5, 1e-2, 7)  # of a unit of work, two to a decade
-AT_RANDOM = 0.2  # of the candidates
+FIRST, AT_RANDOM = 5, 0.1  # so many candidates, and that share of the others, are drawn anywhere
 STEP = 0.15  # of a range, by which a number is changed
 FINALISTS = 3  # of a price, on VALID
 
@@ -92,13 +92,13 @@ def kept(file: Path, count: int, next_one: Callable[[list[Tried]], Tried]) -> li
 
 
 def proposed(family: Family, found: list[Tried], seed: int) -> np.ndarray:
-    """The numbers of the next candidate: the first are the start and random ones, most of the others one of
+    """The numbers of the next candidate: the first are the starts and random ones, most of the others one of
     the best so far, with some of its numbers changed."""
     rng = np.random.default_rng((seed, len(found)))
     low, high = np.array(list(family.ranges.values())).T
-    if not found:
-        return np.clip(family.start, low, high)
-    if len(found) <= len(low) or rng.random() < AT_RANDOM:
+    if len(found) < len(family.starts):
+        return np.clip(family.starts[len(found)], low, high)
+    if len(found) < FIRST or rng.random() < AT_RANDOM:
         return rng.uniform(low, high)
     price = rng.choice(PRICES)
     best = max(found, key=lambda candidate: candidate.value(price))
@@ -107,9 +107,9 @@ def proposed(family: Family, found: list[Tried], seed: int) -> np.ndarray:
     return np.clip(best.numbers + changed * STEP * (high - low) * rng.normal(size=len(low)), low, high)
 
 
-def finalists(found: list[Tried]) -> list[np.ndarray]:
-    """The numbers of those that did best at some price."""
-    best = {
+def finalists(found: list[Tried], starts: int) -> list[np.ndarray]:
+    """The numbers of those that did best at some price, and of the starts."""
+    best = {candidate.numbers for candidate in found[:starts]} | {
         candidate.numbers
         for price in PRICES
         for candidate in sorted(found, key=lambda one: one.value(price), reverse=True)[:FINALISTS]
@@ -123,7 +123,7 @@ def front_of(
     """The best of a family on VALID at each price."""
     folder.mkdir(parents=True, exist_ok=True)
     asked = (
-        family.name, dict(family.ranges), family.start, dict(family.env),
+        family.name, dict(family.ranges), list(family.starts), dict(family.env),
         *((e.runs, e.tracked_runs, e.seed, instances(e.table)) for e in (train, valid)), code(),
     )  # fmt: skip
     stem = f"{family.name.replace(' ', '-').replace(',', '')}-{joblib.hash(asked)[:12]}"
@@ -132,7 +132,7 @@ def front_of(
         return tried(family, proposed(family, found, train.seed), train)
 
     found = kept(folder / f"{stem}.train", candidates, next_one)
-    last = finalists(found)
+    last = finalists(found, len(family.starts))
     scored = kept(folder / f"{stem}.valid", len(last), lambda done: tried(family, last[len(done)], valid))
     return [(price, max(scored, key=lambda one: one.value(price))) for price in PRICES.tolist()]
 
@@ -156,7 +156,6 @@ def main(
     seed: Annotated[int, typer.Option(min=0)] = 0,
     train: Annotated[str, typer.Option(help="table of instances")] = "wide-train",
     valid: Annotated[str, typer.Option(help="table of instances on which to choose")] = "wide-valid",
-    only: Annotated[list[str], typer.Option(help="families whose name holds this")] = [],  # noqa: B006
     out: Annotated[Path, typer.Option(help="a stopped search goes on there")] = Path("results/agents/rivals"),
 ) -> None:
     """Searches family by family, and writes the front of each to static.json."""
@@ -165,17 +164,22 @@ def main(
         Episodes(valid, valid_runs, max(1, valid_runs // 2), seed),
     )
     fronts: dict[str, list[Rival]] = {}
-    for family in families(train):
-        if only and not any(part in family.name for part in only):
-            continue
+
+    def tuned(family: Family) -> list[np.ndarray]:
+        """The different points of a family's front, which is written."""
         count = candidates if family.env else tracked_candidates
         points = front_of(family, learning, held_out, count, out / "tried")
         fronts[family.name] = [
             Rival(price, family.policy(np.array(one.numbers)), dict(family.env)) for price, one in points
         ]
+        write_fronts(out / "static.json", fronts)
         lost = ", ".join(f"{100 * one.lost:.1f} at {price:.1e}" for price, one in points)
         print(f"{family.name}: lost on {valid} in %, by price, {lost}", flush=True)
-        write_fronts(out / "static.json", fronts)
+        return [np.array(numbers) for numbers in sorted({one.numbers for _, one in points})]
+
+    *others, constants = alone()
+    for family in (*beyond(tuned(constants), train), *others):
+        tuned(family)
 
 
 if __name__ == "__main__":

@@ -15,12 +15,13 @@ import tune_rivals
 from batches import Batch, Outcome
 from competitors import Rival, read_fronts, write_fronts
 from judge import played, seeds_of
-from rivals import constants, env_of, families
+from rivals import alone, beyond, constants, env_of
 from tracked import Tracked, counted, scans_of
 
 from gmr_gym.reduction.merge_cost import merge_costs
 from gmr_gym.tuning.instances import Instance, world
 from gmr_gym.tuning.policies import Constant, Rule
+from gmr_gym.tuning.recent import ALL_FEATURES
 from gmr_gym.tuning.thresholds import Thresholds, to_action
 
 SHORT = Instance("sure", "jump-markov-7", 0, 0.3, 40.0, 0.95, 6.0, 6.5, 2.0)  # 44 scans
@@ -151,18 +152,23 @@ def test_a_search_that_was_stopped_goes_on_as_if_it_had_not_been(tmp_path):
 
 
 def test_every_family_begins_within_its_ranges_and_makes_a_policy(table):
-    names = set()
-    for family in families(table):
+    names, every = set(), alone()
+    tuned = [np.zeros(4), np.full(4, 0.5)]
+    every += beyond(tuned, table)
+    for family in every:
         low, high = np.array(list(family.ranges.values())).T
-        assert ((low <= family.start) & (family.start <= high)).all(), family.name
-        policy = family.policy(family.start)
+        for start in family.starts:
+            assert ((low <= start) & (start <= high)).all(), family.name
+        policy = family.policy(family.starts[-1])
         assert isinstance(policy, Tracked) == (not family.env)
         if isinstance(policy, Tracked):
             policy.tracking(world(SHORT).model)
         else:
-            assert len(policy(np.zeros(36), 0)) == len(family.env["parameters"])
+            assert len(policy(np.zeros(len(ALL_FEATURES)), 0)) == len(family.env["parameters"])
         names.add(family.name)
-    assert len(names) == len(families(table))
+    assert len(names) == len(every)
+    for family in beyond(tuned, table):  # they begin with the constants, whatever is seen
+        assert family.policy(family.starts[1])(np.ones(len(ALL_FEATURES)), 3).tolist() == tuned[1].tolist()
 
 
 def test_the_seeds_of_episodes_are_of_their_place_and_run():
