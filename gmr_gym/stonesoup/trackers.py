@@ -68,12 +68,12 @@ class ScanTracker(Tracker):
         default=None, doc="Source of detections; not needed where `update_tracker` is called"
     )
     tracker: str = Property(doc="Name of a tracker, see `gmr-gym list`")
-    parameters: Mapping[str, Any] = Property(default_factory=dict, doc="Its parameters")
+    parameters: Mapping[str, Any] = Property(default=None, doc="Its parameters, where it has any")
     _time: datetime | None  # of the last scan, or the prior
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self._made: Any = make_tracker(self.tracker, self._model(FIRST), **self.parameters)
+        self._made: Any = make_tracker(self.tracker, self._model(FIRST), **(self.parameters or {}))
         self._built: dict[timedelta, Any] = {}
         self._belief = self._made.init()
 
@@ -109,7 +109,7 @@ class ScanTracker(Tracker):
         # of another length where the tracker takes one motion of several
         if "model" in made.__dataclass_fields__ and len(moves) == len(getattr(made.model, name)):
             return replace(made, model=made.model._replace(**{name: moves}))
-        return make_tracker(self.tracker, model, **self.parameters)
+        return make_tracker(self.tracker, model, **(self.parameters or {}))
 
     def _elapsed(self, time: datetime) -> timedelta:
         """Since the last scan, or the prior; no time before a first scan without one."""
