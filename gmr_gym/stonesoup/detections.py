@@ -79,12 +79,23 @@ def detections_of(z: np.ndarray, timestamp: datetime, measurement_model: Any = N
 
 
 class ScanReader(DetectionReader):
-    """Scans as a detector of Stone Soup, for any of its trackers."""
+    """Scans as a detector of Stone Soup, for any of its trackers.
 
-    scans: Sequence[np.ndarray] = Property(doc="T arrays (k, p) of detections")
-    times: Sequence[float] = Property(doc="Their times (T,), s, increasing")
-    start: datetime = Property(doc="Of time 0")
-    measurement_model: Any = Property(default=None, doc="Measurement model of all detections")
+    Parameters
+    ----------
+    scans : sequence of T ndarray (k, p)
+    times : sequence of T float
+        s, increasing.
+    start : datetime
+        Of time 0.
+    measurement_model : MeasurementModel, optional
+        Of all detections.
+    """
+
+    scans: Sequence[np.ndarray] = Property()
+    times: Sequence[float] = Property()
+    start: datetime = Property()
+    measurement_model: Any = Property(default=None)
 
     @BufferedGenerator.generator_method  # type: ignore[untyped-decorator]
     def detections_gen(self) -> Iterator[tuple[datetime, set[Detection]]]:
