@@ -29,6 +29,7 @@ from gmr_gym.stonesoup.models import model_of, reordered, state_order
 
 DIRECT = object.__getattribute__  # that of a Track is slow: it looks for what it lacks in its last state
 FIRST = timedelta(seconds=1)  # an interval: the belief before the first scan does not depend on it
+NO_TIME = timedelta(0)
 MOST_BUILT = 1000  # trackers for intervals that are kept
 NO_NOISE = np.empty((0, 0, 0))  # of detections: all have the sensor's
 
@@ -83,6 +84,7 @@ class ScanTracker(Tracker):
         super().__init__(*args, **kwargs)
         self._made: Any = make_tracker(self.tracker, self._model(FIRST), **(self.parameters or {}))
         self._built: dict[timedelta, Any] = {}
+        self._interval, self._current = FIRST, self._made
         self._belief = self._made.init()
 
     def __iter__(self) -> Iterator[tuple[datetime, set[Track]]]:
@@ -104,11 +106,13 @@ class ScanTracker(Tracker):
 
     def _of(self, interval: timedelta) -> Any:
         """The tracker for an interval."""
-        if interval not in self._built:
-            if len(self._built) == MOST_BUILT:
-                self._built.clear()
-            self._built[interval] = self._with_motion(self._model(interval))
-        return self._built[interval]
+        if interval != self._interval:
+            if interval not in self._built:
+                if len(self._built) == MOST_BUILT:
+                    self._built.clear()
+                self._built[interval] = self._with_motion(self._model(interval))
+            self._interval, self._current = interval, self._built[interval]
+        return self._current
 
     def _with_motion(self, model: Any) -> Any:
         """The tracker with the motion of another interval, without looking for it by its name again."""
@@ -122,10 +126,13 @@ class ScanTracker(Tracker):
     def _elapsed(self, time: datetime) -> timedelta:
         """Since the last scan, or the prior; no time before a first scan without one."""
         last = time if self._time is None else self._time
-        if (time.tzinfo is None) != (last.tzinfo is None):
-            raise ValueError(f"timestamps must all have a time zone, or none, got {time} after {last}")
-        elapsed = time - last
-        if elapsed < timedelta(0):
+        try:
+            elapsed = time - last
+        except TypeError:
+            raise ValueError(
+                f"timestamps must all have a time zone, or none, got {time} after {last}"
+            ) from None
+        if elapsed < NO_TIME:
             raise ValueError(f"scans must be in order of time, but {time} follows {self._time}")
         self._time = time
         return elapsed
@@ -240,9 +247,12 @@ class SingleTargetTracker(ScanTracker):
 
     def _append(self, state: MixtureUpdate | MixturePrediction) -> None:
         """`Track.append`, which makes the hypotheses of every state to look for metadata."""
-        said = {key: value for one in state.near for key, value in one.metadata.items()}
         metadatas = DIRECT(self.track, "metadatas")
-        metadatas.append({**metadatas[-1], **said} if said else metadatas[-1])
+        metadata = metadatas[-1]
+        for one in state.near:
+            if one.metadata:
+                metadata = {**metadata, **one.metadata}
+        metadatas.append(metadata)
         DIRECT(self.track, "states").append(state)
 
 
