@@ -42,12 +42,6 @@ def motion_of(transition_model: Any, interval: timedelta | None) -> Motion:
     ------
     ValueError
         For a model that is not linear and Gaussian, and as `gmr_gym.models.motion`.
-
-    Examples
-    --------
-    >>> from stonesoup.models.transition.linear import ConstantVelocity
-    >>> motion_of(ConstantVelocity(1.0), timedelta(seconds=2)).F.tolist()
-    [[1.0, 2.0], [0.0, 1.0]]
     """
     if not (isinstance(transition_model, LinearModel) and isinstance(transition_model, GaussianModel)):
         raise ValueError(

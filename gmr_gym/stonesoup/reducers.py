@@ -38,13 +38,6 @@ class Reducer(MixtureReducer):
     ------
     ValueError
         As `gmr_gym.reduction.reducer`, for an unknown reduction or parameter, with those that there are.
-
-    Examples
-    --------
-    >>> from gmr_gym.mixture import mixture
-    >>> given = components_of(mixture([0.2, 0.7, 0.1], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3))
-    >>> [round(one.weight, 2) for one in Reducer("runnalls", 2).reduce(given)]
-    [0.9, 0.1]
     """
 
     reduction: str = Property(default="runnalls")

@@ -134,6 +134,7 @@ def test_weights_may_exceed_one_and_light_components_are_dropped_first():
     left = Reducer("runnalls", 1).reduce(components_of(heavy))
     assert left[0].weight == pytest.approx(5)
     assert len(Reducer("capping", 9, prune_threshold=0.12).reduce(components_of(SMALL))) == 4
+    assert len(Reducer("vo-ma", 9, merge_threshold=1.5).reduce(components_of(SMALL))) == 3
     assert Reducer().reduce([]) == []
 
 
