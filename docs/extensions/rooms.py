@@ -3,10 +3,9 @@
 Both come from the package as it is, so that a module added is a page added."""
 
 import ast
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from pkgutil import iter_modules
+from pkgutil import ModuleInfo, iter_modules
 
 from sphinx.util.docutils import SphinxDirective
 
@@ -16,14 +15,17 @@ PAGE = "{title}\n{line}\n\n.. automodule:: {name}\n"
 
 def modules(package: str) -> list[str]:
     """Names of the modules that stand in a package itself."""
-    found = iter_modules(import_module(package).__path__, f"{package}.")
-    return [each.name for each in found if not each.ispkg]
+    return [each.name for each in within(package) if not each.ispkg]
 
 
 def packages(package: str) -> list[str]:
     """Names of a package and of all below it."""
-    found = iter_modules(import_module(package).__path__, f"{package}.")
-    return [package, *(name for each in found if each.ispkg for name in packages(each.name))]
+    return [package, *(name for each in within(package) if each.ispkg for name in packages(each.name))]
+
+
+def within(package: str) -> list[ModuleInfo]:
+    """What stands in a package itself, which is not imported: it may need what is not installed."""
+    return [*iter_modules(find_spec(package).submodule_search_locations, f"{package}.")]
 
 
 def write_pages(app):

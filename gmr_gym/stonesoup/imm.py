@@ -24,10 +24,10 @@ from gmr_gym.filters.imm import mix_and_predict
 from gmr_gym.filters.mixing import MIXINGS, borrowed_states
 from gmr_gym.mixture import Mixture, collapsed
 from gmr_gym.models.kalman import Motion
-from gmr_gym.models.switching import check_switching
+from gmr_gym.models.model import _checked_mode_prior
 from gmr_gym.stonesoup.detections import scan_of
 from gmr_gym.stonesoup.mixtures import components_of, mixture_of, vector
-from gmr_gym.stonesoup.models import linear_sensor, motion_of
+from gmr_gym.stonesoup.models import linear_sensor, motion_of, switching_of
 
 NO_GATE = np.inf
 CERTAIN = -np.inf, 0.0  # log weights of a miss and a detection, where the detection is the target's
@@ -43,34 +43,38 @@ class ImmPredictor(Predictor):
     The prior is a state of the IMM, or the state before the first: a GaussianState, from which all models
     start, or a GaussianMixture of another number of components, which is merged before.
 
+    Parameters
+    ----------
+    transition_model : sequence of r TransitionModel
+        Linear and Gaussian.
+    model_probs : array_like (r, r)
+        Transition matrix; row i holds the probabilities of each model after model i, as of Stone Soup's
+        simulators that switch.
+    mode_prior : array_like (r,), optional
+        Probability of each model before the first prediction; by default all are equal.
+    mixing : {"augmented", "unbiased"}
+        Mixing of motions of different state, see `gmr_gym.filters.mixing.borrowed_states`.
+
     Raises
     ------
     ValueError
-        Naming the property that is out of range.
+        Naming the parameter that is out of range.
 
     References
     ----------
     Blom and Bar-Shalom 1988.
     """
 
-    transition_model: Sequence[Any] = Property(doc="r transition models, linear and Gaussian")
-    model_probs: np.ndarray = Property(
-        doc="Transition matrix (r, r); row i holds the probabilities of each model after model i, as of "
-        "SwitchOneTargetGroundTruthSimulator"
-    )
-    initial_probs: Sequence[float] = Property(
-        default=None, doc="Probability of each model before the first prediction; by default all are equal"
-    )
-    mixing: str = Property(default=MIXINGS[0], doc='"augmented" or "unbiased"; see `borrowed_states`')
+    transition_model: Sequence[Any] = Property()
+    model_probs: np.ndarray = Property()
+    mode_prior: np.ndarray = Property(default=None)
+    mixing: str = Property(default=MIXINGS[0])
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         r = len(self.transition_model)
-        self._switching = check_switching(np.transpose(self.model_probs), r)
-        initial = np.full(r, 1 / r) if self.initial_probs is None else np.array(self.initial_probs, float)
-        if initial.shape != (r,) or not (initial >= 0).all() or abs(initial.sum() - 1) > 1e-9:
-            raise ValueError(f"initial_probs must be {r} probabilities that sum to 1, got {initial.tolist()}")
-        self._initial = initial
+        self._switching = switching_of(self.model_probs, r)
+        self._initial = _checked_mode_prior(self.mode_prior, r)
 
     @cached_property
     def _cached(self) -> Callable:
@@ -126,14 +130,17 @@ class ImmUpdater(Updater):
     In clutter, a `SingleTargetTracker` with tracker "imm-pda" has the likelihoods of all detections in each
     model, which a hypothesis of Stone Soup has not.
 
+    Parameters
+    ----------
+    measurement_model : LinearGaussian, optional
+        Not needed where detections have one of their own.
+
     References
     ----------
     Blom and Bar-Shalom 1988.
     """
 
-    measurement_model: Any = Property(
-        default=None, doc="Linear; not needed where detections have one of their own"
-    )
+    measurement_model: Any = Property(default=None)
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)

@@ -67,12 +67,6 @@ def mixture_of(state: Any) -> Mixture:
     ------
     ValueError
         For a state without a covariance, one with angles, and as `gmr_gym.mixture.mixture`.
-
-    Examples
-    --------
-    >>> from stonesoup.types.state import GaussianState
-    >>> mixture_of(GaussianState([[1.0], [2.0]], [[4.0, 0.0], [0.0, 9.0]])).m.tolist()
-    [[1.0, 2.0]]
     """
     if isinstance(state, StateMutableSequence):
         state = state.state

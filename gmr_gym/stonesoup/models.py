@@ -19,6 +19,7 @@ from gmr_gym.models.kalman import Motion, Sensor, motion, sensor
 from gmr_gym.models.model import Model, model
 from gmr_gym.models.radar import Radar, radar
 from gmr_gym.models.sensing import MeasurementModel
+from gmr_gym.models.switching import check_switching
 from gmr_gym.stonesoup.mixtures import mixture_of
 
 SENSORS = "LinearGaussian and CartesianToElevationBearingRange"
@@ -41,12 +42,6 @@ def motion_of(transition_model: Any, interval: timedelta | None) -> Motion:
     ------
     ValueError
         For a model that is not linear and Gaussian, and as `gmr_gym.models.motion`.
-
-    Examples
-    --------
-    >>> from stonesoup.models.transition.linear import ConstantVelocity
-    >>> motion_of(ConstantVelocity(1.0), timedelta(seconds=2)).F.tolist()
-    [[1.0, 2.0], [0.0, 1.0]]
     """
     if not (isinstance(transition_model, LinearModel) and isinstance(transition_model, GaussianModel)):
         raise ValueError(
@@ -94,6 +89,12 @@ def sensor_of(measurement_model: Any, update: str = "debiased") -> Sensor | Rada
         For another measurement model, with those that there are; for a radar that is turned or stands
         elsewhere than in the origin, or whose noise is correlated.
     """
+    for state in getattr(measurement_model, "mapping", ()):
+        if state is not None and not 0 <= state < measurement_model.ndim_state:
+            raise ValueError(
+                f"mapping of measurement_model must be of its {measurement_model.ndim_state} states, got "
+                f"{tuple(measurement_model.mapping)}"
+            )
     if isinstance(measurement_model, LinearGaussian):
         return sensor(measurement_model.matrix(), measurement_model.covar())
     if not isinstance(measurement_model, CartesianToElevationBearingRange):
@@ -169,7 +170,8 @@ def model_of(
     prob_detect: float,
     prob_gate: float,
     clutter_spatial_density: float,
-    switching: Any = None,
+    model_probs: Any = None,
+    mode_prior: Any = None,
     update: str = "debiased",
 ) -> Model:
     """The filter model that models of Stone Soup come to.
@@ -186,9 +188,10 @@ def model_of(
     prob_detect, prob_gate : float
     clutter_spatial_density : float
         False alarms per unit volume of the detections' space.
-    switching : array_like (r, r), optional
-        Of several motions, as Stone Soup has such matrices: row i holds the probabilities of each model after
-        model i. Here it is the transpose.
+    model_probs : array_like (r, r), optional
+        Transition matrix of several models, see `switching_of`.
+    mode_prior : array_like (r,), optional
+        Probability of each model one interval before the first scan; by default all are equal.
     update : str
         As of `sensor_of`.
 
@@ -203,7 +206,13 @@ def model_of(
         Naming the argument that has no counterpart, or as `gmr_gym.model`.
     """
     each = transition_model if isinstance(transition_model, Sequence) else [transition_model]
-    order = state_order(measurement_model)
+    start, found, order = (
+        mixture_of(prior),
+        sensor_of(measurement_model, update),
+        state_order(measurement_model),
+    )
+    if start.m.shape[1] != len(order):
+        raise ValueError(f"prior has {start.m.shape[1]} states, but measurement_model has {len(order)}")
     motions = [motion_of(one, interval) for one in each]
     for one in motions:
         if len(one.F) != len(order):
@@ -212,7 +221,34 @@ def model_of(
             )
     return model(
         tuple(Motion(F[np.ix_(order, order)], Q[np.ix_(order, order)], offset) for F, Q, offset in motions),
-        sensor_of(measurement_model, update), float(prob_detect), float(prob_gate),
-        float(clutter_spatial_density), reordered(mixture_of(prior), order),
-        None if switching is None else np.transpose(switching),
+        found, float(prob_detect), float(prob_gate), float(clutter_spatial_density), reordered(start, order),
+        switching_of(model_probs, len(each)), mode_prior,
     )  # fmt: skip
+
+
+def switching_of(model_probs: Any, modes: int) -> np.ndarray:
+    """The transition matrix of modes here: the transpose of theirs.
+
+    Parameters
+    ----------
+    model_probs : array_like (r, r), or None for one model
+        Row i holds the probabilities of each model after model i, as of Stone Soup's simulators that switch.
+    modes : int
+        r.
+
+    Returns
+    -------
+    ndarray (r, r)
+
+    Raises
+    ------
+    ValueError
+        For another shape, and rows that do not sum to 1.
+    """
+    probs = np.eye(1) if model_probs is None else np.array(model_probs, float)
+    if probs.shape != (modes, modes) or not np.allclose(probs.sum(axis=1), 1, rtol=0, atol=1e-9):
+        raise ValueError(
+            f"model_probs must be {modes} rows of {modes} probabilities that sum to 1, row i those after "
+            f"model i, got {None if model_probs is None else probs.tolist()}"
+        )
+    return check_switching(probs.T, modes)

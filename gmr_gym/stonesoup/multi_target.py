@@ -25,25 +25,39 @@ class MultiTargetTracker(ScanTracker):
     A state of a track is weighted by the probability that the target exists, and tagged with the label. Only
     declared targets have tracks.
 
+    Parameters
+    ----------
+    transition_model : TransitionModel
+        Linear.
+    measurement_model : LinearGaussian
+    births : GaussianMixture or sequence of WeightedGaussianState
+        Intensity of the targets born in a scan: their expected numbers, and where.
+    meas_range : array_like (p, 2)
+        Box in which false alarms fall.
+    clutter_rate : float
+        Expected number of false alarms in it, per scan.
+    prob_detect, prob_survival : float
+        Probabilities that a target is detected, and that it is still there a scan later.
+    initial : GaussianMixture or sequence of WeightedGaussianState, optional
+        Intensity of the targets that are there before, with the time at which it holds.
+    detector, tracker, parameters
+        As of `ScanTracker`; a tracker of many targets.
+
     Raises
     ------
     ValueError
         For models that there are not here, a prior without a time, and as `gmr_gym.make_tracker`.
     """
 
-    transition_model: Any = Property(doc="Linear transition model")
-    measurement_model: Any = Property(doc="LinearGaussian")
-    births: Any = Property(
-        doc="GaussianMixture or components: expected numbers and places of the targets born in a scan"
-    )
-    meas_range: np.ndarray = Property(doc="Box (p, 2) in which false alarms fall")
-    clutter_rate: float = Property(doc="Expected number of false alarms in it, per scan")
-    prob_detect: float = Property(default=0.9, doc="Detection probability")
-    prob_survival: float = Property(default=0.99, doc="Probability that a target is there a scan later")
-    initial: Any = Property(
-        default=None, doc="Likewise of the targets that are there before, with the time at which it holds"
-    )
-    tracker: str = Property(default="pmb", doc="Name of a tracker of many targets, see `gmr-gym list`")
+    transition_model: Any = Property()
+    measurement_model: Any = Property()
+    births: Any = Property()
+    meas_range: np.ndarray = Property()
+    clutter_rate: float = Property()
+    prob_detect: float = Property(default=0.9)
+    prob_survival: float = Property(default=0.99)
+    initial: Any = Property(default=None)
+    tracker: str = Property(default="pmb")
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)

@@ -51,16 +51,16 @@ def scans_of(detector: Iterable, measurement_model: Any) -> tuple[Scans, datetim
     return Scans(seconds, z, sensor_of(measurement_model).coordinates), times[0]
 
 
-class _Seen(NamedTuple):
-    """A detection in SI units."""
+class _Block(NamedTuple):
+    """Detections of a scan with one measurement model, in SI units."""
 
-    time: datetime
-    z: np.ndarray
-    origin: np.ndarray
+    times: list[datetime]
+    z: np.ndarray  # (k, p)
+    origin: np.ndarray  # (3,)
     sensor: int
     scan: int
-    truth: str | None
-    metadata: dict
+    truth: list[str | None]
+    metadata: list[dict]
 
 
 def recording_of(detector: Iterable, measurement_model: Any = None) -> Detections:
@@ -86,21 +86,24 @@ def recording_of(detector: Iterable, measurement_model: Any = None) -> Detection
     ValueError
         For a detection without a time, or of another measurement model, and for no detection at all.
     """
-    seen: list[_Seen] = []
+    blocks: list[_Block] = []
     empty: list[datetime] = []
     models: list[Any] = []
     for number, (time, detections) in enumerate(detector):
         if not detections:
             empty.append(time)
+        groups: dict[int, list] = {}
         for one in detections:
             if one.timestamp is None:
                 raise ValueError(f"detections must have a timestamp, got one without in the scan at {time}")
-            model = one.measurement_model if one.measurement_model is not None else measurement_model
-            seen.append(_seen(one, model, _number(models, model), number))
-    if not seen:
+            groups.setdefault(id(one.measurement_model), []).append(one)
+        for found in groups.values():
+            own = found[0].measurement_model
+            model = measurement_model if own is None else own
+            blocks.append(_block(found, model, _number(models, model), number))
+    if not blocks:
         raise ValueError("detector must give at least one detection, got none")
-    seen.sort(key=lambda one: (one.time, one.scan, one.z.tolist()))
-    return _joined(seen, empty, models)
+    return _joined(blocks, empty, models)
 
 
 def _number(models: list[Any], model: Any) -> int:
@@ -112,9 +115,9 @@ def _number(models: list[Any], model: Any) -> int:
     return len(models) - 1
 
 
-def _seen(one: Any, model: Any, sensor: int, scan: int) -> _Seen:
-    """A detection in the coordinates of a recording."""
-    z = rows_of("detections", [one.state_vector], angles=True)[0]
+def _block(found: list, model: Any, sensor: int, scan: int) -> _Block:
+    """Detections of one measurement model in the coordinates of a recording."""
+    z = rows_of("detections", [one.state_vector for one in found], angles=True)
     origin, polar = np.zeros(3), not (model is None or isinstance(model, LinearGaussian))
     if polar and not isinstance(model, CartesianToBearingRange | CartesianToElevationBearingRange):
         raise ValueError(
@@ -126,34 +129,42 @@ def _seen(one: Any, model: Any, sensor: int, scan: int) -> _Seen:
         if turn[:2].any():
             raise ValueError(f"a sensor may be turned about the vertical alone, got {turn.tolist()}")
         origin[: len(offset)] = offset
-        z = z[::-1].copy()
-        z[1] = np.mod(z[1] + turn[2] + np.pi, 2 * np.pi) - np.pi
-    if len(z) not in POSITIONS:
-        raise ValueError(f"detections must have two or three coordinates, got {len(z)}")
-    path = getattr(one, "groundtruth_path", None)
-    truth = None if path is None else path.id
-    return _Seen(one.timestamp, z, origin, sensor, scan, truth, dict(one.metadata or {}))
+        z = z[:, ::-1].copy()
+        z[:, 1] = np.mod(z[:, 1] + turn[2] + np.pi, 2 * np.pi) - np.pi
+    if z.shape[1] not in POSITIONS:
+        raise ValueError(f"detections must have two or three coordinates, got {z.shape[1]}")
+    paths = [getattr(one, "groundtruth_path", None) for one in found]
+    truth = [None if path is None else path.id for path in paths]
+    return _Block(
+        [one.timestamp for one in found], z, origin, sensor, scan, truth, [one.metadata for one in found]
+    )
 
 
-def _joined(seen: list[_Seen], empty: list[datetime], models: list[Any]) -> Detections:
-    start = min([one.time for one in seen] + empty)
-    p = max(len(one.z) for one in seen)
-    z = np.full((len(seen), p), np.nan)
-    for i, one in enumerate(seen):
-        z[i, : len(one.z)] = one.z
+def _joined(blocks: list[_Block], empty: list[datetime], models: list[Any]) -> Detections:
+    times = [time for each in blocks for time in each.times]
+    start = min(times + empty)
+    seconds = np.array([(time - start).total_seconds() for time in times])
+    z = np.full((len(times), max(each.z.shape[1] for each in blocks)), np.nan)
+    counts = [len(each.z) for each in blocks]
+    for first, each in zip(np.cumsum([0, *counts]).tolist(), blocks, strict=False):
+        z[first : first + len(each.z), : each.z.shape[1]] = each.z
+    scan = np.repeat([each.scan for each in blocks], counts)
+    order = np.lexsort((*z.T[::-1], scan, seconds))  # of time, and then not of a set
+    p = z.shape[1]
     sensors = tuple(_spec(model, i, p) for i, model in enumerate(models))
     polar = all(spec.kind == POLAR for spec in sensors)
     names = ("range_m", "azimuth_rad", "elevation_rad") if polar else ("x_m", "y_m", "z_m")
-    keys = dict.fromkeys(key for one in seen for key in one.metadata)
+    metadata = [one or {} for each in blocks for one in each.metadata]
+    keys = dict.fromkeys(key for one in metadata for key in one)
     return from_arrays(
-        [(one.time - start).total_seconds() for one in seen],
-        z,
-        sensor=[one.sensor for one in seen],
+        seconds[order],
+        z[order],
+        sensor=np.repeat([each.sensor for each in blocks], counts)[order],
         sensors=sensors,
-        origin=np.array([one.origin for one in seen]),
-        scan=np.array([one.scan for one in seen]),
-        truth=objects([one.truth for one in seen]),
-        metadata={str(key): [str(one.metadata.get(key, "")) for one in seen] for key in keys},
+        origin=np.repeat([each.origin for each in blocks], counts, axis=0)[order],
+        scan=scan[order],
+        truth=objects([path for each in blocks for path in each.truth])[order],
+        metadata={str(key): [str(metadata[i].get(key, "")) for i in order.tolist()] for key in keys},
         empty_time=np.array([(time - start).total_seconds() for time in empty]),
         empty_sensor=np.zeros(len(empty), int),
         coordinates=names[:p],

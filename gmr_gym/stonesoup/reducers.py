@@ -23,28 +23,27 @@ class Reducer(MixtureReducer):
     Merged components keep the tag of their heaviest, where components have tags. Unlike Stone Soup's own, it
     changes no component that it is given, and limits no weight to 1.
 
+    Parameters
+    ----------
+    reduction : str
+        Name of a reduction, with parameters or not, as "adaptive:loss_bound=0.1"; see `gmr-gym list`.
+    max_number_components : int
+        Most components that remain.
+    prune_threshold : float
+        Components of less weight are dropped before, but never the heaviest.
+    merge_threshold : float
+        Squared Mahalanobis distance within which "vo-ma" merges.
+
     Raises
     ------
     ValueError
         As `gmr_gym.reduction.reducer`, for an unknown reduction or parameter, with those that there are.
-
-    Examples
-    --------
-    >>> from gmr_gym.mixture import mixture
-    >>> given = components_of(mixture([0.2, 0.7, 0.1], [[0.0], [2.0], [9.0]], [[[1.0]]] * 3))
-    >>> [round(one.weight, 2) for one in Reducer("runnalls", 2).reduce(given)]
-    [0.9, 0.1]
     """
 
-    reduction: str = Property(
-        default="runnalls",
-        doc='Name of a reduction, with parameters or not, as "adaptive:loss_bound=0.1"; see `gmr-gym list`',
-    )
-    max_number_components: int = Property(default=100, doc="Most components that remain")
-    prune_threshold: float = Property(default=0.0, doc="Components of less weight are dropped before")
-    merge_threshold: float = Property(
-        default=4.0, doc='Squared Mahalanobis distance within which "vo-ma" merges'
-    )
+    reduction: str = Property(default="runnalls")
+    max_number_components: int = Property(default=100)
+    prune_threshold: float = Property(default=0.0)
+    merge_threshold: float = Property(default=4.0)
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)

@@ -136,9 +136,15 @@ class StoneSoupMultiTargetTracker:
 
 
 class PriorInitiator(Initiator):
-    """Starts a track from a prior, whatever is detected."""
+    """Starts a track from a prior, whatever is detected.
 
-    prior: GaussianState = Property(doc="State of the new track; its time becomes that of the scan")
+    Parameters
+    ----------
+    prior : GaussianState
+        State of the new track; its time becomes that of the scan.
+    """
+
+    prior: GaussianState = Property()
 
     def initiate(self, detections: set, timestamp: datetime, **kwargs: Any) -> set[Track]:
         """One track, of the prior."""

@@ -29,6 +29,7 @@ from gmr_gym.stonesoup.models import model_of, reordered, state_order
 
 DIRECT = object.__getattribute__  # that of a Track is slow: it looks for what it lacks in its last state
 FIRST = timedelta(seconds=1)  # an interval: the belief before the first scan does not depend on it
+NO_TIME = timedelta(0)
 MOST_BUILT = 1000  # trackers for intervals that are kept
 NO_NOISE = np.empty((0, 0, 0))  # of detections: all have the sensor's
 
@@ -62,19 +63,28 @@ class MixturePrediction(GaussianStatePrediction, Hypotheses):
 
 
 class ScanTracker(Tracker):
-    """A tracker of Stone Soup that takes whole scans."""
+    """A tracker of Stone Soup that takes whole scans.
 
-    detector: DetectionReader = Property(
-        default=None, doc="Source of detections; not needed where `update_tracker` is called"
-    )
-    tracker: str = Property(doc="Name of a tracker, see `gmr-gym list`")
-    parameters: Mapping[str, Any] = Property(default_factory=dict, doc="Its parameters")
+    Parameters
+    ----------
+    detector : DetectionReader, optional
+        Source of detections; not needed where `update_tracker` is called.
+    tracker : str
+        Name of a tracker, see `gmr-gym list`.
+    parameters : mapping of str to object, optional
+        Its parameters.
+    """
+
+    detector: DetectionReader = Property(default=None)
+    tracker: str = Property()
+    parameters: Mapping[str, Any] = Property(default=None)
     _time: datetime | None  # of the last scan, or the prior
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self._made: Any = make_tracker(self.tracker, self._model(FIRST), **self.parameters)
+        self._made: Any = make_tracker(self.tracker, self._model(FIRST), **(self.parameters or {}))
         self._built: dict[timedelta, Any] = {}
+        self._interval, self._current = FIRST, self._made
         self._belief = self._made.init()
 
     def __iter__(self) -> Iterator[tuple[datetime, set[Track]]]:
@@ -96,11 +106,13 @@ class ScanTracker(Tracker):
 
     def _of(self, interval: timedelta) -> Any:
         """The tracker for an interval."""
-        if interval not in self._built:
-            if len(self._built) == MOST_BUILT:
-                self._built.clear()
-            self._built[interval] = self._with_motion(self._model(interval))
-        return self._built[interval]
+        if interval != self._interval:
+            if interval not in self._built:
+                if len(self._built) == MOST_BUILT:
+                    self._built.clear()
+                self._built[interval] = self._with_motion(self._model(interval))
+            self._interval, self._current = interval, self._built[interval]
+        return self._current
 
     def _with_motion(self, model: Any) -> Any:
         """The tracker with the motion of another interval, without looking for it by its name again."""
@@ -109,12 +121,18 @@ class ScanTracker(Tracker):
         # of another length where the tracker takes one motion of several
         if "model" in made.__dataclass_fields__ and len(moves) == len(getattr(made.model, name)):
             return replace(made, model=made.model._replace(**{name: moves}))
-        return make_tracker(self.tracker, model, **self.parameters)
+        return make_tracker(self.tracker, model, **(self.parameters or {}))
 
     def _elapsed(self, time: datetime) -> timedelta:
         """Since the last scan, or the prior; no time before a first scan without one."""
-        elapsed = time - (time if self._time is None else self._time)
-        if elapsed < timedelta(0):
+        last = time if self._time is None else self._time
+        try:
+            elapsed = time - last
+        except TypeError:
+            raise ValueError(
+                f"timestamps must all have a time zone, or none, got {time} after {last}"
+            ) from None
+        if elapsed < NO_TIME:
             raise ValueError(f"scans must be in order of time, but {time} follows {self._time}")
         self._time = time
         return elapsed
@@ -127,23 +145,42 @@ class SingleTargetTracker(ScanTracker):
     its hypotheses. A state is an Update where detections were in the gates, and its `hypothesis` has those.
     When the tracker gives the target up, there are no tracks any more; `track` is still there.
 
+    Parameters
+    ----------
+    prior : GaussianState or GaussianMixture
+        With the timestamp at which it holds.
+    transition_model : TransitionModel or sequence of r TransitionModel
+        Linear; several are the modes of an IMM and the like.
+    measurement_model : LinearGaussian or CartesianToElevationBearingRange
+    clutter_spatial_density : float
+        False alarms per unit volume of the detections' space.
+    prob_detect, prob_gate : float
+        Probabilities that the target is detected, and that its detection is in the gate.
+    model_probs : array_like (r, r), optional
+        Transition matrix of several models, see `switching_of`.
+    mode_prior : array_like (r,), optional
+        Probability of each model at the time of the prior; by default all are equal.
+    measurement_update : str
+        Update of a radar, see `sensor_of`.
+    detector, tracker, parameters
+        As of `ScanTracker`; a tracker of one target.
+
     Raises
     ------
     ValueError
         For a prior without a timestamp, models that there are not here, and as `gmr_gym.make_tracker`.
     """
 
-    prior: Any = Property(doc="GaussianState or GaussianMixture, with the timestamp at which it holds")
-    transition_model: Any = Property(doc="Linear transition model, or a sequence of them for an IMM")
-    measurement_model: Any = Property(doc="LinearGaussian or CartesianToElevationBearingRange")
-    clutter_spatial_density: float = Property(doc="False alarms per unit volume of the detections' space")
-    prob_detect: float = Property(default=0.9, doc="Detection probability")
-    prob_gate: float = Property(default=0.999, doc="Probability that the gate contains a detection")
-    model_probs: np.ndarray = Property(
-        default=None, doc="Transition matrix (r, r) of several models; row i is after model i"
-    )
-    measurement_update: str = Property(default="debiased", doc="Update of a radar, see `sensor_of`")
-    tracker: str = Property(default="runnalls-30", doc="Name of a tracker of one target, see `gmr-gym list`")
+    prior: Any = Property()
+    transition_model: Any = Property()
+    measurement_model: Any = Property()
+    clutter_spatial_density: float = Property()
+    prob_detect: float = Property(default=0.9)
+    prob_gate: float = Property(default=0.999)
+    model_probs: np.ndarray = Property(default=None)
+    mode_prior: np.ndarray = Property(default=None)
+    measurement_update: str = Property(default="debiased")
+    tracker: str = Property(default="runnalls-30")
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -192,8 +229,9 @@ class SingleTargetTracker(ScanTracker):
     def _model(self, interval: timedelta) -> Model:
         return model_of(
             self.transition_model, self.measurement_model, self.prior, interval,
-            prob_detect=self.prob_detect, prob_gate=self.prob_gate, switching=self.model_probs,
-            clutter_spatial_density=self.clutter_spatial_density, update=self.measurement_update,
+            prob_detect=self.prob_detect, prob_gate=self.prob_gate,
+            clutter_spatial_density=self.clutter_spatial_density, model_probs=self.model_probs,
+            mode_prior=self.mode_prior, update=self.measurement_update,
         )  # fmt: skip
 
     def _state(self, report: Report, time: datetime, near: list) -> MixtureUpdate | MixturePrediction:
@@ -209,25 +247,29 @@ class SingleTargetTracker(ScanTracker):
 
     def _append(self, state: MixtureUpdate | MixturePrediction) -> None:
         """`Track.append`, which makes the hypotheses of every state to look for metadata."""
-        said = {key: value for one in state.near for key, value in one.metadata.items()}
         metadatas = DIRECT(self.track, "metadatas")
-        metadatas.append({**metadatas[-1], **said} if said else metadatas[-1])
+        metadata = metadatas[-1]
+        for one in state.near:
+            if one.metadata:
+                metadata = {**metadata, **one.metadata}
+        metadatas.append(metadata)
         DIRECT(self.track, "states").append(state)
 
 
 class MhtTracker(SingleTargetTracker):
     """One target by the Gaussian-mixture MHT, reduced by any reduction.
 
-    `parameters` are those of `baselines.mht.mht`: components, reduction, prune_weight, prune_density.
+    Parameters as of `SingleTargetTracker`; `parameters` are those of `baselines.mht.mht`: components,
+    reduction, prune_weight, prune_density.
     """
 
-    tracker: str = Property(default="mht", doc="Name of a tracker of one target")
+    tracker: str = Property(default="mht")
 
 
 class PdaTracker(SingleTargetTracker):
-    """One target by probabilistic data association."""
+    """One target by probabilistic data association; parameters as of `SingleTargetTracker`."""
 
-    tracker: str = Property(default="pda", doc="Name of a tracker of one target")
+    tracker: str = Property(default="pda")
 
 
 def in_gates(gates: Gates, z: np.ndarray) -> list[int]:

@@ -22,7 +22,7 @@ def truth_of(paths: Collection[StateMutableSequence], times: Sequence[datetime])
 
     Parameters
     ----------
-    paths : collection of m GroundTruthPath or Platform
+    paths : collection of m GroundTruthPath
         A set is taken in order of time and place of the first states.
     times : sequence of T datetime
 

@@ -36,6 +36,7 @@ BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"\n]+)\")?\n(.*?)^```$", re.M | re
 NUMBER = re.compile(r"(?<!\w)-?\d+(?:\.\d+)?(?:e-?\d+)?")
 TOCTREE = re.compile(r"^```{toctree}\n(.*?)^```$", re.M | re.S)
 INCLUDED = re.compile(r"^```{literalinclude} (\S+)\n:language: (\w+)\n:caption: (\S+)\n```$", re.M)
+NEEDS = {"import PPO": "stable_baselines3", "from gmr_gym.stonesoup": "stonesoup"}  # to run a page
 FENCED = re.compile(r"^```.*?^```$", re.M | re.S)
 
 
@@ -96,8 +97,9 @@ def assert_same_numbers(printed, text):
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=named)
 def test_every_block_of_a_page_runs_in_order_and_prints_what_it_says(page, tmp_path, monkeypatch, capsys):
     text = page.read_text(encoding="utf-8")
-    if "import PPO" in text and not find_spec("stable_baselines3"):
-        pytest.skip("needs stable_baselines3")
+    for word, module in NEEDS.items():
+        if word in text and not find_spec(module):
+            pytest.skip(f"needs {module}")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     modules = set(sys.modules)

@@ -134,6 +134,7 @@ def test_weights_may_exceed_one_and_light_components_are_dropped_first():
     left = Reducer("runnalls", 1).reduce(components_of(heavy))
     assert left[0].weight == pytest.approx(5)
     assert len(Reducer("capping", 9, prune_threshold=0.12).reduce(components_of(SMALL))) == 4
+    assert len(Reducer("vo-ma", 9, merge_threshold=1.5).reduce(components_of(SMALL))) == 3
     assert Reducer().reduce([]) == []
 
 
@@ -205,8 +206,9 @@ def test_the_predicted_measurement_is_of_all_models_and_serves_their_trackers():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        (dict(model_probs=MODEL_PROBS.T), "its rows do, so pass the transpose"),
-        (dict(initial_probs=[0.5, 0.6]), "initial_probs must be 2 probabilities that sum to 1"),
+        (dict(model_probs=MODEL_PROBS.T), "model_probs must be 2 rows of 2 probabilities that sum to 1"),
+        (dict(model_probs=None), "row i those after model i, got None"),
+        (dict(mode_prior=[0.5, 0.6]), "mode_prior must be 2 probabilities that sum to 1"),
     ],
 )
 def test_probabilities_of_an_imm_that_do_not_sum_to_one_are_refused(given, message):
