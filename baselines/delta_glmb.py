@@ -1,4 +1,4 @@
-"""The delta-generalised labelled multi-Bernoulli filter, predicted and updated jointly (Vo, Vo and Hoang 2017)."""
+"""The delta-generalised labelled multi-Bernoulli filter, jointly predicted and updated (Vo, Vo, Hoang)."""
 
 from gmr_gym.checks import check_choice
 from gmr_gym.filters.mixture_tracker import MixtureTracker
@@ -12,7 +12,7 @@ def delta_glmb(
     model: MultiTargetModel,
     components: int = 1000,
     samples: int = 1000,
-    prune_components: float = 1e-5,
+    prune_components: float = 1e-3,
     prune_weight: float = 1e-5,
     tracks: int = 1000,
     births: str = "detections",

@@ -104,7 +104,7 @@ def run(env_id: str, name: str, seed: int) -> list:
 
 
 def run_many(name: str, seed: int) -> list:
-    scenario = gym.make(*MULTI_TARGET).unwrapped.scenario
+    scenario = gym.make(next(iter(MULTI_TARGET))).unwrapped.scenario
     tracker = gmr_gym.make_tracker(name, scenario.model)
     played = run_multi_target_once(scenario, tracker, seed, SCANS)
     return [played.ospa, played.gospa, played.localisation, played.missed, played.components]

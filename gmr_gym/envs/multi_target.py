@@ -6,7 +6,9 @@ from numbers import Integral
 import gymnasium as gym
 import numpy as np
 
+from gmr_gym.checks import _check_positive, check_choice, check_flag
 from gmr_gym.envs.episodic import EXTENT, EpisodicEnv
+from gmr_gym.envs.labels import Trajectories, labels_of
 from gmr_gym.evaluation.set_distances import set_distances
 from gmr_gym.points import absent
 from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario, draw, scan
@@ -15,6 +17,7 @@ from gmr_gym.simulation.single_target import Scan
 EXISTENCE_THRESHOLD = 0.5  # existence from which a row counts as an estimate
 PARTS = "localisation", "missed", "false"  # of GOSPA, as in info
 COLUMN = {"gospa": 0, "ospa": 4}  # of what `set_distances` returns
+TRAJECTORY = "trajectory-gospa"
 
 
 class MultiTargetEnv(EpisodicEnv):
@@ -42,9 +45,15 @@ class MultiTargetEnv(EpisodicEnv):
     same. A row of which anything is masked does not count. `targets` is the largest number of targets that
     can be declared.
 
+    With `labels=True` the shape is (targets, 2 + d), and the last column a label: the whole number next to it
+    says which estimates of different scans are of one target. Negative is none; no two estimates of a scan
+    may have the same.
+
     ## Reward
     Minus the GOSPA distance (or OSPA) of the estimated positions to the true ones, with the scenario's cutoff
-    and order (100 m and 2 for UnknownClutter, 50 m and 2 for RecordedRadar).
+    and order (100 m and 2 for UnknownClutter, 50 m and 2 for RecordedRadar). With "trajectory-gospa" minus
+    what the scan adds to the trajectory GOSPA of the episode so far: rewards sum to minus that of the
+    episode. It needs labels, and solves a linear programme in every step.
 
     ## Starting state
     There is no prior. Truth, detections and clutter come from separate streams of the seed, so that every
@@ -61,11 +70,15 @@ class MultiTargetEnv(EpisodicEnv):
 
     ## Arguments
     `scenario`: "module:function" that returns a MultiTargetScenario; `targets`: rows of an action; `metric`:
-    "gospa" or "ospa"; every other keyword goes to the function.
+    "gospa", "ospa" or "trajectory-gospa"; `labels`: whether actions have them; `switching`: what trajectory
+    GOSPA charges for a switched label, m, by default a tenth of the cutoff; every other keyword goes to the
+    function.
     """
 
     scenario: MultiTargetScenario
     metric: str
+    labels: bool
+    switching: float  # m
     shape: tuple[int, int]  # of a scan, padded
 
     def __init__(
@@ -73,15 +86,22 @@ class MultiTargetEnv(EpisodicEnv):
         scenario: str,
         targets: int = 10,
         metric: str = "gospa",
+        labels: bool = False,
+        switching: float | None = None,
         render_mode: str | None = None,
         **arguments,
     ):
-        if metric not in COLUMN:
-            raise ValueError(f"metric must be one of {', '.join(COLUMN)}, got {metric!r}")
+        check_choice("metric", metric, (*COLUMN, TRAJECTORY))
+        check_flag("labels", labels)
+        if metric == TRAJECTORY and not labels:
+            raise ValueError(f"metric {TRAJECTORY} compares trajectories: it needs labels=True")
+        if switching is not None:
+            _check_positive(switching=switching)
         if isinstance(targets, bool) or not (isinstance(targets, Integral) and 1 <= targets <= 1000):
             raise ValueError(f"targets must be a whole number of rows between 1 and 1000, got {targets!r}")
         super().__init__(scenario, render_mode, arguments)
-        self.metric = metric
+        self.metric, self.labels = metric, labels
+        self.switching = self.scenario.cutoff / 10 if switching is None else switching
         p, d = self.scenario.sensor.H.shape
         self._capacity = self.scenario.most_in_scan
         self.shape = self._capacity, p
@@ -91,9 +111,11 @@ class MultiTargetEnv(EpisodicEnv):
             "mask": gym.spaces.Box(0, 1, (self._capacity,), np.int8),
             "time": gym.spaces.Box(0.0, end, (1,), np.float64),
         })  # fmt: skip
-        low, high = np.full((2, targets, 1 + d), EXTENT)
+        low, high = np.full((2, targets, 1 + d + labels), EXTENT)
         low *= -1
         low[:, 0], high[:, 0] = 0.0, 1.0
+        if labels:
+            low[:, -1] = -1.0
         self.action_space = gym.spaces.Box(low, high, dtype=np.float64)
 
     def step(self, action):
@@ -101,8 +123,8 @@ class MultiTargetEnv(EpisodicEnv):
 
         Parameters
         ----------
-        action : array_like (targets, 1 + d)
-            Rows [existence, state].
+        action : array_like (targets, 1 + d) or (targets, 2 + d)
+            Rows [existence, state], or [existence, state, label].
 
         Returns
         -------
@@ -113,20 +135,30 @@ class MultiTargetEnv(EpisodicEnv):
         RuntimeError
             If no episode is running.
         ValueError
-            For another shape, an existence outside [0, 1], or a state that is not finite.
+            For another shape, an existence outside [0, 1], a state that is not finite, or a label of two.
         """
         rows = self._checked(action)
         at = estimates(rows, self._position)
-        truth = targets_at(self._episode.x[self._t], self._position)
+        x = self._episode.x[self._t]
+        truth = targets_at(x, self._position)
+        labels = labels_of(rows, rows[:, 0] >= EXISTENCE_THRESHOLD) if self.labels else np.empty(0, int)
         scores = set_distances(at, truth, self.scenario.cutoff, self.scenario.order)
         self._estimates.append(at)
         self._t += 1
         observation, info = self._emit()
-        error = scores[COLUMN[self.metric]]
+        if self.metric == TRAJECTORY:
+            error = self._trajectories.grown_by(at, labels, x[:, self._position])
+        else:
+            error = scores[COLUMN[self.metric]]
         info |= {"error": error, **dict(zip(PARTS, scores[1:4], strict=True))}
         return observation, -error, False, self._t >= self.scenario.horizon, info
 
+    def new_trajectories(self) -> Trajectories:
+        """Those of an episode that begins."""
+        return Trajectories(self.scenario.cutoff, self.scenario.order, self.switching)
+
     def _drawn(self, seed: int) -> MultiTargetEpisode:
+        self._trajectories = self.new_trajectories()
         return draw(self.scenario, seed)
 
     def _seen(self, t: int) -> Scan:
@@ -164,7 +196,7 @@ class MultiTargetEnv(EpisodicEnv):
 
 
 def estimates(rows: np.ndarray, position: Sequence[int] | np.ndarray) -> np.ndarray:
-    """Positions (j, p) of the rows of an action (targets, 1 + d) that count as estimates."""
+    """Positions (j, p) of the rows [existence, state, ...] of an action that count as estimates."""
     return rows[rows[:, 0] >= EXISTENCE_THRESHOLD, 1:][:, position]
 
 

@@ -8,10 +8,12 @@ from gymnasium.vector import AutoresetMode
 
 from gmr_gym.envs.episodic import EXTENT, ORIGIN, check_keywords, keywords, settings
 from gmr_gym.envs.episodic_vector import EpisodicVectorEnv, check_not_drawn
+from gmr_gym.envs.labels import labels_of
 from gmr_gym.envs.multi_target import (
     COLUMN,
     EXISTENCE_THRESHOLD,
     PARTS,
+    TRAJECTORY,
     MultiTargetEnv,
     estimates,
     targets_at,
@@ -41,8 +43,8 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
     for bit, on any number of threads.
 
     ## Arguments
-    `scenario`, `targets`, `metric` and other keywords: as for `MultiTargetEnv`. `autoreset_mode`, `copy`,
-    `threads` and `render_mode`: as for `TrackingVectorEnv`.
+    `scenario`, `targets`, `metric`, `labels`, `switching` and other keywords: as for `MultiTargetEnv`.
+    `autoreset_mode`, `copy`, `threads` and `render_mode`: as for `TrackingVectorEnv`.
     """
 
     def __init__(
@@ -51,6 +53,8 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
         num_envs: int = 1,
         targets: int = 10,
         metric: str = "gospa",
+        labels: bool = False,
+        switching: float | None = None,
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         copy: bool = True,
@@ -60,7 +64,7 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
     ):
         check_not_drawn(render_mode)
         check_keywords(arguments, [*settings(scenario), *keywords(type(self))])
-        single = MultiTargetEnv(scenario, targets, metric, **arguments)
+        single = MultiTargetEnv(scenario, targets, metric, labels, switching, **arguments)
         super().__init__(single, num_envs, autoreset_mode, copy, threads)
         self._rule = rule_of(self.scenario.cutoff, self.scenario.order)
         n, scans, m = self.num_envs, self.scenario.horizon, self.scenario.targets
@@ -70,6 +74,8 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
             np.empty((n, scans, m, d)), np.empty((n, rows, p)), np.empty((n, rows), ORIGIN),
             np.zeros((n, scans + 1), int), self._t,
         )  # fmt: skip
+        self._trajectories = [single.new_trajectories() for _ in range(n)]
+        self._labels = [np.empty(0, int)] * n  # of the estimates submitted last
 
     def _checked(self, actions, passed: np.ndarray) -> np.ndarray:
         if absent(actions) is not None:
@@ -90,6 +96,10 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
             raise ValueError(
                 f"actions must be finite and within +-{EXTENT:g} in every row, and are not in environment {i}"
             )
+        if self._single.labels:
+            for i in np.flatnonzero(~passed).tolist():
+                counted = actions[i, :, 0] >= EXISTENCE_THRESHOLD
+                self._labels[i] = labels_of(actions[i], counted, f" of environment {i}")
         return actions
 
     def _scored(self, actions: np.ndarray, passed: np.ndarray):
@@ -103,11 +113,22 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
             at = estimates(actions[i], self._position)
             truth = targets_at(now.x[i, now.t[i]], self._position)
             scores[:, i] = set_distances(at, truth, self.scenario.cutoff, self.scenario.order)
+        error = self._errors(scores, actions, passed)
         now.t[~passed] += 1
-        error = scores[COLUMN[self._single.metric]]
         infos = {"error": error, **dict(zip(PARTS, scores[1:4], strict=True))}
         over = ~passed & (now.t >= self.scenario.horizon)
         return infos, np.where(passed, 0.0, -error), np.zeros(self.num_envs, bool), over
+
+    def _errors(self, scores: np.ndarray, actions: np.ndarray, passed: np.ndarray) -> np.ndarray:
+        """What is charged in each environment, m, of the distances (5, n) between sets."""
+        if self._single.metric != TRAJECTORY:
+            return scores[COLUMN[self._single.metric]]
+        grown, now = np.zeros(self.num_envs), self._episodes
+        for i in np.flatnonzero(~passed):
+            at = estimates(actions[i], self._position)
+            truth = now.x[i, now.t[i]][:, self._position]
+            grown[i] = self._trajectories[i].grown_by(at, self._labels[i], truth)
+        return grown
 
     def _draw(self, rows: np.ndarray, seeds: Sequence[int]) -> None:
         shares = list(zip(rows.tolist(), seeds, strict=True))
@@ -117,6 +138,7 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
         x, z, origin, first = draw(self.scenario, seed)
         now, n = self._episodes, len(z)
         now.x[i], now.z[i, :n], now.origin[i, :n], now.first[i] = x, z, origin, first
+        self._trajectories[i] = self._single.new_trajectories()
 
     def _emit(self, wanted: np.ndarray) -> tuple[dict[str, Any], dict[str, Any]]:
         self._take()

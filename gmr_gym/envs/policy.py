@@ -70,6 +70,8 @@ class MultiTargetPolicy(Policy):
     tracker : MultiTargetTracker
     targets : int
         Rows of an action, the largest number of declared targets.
+    labels : bool
+        Whether the environment's actions have labels: those of the tracker.
 
     Examples
     --------
@@ -79,16 +81,20 @@ class MultiTargetPolicy(Policy):
     >>> policy = MultiTargetPolicy(make_tracker("gm-phd", env.unwrapped.scenario.model), targets=10)
     """
 
-    def __init__(self, tracker: MultiTargetTracker, targets: int = 10):
+    def __init__(self, tracker: MultiTargetTracker, targets: int = 10, labels: bool = False):
         super().__init__(tracker)
-        self.targets = targets
+        self.targets, self.labels = targets, labels
 
     def _action(self) -> np.ndarray:
-        """The declared targets, the largest existence first, as rows [existence, state] (targets, 1 + d).
+        """The declared targets, the largest existence first, as rows [existence, state] or [existence, state,
+        label] (targets, 1 + d or 2 + d).
 
         Existence is 1 in each row of a declared target: every declared target counts.
         """
-        x = self.report.x[np.argsort(-self.report.existence, kind="stable")[: self.targets]]
-        rows = np.zeros((self.targets, 1 + x.shape[1]))
-        rows[: len(x), 0], rows[: len(x), 1:] = 1.0, x
+        order = np.argsort(-self.report.existence, kind="stable")[: self.targets]
+        declared = np.column_stack([np.ones(len(order)), self.report.x[order]])
+        if self.labels:
+            declared = np.column_stack([declared, self.report.label[order]])
+        rows = np.zeros((self.targets, declared.shape[1]))
+        rows[: len(declared)] = declared
         return rows

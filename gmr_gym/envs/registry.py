@@ -13,7 +13,12 @@ TRACKING = {
 # many targets, scored as a set
 MULTI_TARGET = {
     "gmr_gym/UnknownClutter-v0": "gmr_gym.scenarios.lv:unknown_clutter",
+    "gmr_gym/MeetingTargets-v0": "gmr_gym.scenarios.williams:meeting_targets",
+    "gmr_gym/CrossingTargets-v0": "gmr_gym.scenarios.crossing:crossing_targets",
+    "gmr_gym/DenseTargets-v0": "gmr_gym.scenarios.dense:dense_targets",
+    "gmr_gym/ManoeuvringTargets-v0": "gmr_gym.scenarios.manoeuvring:manoeuvring_targets",
 }
+ROWS = {"gmr_gym/DenseTargets-v0": 100}  # of an action, where not the usual number
 # likewise, of detections in files: nothing of them is shipped, and their `folder` has to be given
 RECORDED = {
     "gmr_gym/RecordedRadar-v0": "gmr_gym.recorded.radar:recorded_radar",
@@ -30,6 +35,10 @@ ABOUT = {
     "gmr_gym/JumpMarkov-v0": "A target switches between accelerations in clutter (Zhang, section 6.1).",
     "gmr_gym/AirborneRadar-v0": "A target that turns hard, seen by an airborne radar (Li, section 4).",
     "gmr_gym/UnknownClutter-v0": "Three targets in clutter of unknown density (Lv, section 7.1).",
+    "gmr_gym/MeetingTargets-v0": "Four targets meet within a metre and part (Williams).",
+    "gmr_gym/CrossingTargets-v0": "Targets on straight courses cross, as close as asked for.",
+    "gmr_gym/DenseTargets-v0": "Fifty targets cross a square among two hundred false alarms a scan.",
+    "gmr_gym/ManoeuvringTargets-v0": "Targets that fly straight and turn, each by a Markov chain of its own.",
     "gmr_gym/RecordedRadar-v0": "Real radar detections with known targets, from files of yours: folder=PATH.",
     TUNING: "A policy sets the thresholds of a tracker's mixture reduction, scan by scan.",
 }
@@ -46,7 +55,7 @@ def register_envs() -> None:
                 gym.register(
                     env_id,
                     f"gmr_gym.envs.{one}",
-                    kwargs={"scenario": scenario},
+                    kwargs={"scenario": scenario} | ({"targets": ROWS[env_id]} if env_id in ROWS else {}),
                     vector_entry_point=f"gmr_gym.envs.{many}",
                 )
     if TUNING not in gym.registry:

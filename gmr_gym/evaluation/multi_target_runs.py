@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.evaluation.metrics import gospa, ospa, wasserstein
+from gmr_gym.evaluation.track_scores import declared, track_scores
 from gmr_gym.filters.tracker import MultiTargetReport, MultiTargetTracker
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.simulation.multi_target import MultiTargetEpisode, MultiTargetScenario, draw, scan
@@ -32,6 +33,20 @@ class MultiTargetRuns(NamedTuple):
     # (runs, T), integral over the box of the absolute difference between assumed and true clutter intensity,
     # over the true expected number; nan at scans between comparisons
     density_error: np.ndarray
+    # (runs, T) each, see `TrackScores`
+    trajectory_localisation: np.ndarray
+    trajectory_missed: np.ndarray
+    trajectory_false: np.ndarray
+    trajectory_switches: np.ndarray
+    switches: np.ndarray
+    fragments: np.ndarray
+    appeared: np.ndarray
+    unfound: np.ndarray
+    found: np.ndarray
+    existence: np.ndarray
+    squared_surprise: np.ndarray
+    nees: np.ndarray
+    believed: np.ndarray
     seconds: np.ndarray  # (runs, T), time of the tracker alone
 
 
@@ -56,7 +71,7 @@ def run_multi_target_once(
     MultiTargetRuns
         Arrays without the axis of runs.
     """
-    episode, rows = draw(scenario, seed), []
+    episode, rows, named, times = draw(scenario, seed), [], [], []
     at, grid = list(scenario.position), None
     for t, (report, seconds) in islice(enumerate(play(tracker, episode)), scans):
         x = episode.x[t]
@@ -69,9 +84,13 @@ def run_multi_target_once(
             off = density_error(report.clutter, true, grid)
         rows.append((
             ospa(found, truth, scenario.cutoff, scenario.order), *parts, wasserstein(found, truth),
-            len(truth), len(found), report.expected_targets, len(report.intensity.w), off, seconds,
+            len(truth), len(found), report.expected_targets, len(report.intensity.w), off,
         ))  # fmt: skip
-    return MultiTargetRuns(*map(np.array, zip(*rows, strict=True)))
+        named.append(declared(report))
+        times.append(seconds)
+    scores = track_scores(named, episode.x[: len(named)], at, scenario.cutoff, scenario.order)
+    sets = [np.array(column) for column in zip(*rows, strict=True)]
+    return MultiTargetRuns(*[*sets, *scores, np.array(times)])
 
 
 def play(

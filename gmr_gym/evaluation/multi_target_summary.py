@@ -9,6 +9,12 @@ from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.evaluation.summary import Estimate, bootstrap_mean
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 
+TRAJECTORY_PARTS = "trajectory_localisation", "trajectory_missed", "trajectory_false", "trajectory_switches"
+TRACK_FIGURES = (
+    "trajectory_gospa", *TRAJECTORY_PARTS, "switches", "fragments", "time_to_find", "existence_bias",
+    "existence_brier", "anees",
+)  # fmt: skip
+
 
 def multi_target_summary(
     scenario: MultiTargetScenario, results: Mapping[str, MultiTargetRuns]
@@ -26,7 +32,7 @@ def multi_target_summary(
         ospa and gospa (m); localisation, missed and false, the parts of gospa (m^2 with order 2);
         cardinality_bias (declared minus true targets) and cardinality_error (its absolute value); wasserstein
         (m) over the scans at which it is defined, and wasserstein_undefined, the share of the other scans;
-        density_error, components and time_per_scan (s, median).
+        density_error, components, the figures of `track_figures`, and time_per_scan (s, median).
     """
     rows = {}
     for name, runs in results.items():
@@ -39,9 +45,45 @@ def multi_target_summary(
             "cardinality_error": bootstrap_mean(cardinality_error(runs.named, runs.targets).mean(axis=1)),
             "density_error": bootstrap_mean(defined(compared(runs.density_error))),
             "components": bootstrap_mean(runs.components.mean(axis=1)),
+            **{key: bootstrap_mean(defined(each)) for key, each in track_figures(scenario, runs).items()},
             "time_per_scan": Estimate(float(np.median(runs.seconds))),
         }
     return rows
+
+
+def track_figures(scenario: MultiTargetScenario, runs: MultiTargetRuns) -> dict[str, np.ndarray]:
+    """What becomes of labelled targets, run by run.
+
+    Parameters
+    ----------
+    scenario : MultiTargetScenario
+    runs : MultiTargetRuns
+
+    Returns
+    -------
+    dict of str to ndarray (runs,)
+        trajectory_gospa (m), the root of the mean over scans of what it is the sum of, and these means,
+        trajectory_localisation, trajectory_missed, trajectory_false and trajectory_switches (m^2 with order
+        2); switches and fragments in all scans; time_to_find (s), from the first scan of a target to the
+        first at which it is found, or its last; existence_bias, the mean existence of declared targets less
+        the share that is real, existence_brier, the mean square of the difference of each; anees, the
+        normalised squared error of the states of found targets over the number of states. nan where there is
+        nothing to tell, as of labels where no declared target has one.
+    """
+    parts = {field: getattr(runs, field).mean(axis=1) for field in TRAJECTORY_PARTS}
+
+    def per(total: np.ndarray, number: np.ndarray) -> np.ndarray:
+        number = number.sum(axis=1)
+        return np.where(number > 0, total.sum(axis=1), np.nan) / np.maximum(number, 1)
+
+    d = scenario.sensor.H.shape[1]
+    return dict(zip(TRACK_FIGURES, (
+        sum(parts.values()) ** (1 / scenario.order), *parts.values(),
+        runs.switches.sum(axis=1), runs.fragments.sum(axis=1),
+        scenario.period * per(runs.unfound, runs.appeared),
+        per(runs.existence - runs.found, runs.named), per(runs.squared_surprise, runs.named),
+        per(runs.nees, runs.believed) / d,
+    ), strict=True))  # fmt: skip
 
 
 def multi_target_differences(
@@ -57,13 +99,16 @@ def multi_target_differences(
     Returns
     -------
     dict of str to dict of str to Estimate
-        ospa and gospa (m), and cardinality_error.
+        ospa, gospa and trajectory_gospa (m), and cardinality_error.
     """
     (reference, against), *others = results.items()
     return {
         f"{name} - {reference}": {
             "ospa": bootstrap_mean((runs.ospa - against.ospa).mean(axis=1)),
             "gospa": bootstrap_mean((runs.gospa - against.gospa).mean(axis=1)),
+            "trajectory_gospa": bootstrap_mean(
+                defined(_trajectory_gospa(scenario, runs) - _trajectory_gospa(scenario, against))
+            ),
             "cardinality_error": bootstrap_mean(
                 cardinality_error(runs.named, runs.targets).mean(axis=1)
                 - cardinality_error(against.named, against.targets).mean(axis=1)
@@ -71,6 +116,10 @@ def multi_target_differences(
         }
         for name, runs in others
     }
+
+
+def _trajectory_gospa(scenario: MultiTargetScenario, runs: MultiTargetRuns) -> np.ndarray:
+    return track_figures(scenario, runs)["trajectory_gospa"]
 
 
 def compared(values: np.ndarray) -> np.ndarray:

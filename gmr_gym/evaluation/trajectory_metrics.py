@@ -3,6 +3,7 @@
 Trajectories are columns, (T, n, d), m, nan at scans at which one is absent.
 """
 
+from collections.abc import Mapping, Sequence
 from numbers import Real
 from typing import NamedTuple
 
@@ -101,20 +102,69 @@ def trajectory_gospa(
     >>> round(parts.total, 6), round(parts.switches, 6)
     (2.0, 2.0)
     """
+    parts = tuple(trajectory_costs(estimates, targets, cutoff, order, switching).sum(axis=1).tolist())
+    return TrajectoryGospa(max(sum(parts), 0.0) ** (1 / order), *parts)
+
+
+def trajectory_costs(
+    estimates: np.ndarray,
+    targets: np.ndarray,
+    cutoff: float = 100.0,
+    order: float = 2.0,
+    switching: float = 10.0,
+) -> np.ndarray:
+    """The parts of trajectory GOSPA scan by scan.
+
+    Parameters
+    ----------
+    estimates, targets, cutoff, order, switching
+        As for `trajectory_gospa`.
+
+    Returns
+    -------
+    ndarray (4, T)
+        Localisation, missed, false and switches, m^order, whose sums over scans `trajectory_gospa` has; what
+        a switch costs counts in the first scan after it.
+
+    Raises
+    ------
+    ValueError
+        As `trajectory_gospa`.
+    """
     x, y = _checked(estimates, targets, cutoff, order, switching)
     alone, change = cutoff**order / 2, switching**order
-    present = [np.isfinite(points[..., 0]).sum() for points in (y, x)]
-    pairs = _near(x, y, cutoff, order)
-    localisation = assigned = switches = 0.0
-    for group in _groups(pairs):
+    missed, false = (alone * np.isfinite(points[..., 0]).sum(axis=1) for points in (y, x))
+    localisation, switches = np.zeros((2, len(x)))
+    for group in _groups(_near(x, y, cutoff, order)):
         W = _assigned(group, 2 * alone, change)
         near = np.isfinite(group.cost)
-        localisation += float((W[near] * group.cost[near]).sum())
-        assigned += float(W[near].sum())
-        switches += change / 2 * float(np.abs(np.diff(W, axis=0)).sum())
-    missed, false = (alone * (float(count) - assigned) for count in present)
-    parts = localisation, missed, false, switches
-    return TrajectoryGospa(max(sum(parts), 0.0) ** (1 / order), *parts)
+        localisation += np.where(near, W * group.cost, 0.0).sum(axis=1)
+        assigned = np.where(near, W, 0.0).sum(axis=1)
+        missed, false = missed - alone * assigned, false - alone * assigned
+        switches[1:] += change / 2 * np.abs(np.diff(W, axis=0)).sum(axis=1)
+    return np.array([localisation, missed, false, switches])
+
+
+def by_label(scans: Sequence[Mapping[int, np.ndarray]], p: int) -> np.ndarray:
+    """Trajectories of labelled estimates.
+
+    Parameters
+    ----------
+    scans : sequence of mapping of int to ndarray (p,)
+        Positions by label, of each scan.
+    p : int
+
+    Returns
+    -------
+    ndarray (T, n, p)
+        By label in the order of first appearance; nan where one is absent.
+    """
+    columns = {label: i for i, label in enumerate(dict.fromkeys(name for scan in scans for name in scan))}
+    x = np.full((len(scans), len(columns), p), np.nan)
+    for t, scan in enumerate(scans):
+        for label, position in scan.items():
+            x[t, columns[label]] = position
+    return x
 
 
 def _near(x: np.ndarray, y: np.ndarray, cutoff: float, order: float) -> _Pairs:

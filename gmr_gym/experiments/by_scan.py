@@ -15,7 +15,8 @@ Means = dict[str, dict[str, np.ndarray]]  # by tracker and figure, (T,)
 
 def by_scan(scenario: Scenario | MultiTargetScenario, results: Mapping[str, Any]) -> Means:
     """Of one target: error_common (m), over the runs that no tracker lost, and track_loss, the share of runs
-    that are lost by then. Of many: gospa (m), cardinality_bias and cardinality_error. Of both: components."""
+    that are lost by then. Of many: gospa (m), trajectory_switches (m^2), cardinality_bias and
+    cardinality_error. Of both: components."""
     found = _multi_target(results) if isinstance(scenario, MultiTargetScenario) else _one(scenario, results)
     return {
         name: {**found[name], "components": runs.components.mean(axis=0)} for name, runs in results.items()
@@ -41,6 +42,7 @@ def _multi_target(results: Mapping[str, Any]) -> Means:
     return {
         name: {
             "gospa": runs.gospa.mean(axis=0),
+            "trajectory_switches": runs.trajectory_switches.mean(axis=0),
             "cardinality_bias": (runs.named - runs.targets.astype(float)).mean(axis=0),
             "cardinality_error": cardinality_error(runs.named, runs.targets).mean(axis=0),
         }

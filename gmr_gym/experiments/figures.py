@@ -33,6 +33,15 @@ METRICS = {
     "time_in_pda_scans": Metric("time, in scans of PDA"),
     "ospa": Metric("OSPA", "m"), "gospa": Metric("GOSPA", "m"),
     **{part: Metric(part, "m^2") for part in ("localisation", "missed", "false")},
+    "gospa_rms": Metric("RMS GOSPA", "m"),
+    **{f"gospa_{phase}": Metric(f"RMS GOSPA {words}", "m")
+       for phase, words in (("before", "before"), ("meeting", "at the meeting"), ("after", "after"))},
+    "trajectory_gospa": Metric("T-GOSPA", "m"),
+    **{f"trajectory_{part}": Metric(f"T-GOSPA {part}", "m^2")
+       for part in ("localisation", "missed", "false", "switches")},
+    "switches": Metric("switches"), "fragments": Metric("fragments"),
+    "time_to_find": Metric("time to find", "s"), "existence_bias": Metric("existence bias"),
+    "existence_brier": Metric("Brier score"), "anees": Metric("ANEES"),
     "cardinality_bias": Metric("cardinality bias"), "cardinality_error": Metric("cardinality error"),
     "wasserstein": Metric("Wasserstein", "m"), "wasserstein_printed": Metric("Wasserstein by eq. 41", "m"),
     **{f"{measure}{key}": Metric(f"{words}{name}")
@@ -75,8 +84,10 @@ ONE_TARGET = Evaluated(
 )  # fmt: skip
 MULTI_TARGET = Evaluated(
     ("ospa", "gospa", "localisation", "missed", "false", "cardinality_bias", "cardinality_error",
-     "density_error", "components", "time_per_scan"),
-    ("wasserstein", "wasserstein_undefined"),
+     "density_error", "components", "trajectory_gospa", "switches", "fragments", "time_to_find",
+     "time_per_scan"),
+    ("wasserstein", "wasserstein_undefined", "trajectory_localisation", "trajectory_missed",
+     "trajectory_false", "trajectory_switches", "existence_bias", "existence_brier", "anees"),
     ("gospa", "cardinality_error", "components", "time_per_scan"),
 )  # fmt: skip
 ALL_FIGURES = {

@@ -11,7 +11,7 @@ from gmr_gym.evaluation.metrics import lost_at
 from gmr_gym.evaluation.mixture_problems import MixtureProblem
 from gmr_gym.evaluation.montecarlo import Runs
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
-from gmr_gym.evaluation.multi_target_summary import compared
+from gmr_gym.evaluation.multi_target_summary import TRACK_FIGURES, compared, track_figures
 from gmr_gym.evaluation.reduction_runs import ReductionRuns
 from gmr_gym.evaluation.summary import errors
 from gmr_gym.evaluation.writing import whole
@@ -24,10 +24,11 @@ RUN_COLUMNS = (
     "tracker", "run", "lost_at_scan", "rmse_m", "error_m", "velocity_rmse_mps", "components", "gate_area_m2",
 )  # fmt: skip
 # means over scans
-MULTI_TARGET_FIELDS = [
-    field for field in MultiTargetRuns._fields if field not in ("seconds", "density_error")
-]
-MULTI_TARGET_COLUMNS = ("tracker", "run", *MULTI_TARGET_FIELDS, "wasserstein_undefined")
+MULTI_TARGET_FIELDS = (
+    "ospa", "gospa", "localisation", "missed", "false", "wasserstein", "targets", "named", "expected",
+    "components",
+)  # fmt: skip
+MULTI_TARGET_COLUMNS = ("tracker", "run", *MULTI_TARGET_FIELDS, "wasserstein_undefined", *TRACK_FIGURES)
 REDUCTION_FIELDS = [field for field in ReductionRuns._fields if field != "seconds"]
 REDUCTION_COLUMNS = ("reduction", "run", *REDUCTION_FIELDS)
 
@@ -73,6 +74,7 @@ def _multi_target_run_figures(scenario: MultiTargetScenario, runs: MultiTargetRu
     return [
         *(getattr(means, field).mean(axis=1).tolist() for field in MULTI_TARGET_FIELDS),
         undefined.tolist(),
+        *(figure.tolist() for figure in track_figures(scenario, runs).values()),
     ]
 
 

@@ -41,17 +41,21 @@ class Options(NamedTuple):
 
     Attributes
     ----------
-    count : int
+    most : int
         Most hypotheses.
     least : float
         Hypotheses of less probability are dropped.
     samples : int
         Events drawn by Gibbs sampling for a cluster; 0 for the events of most weight instead.
+    entries : int
+        Most entries of the tables of pairs of a cluster, one table for each hypothesis. Where they would be
+        more, fewer hypotheses are kept.
     """
 
-    count: int
+    most: int
     least: float
-    samples: int
+    samples: int = 0
+    entries: int = 20_000_000
 
 
 NONE = Hypotheses(np.empty(0, np.int64), np.empty(0), np.zeros(1, np.int64), np.empty(0, np.int64))
@@ -99,8 +103,8 @@ def associate(hypotheses, log_miss, log_absent, pairs, k, options, rng):
     Notes
     -----
     Clusters whose leaves have a detection of one gate become one; its hypotheses are products of theirs.
-    Hypothesis h of weight :math:`w_h` then begets the :math:`\lceil K w_h \rceil` events of most weight, K the
-    most hypotheses of a cluster.
+    Hypothesis h of weight :math:`w_h` then begets the :math:`\lceil K w_h \rceil` events of most weight, with
+    K the most hypotheses of a cluster.
 
     References
     ----------
@@ -125,25 +129,34 @@ def associate(hypotheses, log_miss, log_absent, pairs, k, options, rng):
         clusters, detections = group[group < old], group[group >= old] - old
         for c in range(len(detections)):
             column[detections[c]] = c
-        chosen, prior = _product(clusters, by_cluster, hypotheses.log_weight, options.count)
+        own = _limited(options, hypotheses, by_cluster[clusters], len(detections))
+        chosen, prior = _product(clusters, by_cluster, hypotheses.log_weight, own.most)
         w, ends, codes = _children(
             (hypotheses, chosen, prior), (log_miss, log_absent), (first_pair, detection, log_psi), column,
-            (detections, leaves + e), options, rng,
+            (detections, leaves + e), own, rng,
         )  # fmt: skip
-        kept, w = _kept(w, options)
+        kept, w = _kept(w, own)
         cluster, log_weight = _with_room(cluster, made + len(kept)), _with_room(log_weight, made + len(kept))
         first = _with_room(first, made + len(kept) + 1)
         for c in range(len(kept)):
-            own = codes[ends[kept[c]] : ends[kept[c] + 1]]
-            leaf = _with_room(leaf, at + len(own))
-            leaf[at : at + len(own)] = own
-            at += len(own)
+            held = codes[ends[kept[c]] : ends[kept[c] + 1]]
+            leaf = _with_room(leaf, at + len(held))
+            leaf[at : at + len(held)] = held
+            at += len(held)
             cluster[made], log_weight[made], first[made + 1] = number, w[c], at
             made += 1
         number += 1
     return Hypotheses(
         cluster[:made].copy(), log_weight[:made].copy(), first[: made + 1].copy(), leaf[:at].copy()
     )
+
+
+@kernel
+def _limited(options, hypotheses, some, k):
+    """The options of a cluster of k detections that takes in those of hypotheses `some`, one of each."""
+    tracks = (hypotheses.first[some + 1] - hypotheses.first[some]).sum()
+    most = options.entries // (tracks * (tracks + k) + 1) + 1
+    return Options(min(options.most, most), options.least, min(options.samples, most), options.entries)
 
 
 @leaf_kernel
@@ -210,17 +223,19 @@ def _children(parents, log_alone, pairs, column, numbers, options, rng):
         own = np.empty(0, np.int64)
         for h in chosen[q]:
             own = np.append(own, hypotheses.leaf[hypotheses.first[h] : hypotheses.first[h + 1]])
-        base, place, rows = prior[q], np.full(len(own), -1), 0
+        base, place, rows, absent = prior[q], np.full(len(own), -1), 0, False
         for a in range(len(own)):
             base += log_miss[own[a]]
             if first_pair[own[a]] < first_pair[own[a] + 1] or log_absent[own[a]] > -np.inf:
                 place[a] = rows
                 rows += 1
+                absent |= log_absent[own[a]] > -np.inf
         # columns: the detections, and for each row that its target does not exist
-        table, pair = np.full((rows, k + rows), -np.inf), np.empty((rows, k), np.int64)
+        table, pair = np.full((rows, k + rows * absent), -np.inf), np.empty((rows, k), np.int64)
         for a in range(len(own)):
             if place[a] >= 0:
-                table[place[a], k + place[a]] = log_absent[own[a]]
+                if absent:
+                    table[place[a], k + place[a]] = log_absent[own[a]]
                 for b in range(first_pair[own[a]], first_pair[own[a] + 1]):
                     table[place[a], column[detection[b]]] = log_psi[b]
                     pair[place[a], column[detection[b]]] = b
@@ -228,7 +243,7 @@ def _children(parents, log_alone, pairs, column, numbers, options, rng):
             draws = int(np.ceil(options.samples * share[q]))
             events, gain = sampled_events(table, draws, rng)
         else:
-            events, gain = ranked_events(table, int(np.ceil(options.count * share[q])), spread)
+            events, gain = ranked_events(table, int(np.ceil(options.most * share[q])), spread)
         w, ends = _with_room(w, count + len(events)), _with_room(ends, count + len(events) + 1)
         codes = _with_room(codes, at + len(events) * (len(own) + k))
         for c in range(len(events)):
@@ -253,7 +268,7 @@ def _children(parents, log_alone, pairs, column, numbers, options, rng):
 @kernel
 def _kept(log_weight, options):
     """The most likely hypotheses of a cluster, and their log weights, which then sum to 1."""
-    order = np.argsort(-log_weight, kind="mergesort")[: options.count]
+    order = np.argsort(-log_weight, kind="mergesort")[: options.most]
     w = log_weight[order]
     w -= w[0] + np.log(np.exp(w - w[0]).sum())
     kept = max(1, (w >= np.log(options.least)).sum())

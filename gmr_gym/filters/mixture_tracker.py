@@ -1,4 +1,4 @@
-"""Trackers of many targets by multi-Bernoulli mixtures: how many hypotheses they keep, and what they declare."""
+"""Trackers of many targets by multi-Bernoulli mixtures: what they keep and what they declare."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -118,7 +118,7 @@ class MixtureTracker(KnownClutterTracker):
         order = np.argsort(-existence, kind="stable")
         leaf, existence = leaf[order], existence[order]
         leaves = Mixture(held * posterior.existence, *outputs(posterior.leaves))
-        undetected = Mixture(posterior.expected, *outputs(posterior.undetected))
+        undetected = Mixture(posterior.undetected.expected, *outputs(posterior.undetected.densities))
         everything = joined([leaves, undetected])
         label = posterior.label[posterior.track[leaf]]
         return posterior, MultiTargetReport(

@@ -1,5 +1,5 @@
-r"""Multi-Bernoulli mixtures: global hypotheses about many targets, with or without a Poisson intensity of those
-that are undetected (Williams 2015; Vo and Vo 2013).
+r"""Multi-Bernoulli mixtures: global hypotheses about many targets, with or without a Poisson intensity of
+those that are undetected (Williams 2015; Vo and Vo 2013).
 
 A leaf of a track is a density and a probability that the target exists. Where existence is certain, a leaf
 exists, and hypotheses without it say that the target does not.
@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gmr_gym.filters import undetected_targets
 from gmr_gym.filters.global_hypotheses import (
     NONE,
     Hypotheses,
@@ -21,20 +22,12 @@ from gmr_gym.filters.global_hypotheses import (
     singles,
 )
 from gmr_gym.filters.intensity_update import LOG_NEGLIGIBLE
+from gmr_gym.filters.leaf_merging import by_history, by_reduction
 from gmr_gym.filters.pmb import LEAST_MISS
-from gmr_gym.filters.target_densities import (
-    Densities,
-    Pairs,
-    merge,
-    moved,
-    of_mixture,
-    outputs,
-    pair,
-    posteriors,
-    take,
-)
+from gmr_gym.filters.target_densities import Densities, Pairs, merge, moved, outputs, pair, posteriors, take
 from gmr_gym.filters.target_densities import joined as joined_densities
-from gmr_gym.mixture import Mixture, normalised
+from gmr_gym.filters.undetected_targets import Begun, Undetected, begun
+from gmr_gym.mixture import Mixture
 from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.reduction.protocol import Reduced
 
@@ -57,9 +50,7 @@ class MultiBernoulliMixture(NamedTuple):
         Numbers of the detections that it had in the last s scans, newest first; -1 for none.
     label : ndarray of int, shape (n,)
         Distinct labels of the tracks.
-    undetected : Densities
-    expected : ndarray
-        Expected number of undetected targets of each.
+    undetected : Undetected
     next_label, scans, detections : int
         Next unused label, and number of scans and of detections so far.
     """
@@ -70,8 +61,7 @@ class MultiBernoulliMixture(NamedTuple):
     leaves: Densities
     history: np.ndarray
     label: np.ndarray
-    undetected: Densities
-    expected: np.ndarray
+    undetected: Undetected
     next_label: int = 0
     scans: int = 0
     detections: int = 0
@@ -90,10 +80,10 @@ def untracked(model: MultiTargetModel, memory: int = 0) -> MultiBernoulliMixture
     -------
     MultiBernoulliMixture
     """
-    initial = of_mixture(model.initial, model.mode_prior)
-    nothing, none = take(initial, np.empty(0, int)), np.empty(0, int)
+    undetected, none = undetected_targets.initial(model), np.empty(0, int)
+    nothing = take(undetected.densities, none)
     return MultiBernoulliMixture(
-        NONE, none, np.empty(0), nothing, np.empty((0, memory), int), none, initial, model.initial.w
+        NONE, none, np.empty(0), nothing, np.empty((0, memory), int), none, undetected
     )
 
 
@@ -117,36 +107,31 @@ def predict(
     -----
     Departs: spawning is in none of the papers; spawned targets are born, about the prediction of a leaf.
     """
-    survival = model.survival_probability
-    leaves, expected = moved(belief.leaves, model), survival * belief.expected
-    parts, weights = [moved(belief.undetected, model), of_mixture(model.births, model.mode_prior)], [
-        expected, model.births.w
-    ]  # fmt: skip
-    if model.spawn_weight > 0:
-        parts.append(leaves._replace(P=leaves.P + model.spawn_covariance))
-        held = leaf_weights(belief.hypotheses, len(belief.track))
-        weights.append(model.spawn_weight * held * belief.existence)
+    leaves = moved(belief.leaves, model)
+    existing = leaf_weights(belief.hypotheses, len(belief.track)) * belief.existence
     predicted = belief._replace(
-        existence=survival * belief.existence, leaves=leaves, undetected=joined_densities(parts),
-        expected=np.concatenate(weights), scans=belief.scans + 1,
+        existence=model.survival_probability * belief.existence, leaves=leaves,
+        undetected=undetected_targets.predict(belief.undetected, model, leaves, existing),
+        scans=belief.scans + 1,
     )  # fmt: skip
     return predicted if undetected else _born(predicted)
 
 
 def _born(belief: MultiBernoulliMixture) -> MultiBernoulliMixture:
     """The undetected targets as tracks: one for each whole or started multiple of `LARGEST_BIRTH`."""
-    number = np.ceil(belief.expected / LARGEST_BIRTH).astype(int)
+    expected, densities = belief.undetected
+    number = np.ceil(expected / LARGEST_BIRTH).astype(int)
     of, leaves, tracks = np.repeat(np.arange(len(number)), number), len(belief.track), len(belief.label)
     new = np.arange(len(of))
     cluster = belief.hypotheses.cluster[-1] + 1 if len(belief.hypotheses.cluster) else 0
     return belief._replace(
         hypotheses=joined(belief.hypotheses, singles(leaves + new, cluster)),
         track=np.append(belief.track, tracks + new),
-        existence=np.append(belief.existence, (belief.expected / np.maximum(number, 1))[of]),
-        leaves=joined_densities([belief.leaves, take(belief.undetected, of)]),
+        existence=np.append(belief.existence, (expected / np.maximum(number, 1))[of]),
+        leaves=joined_densities([belief.leaves, take(densities, of)]),
         history=np.vstack([belief.history, np.full((len(of), belief.history.shape[1]), -1)]),
         label=np.append(belief.label, belief.next_label + new),
-        undetected=take(belief.undetected, np.empty(0, int)), expected=np.empty(0),
+        undetected=Undetected(np.empty(0), take(densities, np.empty(0, int))),
         next_label=belief.next_label + len(of),
     )  # fmt: skip
 
@@ -206,7 +191,7 @@ def update(
     ----------
     Williams 2015; Garcia-Fernandez et al. 2018; Vo, Vo and Phung 2014 for certain existence.
     """
-    new = _begun(predicted, model, z, np.log(kappa), least)
+    new = begun(predicted.undetected, model, z, np.log(kappa), least)
     r, p_detected = predicted.existence, model.detected(outputs(predicted.leaves)[0])
     missed = r * (1.0 - p_detected)
     miss = np.maximum(missed if certain else 1.0 - r * p_detected, LEAST_MISS)
@@ -223,45 +208,13 @@ def update(
     )
     posterior = _grown(predicted, pairs, new, hypotheses, np.where(exists >= least, exists, 0.0))
     free = leaf_weights(hypotheses, len(exists))[len(r) + len(log_psi) :]
-    p_detected = model.detected(outputs(predicted.undetected)[0])
-    return posterior._replace(
-        expected=predicted.expected * (1.0 - p_detected), detections=predicted.detections + len(z)
-    ), free * kappa * np.exp(-new.log_free)
-
-
-class _Begun(NamedTuple):
-    """What k detections begin that are of no track."""
-
-    detection: np.ndarray  # (n,), those that begin a track
-    densities: Densities  # of its target
-    existence: np.ndarray  # (k,)
-    log_free: np.ndarray  # (k,), log of the intensity of clutter and undetected targets
-
-
-def _begun(
-    predicted: MultiBernoulliMixture,
-    model: MultiTargetModel,
-    z: np.ndarray,
-    log_kappa: np.ndarray,
-    least: float,
-) -> _Begun:
-    undetected = predicted.undetected
-    weight = predicted.expected * model.detected(outputs(undetected)[0])
-    pairs = pair(undetected, model.sensor, z, log_kappa, weight)
-    log_ratio = pairs.log_likelihood + np.log(weight[pairs.row]) - log_kappa[pairs.detection]
-    log_new = np.zeros(len(z))  # log((rho + kappa) / kappa)
-    np.logaddexp.at(log_new, pairs.detection, log_ratio)
-    existence = -np.expm1(-log_new)
-    chosen = np.flatnonzero(existence[pairs.detection] >= least)
-    detection, group = np.unique(pairs.detection[chosen], return_inverse=True)
-    share = np.exp(log_ratio[chosen] - log_new[pairs.detection[chosen]])
-    densities = merge(posteriors(undetected, pairs, chosen), share, group, len(detection))
-    existence[np.setdiff1d(np.arange(len(z)), detection)] = 0.0
-    return _Begun(detection, densities, existence, log_kappa + log_new)
+    rest = undetected_targets.missed(predicted.undetected, model)
+    posterior = posterior._replace(undetected=rest, detections=predicted.detections + len(z))
+    return posterior, free * kappa * np.exp(-new.log_free)
 
 
 def _grown(
-    predicted: MultiBernoulliMixture, pairs: Pairs, new: _Begun, hypotheses: Hypotheses, exists: np.ndarray
+    predicted: MultiBernoulliMixture, pairs: Pairs, new: Begun, hypotheses: Hypotheses, exists: np.ndarray
 ) -> MultiBernoulliMixture:
     """The leaves, numbered as `associate` does, that the hypotheses have and that may exist."""
     used = np.zeros(len(exists), bool)
@@ -319,39 +272,27 @@ def merged(belief: MultiBernoulliMixture, group: np.ndarray) -> MultiBernoulliMi
 
 def forgotten(belief: MultiBernoulliMixture) -> MultiBernoulliMixture:
     """The leaves of a track that have had the same detections in the scans of the history merged."""
-    rows = np.column_stack([belief.track, belief.history])
-    group = np.unique(rows, axis=0, return_inverse=True)[1].reshape(-1)
-    return belief if len(rows) == group.max(initial=-1) + 1 else merged(belief, group)
+    group = by_history(belief.track, belief.history)
+    return belief if len(group) == group.max(initial=-1) + 1 else merged(belief, group)
 
 
 def reduced(
     belief: MultiBernoulliMixture, reduction: Callable[[Mixture], Reduced], components: int
 ) -> MultiBernoulliMixture:
-    """The leaves of every track, as a mixture, reduced; leaves merged are those of one group of `reduction`.
+    """The leaves of every track, as a mixture, reduced; merged are those of one group of `reduction`.
 
     Tracks of up to `components` leaves are left as they are.
     """
-    number = np.bincount(belief.track, minlength=len(belief.label))
-    if number.max(initial=0) <= components:
+    if np.bincount(belief.track).max(initial=0) <= components:
         return belief
     weight = leaf_weights(belief.hypotheses, len(belief.track)) * belief.existence
-    x, P = outputs(belief.leaves)
-    group, count = np.empty(len(belief.track), int), 0
-    for own in np.split(np.arange(len(belief.track)), np.cumsum(number)[:-1]):
-        of = np.arange(len(own))
-        if len(own) > components:
-            of = reduction(normalised(Mixture(weight[own], x[own], P[own])))[1]
-            of = np.where(of >= 0, np.unique(of, return_inverse=True)[1].reshape(-1) - (of.min() < 0), -1)
-        group[own] = np.where(of >= 0, count + of, -1)
-        count += of.max() + 1
-    return merged(belief, group)
+    leaves = Mixture(weight, *outputs(belief.leaves))
+    return merged(belief, by_reduction(belief.track, leaves, reduction, components))
 
 
 def prune(belief: MultiBernoulliMixture, weight: float, tracks: int) -> MultiBernoulliMixture:
     """Drops undetected components of less `weight`, and keeps up to `tracks` of them and of the tracks."""
-    order = np.argsort(-belief.expected, kind="stable")[:tracks]
-    kept = np.sort(order[(belief.expected[order] >= weight) & (belief.expected[order] > 0)])
-    belief = belief._replace(undetected=take(belief.undetected, kept), expected=belief.expected[kept])
+    belief = belief._replace(undetected=undetected_targets.pruned(belief.undetected, weight, tracks))
     if len(belief.label) <= tracks:
         return belief
     existence = track_existence(belief)

@@ -58,36 +58,49 @@ def ranked_assignments(cost, count, spread=np.inf):
     u, v, barred = np.zeros((count + 1, n + 1)), np.zeros((count + 1, m)), np.zeros((count + 1, m), np.bool_)
     value, queue, waiting = np.empty(count + 1), np.arange(count + 1), 0
     row, room = np.full(m, -1), (np.empty(m), np.empty(m, np.int64), np.empty(m, np.bool_))
+    sets = column, u, v, barred
     if count > 0 and n <= m:
         waiting = 1
         for i in range(n):
-            if waiting and not _augment(i, 0, padded, column[0], row, u[0], v[0], barred[0], np.inf, room):
+            if waiting and not _augment(0, i, 0, padded, sets, row, np.inf, room):
                 waiting = 0
         value[0] = _cost(padded, column[0]) if waiting else 0.0
         spread += value[0]
     while waiting:
-        split = queue[0]
-        columns[found], costs[found] = column[split, :n], value[split]
+        split, left = queue[0], count - found - 1
+        for i in range(n):
+            columns[found, i] = column[split, i]
+        costs[found] = value[split]
         found += 1
-        left = count - found
-        queue[: waiting - 1] = queue[1:waiting].copy()
+        for a in range(waiting - 1):
+            queue[a] = queue[a + 1]
         queue[waiting - 1], queue[count] = queue[count], split
         waiting = min(waiting - 1, left)
         for i in range(first[split], n if left else 0):
             part = queue[count - 1]
             last = value[queue[waiting - 1]] if waiting == left else spread
-            column[part], u[part], v[part] = column[split], u[split], v[split]
-            barred[part] = barred[split] & (i == first[split])
-            barred[part, column[split, i]] = True
-            row[:] = n
-            for r in range(n):
-                row[column[split, r]] = r
-            row[column[split, i]] = -1
-            limit = min(spread, last) - value[split]
-            if _augment(i, i, padded, column[part], row, u[part], v[part], barred[part], limit, room):
+            _branch(split, part, i, i == first[split], sets, row)
+            if _augment(part, i, i, padded, sets, row, min(spread, last) - value[split], room):
                 first[part], value[part] = i, _cost(padded, column[part])
                 waiting = _insert(queue, value, waiting, left)
     return columns[:found], costs[:found]
+
+
+@leaf_kernel
+def _branch(split, part, i, again, sets, row):
+    """Makes set `part` those of set `split` in which row i has another column than in its best assignment;
+    `again` where that row has been barred from columns before. row (m,) becomes the row of each column."""
+    column, u, v, barred = sets
+    n, m = column.shape[1] - 1, len(row)
+    for j in range(m):
+        v[part, j], row[j] = v[split, j], n
+        barred[part, j] = again and barred[split, j]
+    for r in range(n + 1):
+        column[part, r], u[part, r] = column[split, r], u[split, r]
+    for r in range(n):
+        row[column[split, r]] = r
+    barred[part, column[split, i]] = True
+    row[column[split, i]] = -1
 
 
 @leaf_kernel
@@ -104,15 +117,17 @@ def _at_most(cost, count):
 
 
 @leaf_kernel
-def _augment(start, fixed, cost, column, row, u, v, barred, limit, room):
-    """Gives row `start` a column by the shortest augmenting path; False where there is none up to `limit`.
+def _augment(part, start, fixed, cost, sets, row, limit, room):
+    """Gives row `start` of a set a column by the shortest augmenting path; False where none is up to `limit`.
 
-    column (n + 1,) of each row, row (m,) of each column, u (n + 1,) and v (m,) are changed in place. The path
+    Column (n + 1,) of each row, row (m,) of each column, u (n + 1,) and v (m,) are changed in place. The path
     ends at a column whose row is -1. Rows before `fixed` keep their columns; row `start` cannot have those
     that are barred.
     """
+    column, u, v, barred = sets[0][part], sets[1][part], sets[2][part], sets[3][part]
     (distance, before, done), n, m = room, len(cost) - 1, len(row)
-    distance[:], done[:] = np.inf, False
+    for j in range(m):
+        distance[j], done[j] = np.inf, False
     for r in range(fixed):
         done[column[r]] = True
     i, reached, sink, spare = start, 0.0, -1, False
@@ -206,8 +221,14 @@ def ranked_events(log_psi, count, spread=np.inf):
     """
     n, k = log_psi.shape
     cost = np.full((n, k + n), np.inf)
-    cost[:, :k] = -log_psi
     for i in range(n):
         cost[i, k + i] = 0.0
+        for j in range(k):
+            cost[i, j] = -log_psi[i, j]
     columns, costs = ranked_assignments(cost, count, spread)
-    return np.where(columns < k, columns, -1), -costs
+    for c in range(len(costs)):
+        costs[c] = -costs[c]
+        for i in range(n):
+            if columns[c, i] >= k:
+                columns[c, i] = -1
+    return columns, costs

@@ -18,7 +18,7 @@ from gmr_gym.models.gating import gate_threshold
 from gmr_gym.models.kalman import Motion, position_sensor
 from gmr_gym.models.motions import constant_acceleration, constant_velocity
 from gmr_gym.models.multi_target import multi_target_model
-from gmr_gym.scenarios.paths import shortened
+from gmr_gym.scenarios.paths import many_given, shortened, unvaried
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 LOW, HIGH = np.array([[-1000.0, -1000.0], [1000.0, 1000.0]])  # m, corners of the region
@@ -149,7 +149,7 @@ def unknown_clutter(
         believed = true(0)
     else:
         believed = uniform_clutter(LOW, HIGH, max(true(0).expected, LITTLE))
-    x = None if trajectory is None else _states(trajectory)
+    x = None if trajectory is None else many_given("trajectory", trajectory, (4, 6))
     scans = len(shortened(np.empty(SCANS) if x is None else x, horizon))
     if births is None:
         births = BIRTHS if x is None else [(BIRTHS[0][0], position) for position in _appearances(x)]
@@ -166,7 +166,7 @@ def unknown_clutter(
             SPAWNS,
             new,
         ),
-        truth=partial(_three, scans) if x is None else partial(_given, x[:scans]),
+        truth=partial(_three, scans) if x is None else partial(unvaried, x[:scans]),
         targets=3 if x is None else x.shape[1],
         sensor=sensor,
         detection_probability=float(detection_probability),
@@ -208,10 +208,6 @@ def three_targets(rng: np.random.Generator) -> np.ndarray:
 
 def _three(scans: int, rng: np.random.Generator) -> np.ndarray:
     return three_targets(rng)[:scans]
-
-
-def _given(x: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    return x
 
 
 def _flown(motion: Motion, state: np.ndarray, scans: int, rng: np.random.Generator) -> np.ndarray:
@@ -281,26 +277,6 @@ def _births(births, P: np.ndarray) -> Mixture:
     if not ((w > 0) & (w <= 100)).all() or not (np.abs(positions) <= 1e6).all():
         raise ValueError(f"births must be of positive numbers at finite positions, got {births}")
     return Mixture(w, np.hstack([positions, np.zeros((len(w), 4))]), np.tile(P, (len(w), 1, 1)))
-
-
-def _states(trajectory) -> np.ndarray:
-    """States (T, m, 6) of (T, m, 4) or (T, m, 6), accelerations 0 where not given."""
-    try:
-        given: np.ma.MaskedArray = np.ma.array(trajectory, float)
-    except (TypeError, ValueError):
-        raise ValueError("trajectory must be numbers of shape (T, m, 4) or (T, m, 6)") from None
-    x = np.array(given.data)
-    if x.ndim != 3 or x.shape[2] not in (4, 6) or min(x.shape) < 1:
-        raise ValueError(f"trajectory must have shape (T, m, 4) or (T, m, 6), got {x.shape}")
-    x[np.ma.getmaskarray(given).any(axis=2)] = np.nan
-    absent = np.isnan(x).all(axis=2)
-    if not (np.abs(x[~absent]) <= 1e6).all():
-        raise ValueError("trajectory must be finite and within a million of zero, or nan in a whole state")
-    if never := np.flatnonzero(absent.all(axis=0)).tolist():
-        raise ValueError(f"trajectory must show every target, but {never} are absent throughout")
-    if x.shape[2] == 4:
-        x = np.concatenate((x, np.where(absent, np.nan, 0.0)[..., None].repeat(2, axis=2)), axis=2)
-    return x
 
 
 def _appearances(x: np.ndarray) -> np.ndarray:

@@ -4,16 +4,18 @@ As in Garcia-Fernandez, Williams, Granstrom and Svensson (2018), section VI: all
 in the middle, within a metre, and run forward and backward from there.
 """
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
-from gmr_gym.checks import check_density, check_probability
+from gmr_gym.checks import _check_positive, check_probability
 from gmr_gym.mixture import Mixture
-from gmr_gym.models.clutter import Clutter, uniform_clutter
+from gmr_gym.models.clutter import uniform_clutter
 from gmr_gym.models.kalman import Motion, motion, position_sensor
 from gmr_gym.models.multi_target import multi_target_model
-from gmr_gym.scenarios.paths import shortened
+from gmr_gym.scenarios.paths import both_ways, many_given, shortened, unvaried
+from gmr_gym.scenarios.square import constant_clutter
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 SIDE = 300.0  # m, of the region
@@ -36,6 +38,7 @@ def meeting_targets(
     *,
     staggered: bool = False,
     truth_seed: int | None = None,
+    trajectory: np.ndarray | Sequence | None = None,
     horizon: int | None = None,
 ) -> MultiTargetScenario:
     """Four targets in a square of 300 m that meet within a metre, one of which disappears there.
@@ -53,8 +56,10 @@ def meeting_targets(
     truth_seed : int, optional
         Seed of the paths, for episodes that differ in their detections alone; by default every episode has
         paths of its own.
+    trajectory : array_like (T, m, 4), optional
+        States [x, y, vx, vy] of other targets, m and s; nan or masked where a target is absent.
     horizon : int, optional
-        Number of scans; all 81 by default.
+        Number of scans; all by default, 81 of the paper's paths.
 
     Returns
     -------
@@ -77,11 +82,21 @@ def meeting_targets(
     check_probability("detection_probability", detection_probability)
     if not 0 < clutter_rate <= 1e4:
         raise ValueError(f"clutter_rate must be positive and at most 1e4 per scan, got {clutter_rate}")
-    check_density("sensor_deviation", sensor_deviation)
+    _check_positive(sensor_deviation=sensor_deviation)
     if truth_seed is not None and not (isinstance(truth_seed, int) and truth_seed >= 0):
         raise ValueError(f"truth_seed must be a whole number, at least 0, got {truth_seed!r}")
-    scans = len(shortened(np.empty(SCANS), horizon))
     moving, sensor = _motion(), position_sensor(sensor_deviation)
+    if trajectory is None:
+        scans, targets = len(shortened(np.empty(SCANS), horizon)), TARGETS
+        truth = partial(_paths, moving, staggered, truth_seed, scans)
+    else:
+        if staggered or truth_seed is not None:
+            raise ValueError(
+                "staggered and truth_seed are of the paper's paths: give neither with trajectory"
+            )
+        x = shortened(many_given("trajectory", trajectory, (4,)), horizon)
+        scans, targets = x.shape[:2]
+        truth = partial(unvaried, x)
     where = np.array([[PLACE, PLACE, 0.0, 0.0]]), np.diag(np.repeat(SPREAD, 2) ** 2)[None]
     clutter = uniform_clutter(np.zeros(2), np.full(2, SIDE), clutter_rate)
     return MultiTargetScenario(
@@ -89,11 +104,11 @@ def meeting_targets(
             moving, sensor, detection_probability, SURVIVAL, Mixture(np.array([BORN]), *where), clutter,
             initial=Mixture(np.array([THERE]), *where),
         ),
-        truth=partial(_paths, moving, staggered, truth_seed, scans),
-        targets=TARGETS,
+        truth=truth,
+        targets=targets,
         sensor=sensor,
         detection_probability=float(detection_probability),
-        clutter=partial(_same, clutter),
+        clutter=partial(constant_clutter, clutter),
         horizon=scans,
         period=PERIOD,
         position=(0, 1),
@@ -117,20 +132,11 @@ def _paths(
     """States (scans, 4, 4), nan where a target is absent."""
     rng = rng if truth_seed is None else np.random.default_rng(truth_seed)
     noise = rng.standard_normal((SCANS, TARGETS, 4)) @ np.linalg.cholesky(moving.Q).T
-    back = np.linalg.inv(moving.F)
-    x = np.empty((SCANS, TARGETS, 4))
     meeting = rng.standard_normal((TARGETS, 4)) * np.sqrt(MEETING[staggered])
-    x[MIDDLE - 1] = meeting + np.array([SIDE / 2, SIDE / 2, 0.0, 0.0])
-    for t in range(MIDDLE, SCANS):
-        x[t] = x[t - 1] @ moving.F.T + noise[t]
-    for t in range(MIDDLE - 2, -1, -1):
-        x[t] = (x[t + 1] + noise[t]) @ back.T
+    middle = meeting + np.array([SIDE / 2, SIDE / 2, 0.0, 0.0])
+    x = both_ways(middle, MIDDLE - 1, moving.F[None, None], noise)
     x[MIDDLE - 1 :, 0] = np.nan
     if staggered:
         for i, first in enumerate(FIRST):
             x[: first - 1, i] = np.nan
     return x[:scans]
-
-
-def _same(clutter: Clutter, t: int) -> Clutter:
-    return clutter

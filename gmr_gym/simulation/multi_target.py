@@ -26,7 +26,8 @@ class MultiTargetScenario:
     truth: Callable[[np.random.Generator], np.ndarray]  # states (T, m, d), nan where a target is absent
     targets: int  # m, the number that ever appear
     sensor: Sensor  # the true one; model.sensor is the one that the tracker assumes
-    detection_probability: float
+    # P_D, or a function of states (..., d); it returns (...), anything where a target is absent
+    detection_probability: float | Callable[[np.ndarray], np.ndarray]
     clutter: Callable[[int], Clutter]  # the true intensity at scan t (from 0)
     horizon: int  # scans, T
     period: float  # s
@@ -143,7 +144,8 @@ def draw(scenario: MultiTargetScenario, seed: int | np.random.SeedSequence) -> M
     R = scenario.sensor.R
     noise = for_detection.standard_normal((*shape, len(R))) @ np.linalg.cholesky(R).T
     measured = scenario.sensor.measure(x) + noise  # nan where a target is absent: in no box
-    detected = for_detection.random(shape) < scenario.detection_probability
+    P_D = scenario.detection_probability
+    detected = for_detection.random(shape) < (P_D(x) if callable(P_D) else P_D)
     ranks = for_detection.random(shape)
     z = np.empty((scenario.most, len(R)))
     origin = np.empty(scenario.most, int)

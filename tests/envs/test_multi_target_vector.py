@@ -31,12 +31,21 @@ def cubic(horizon: int = 4):
     return replace(unknown_clutter(horizon=horizon), order=3.0)
 
 
-def native(n, **kwargs):
-    return gym.make_vec(ID, num_envs=n, vectorization_mode="vector_entry_point", **kwargs)
+OTHERS = [
+    ("gmr_gym/MeetingTargets-v0", {"horizon": 6, "staggered": True}),
+    ("gmr_gym/MeetingTargets-v0", {"trajectory": PATH % 300, "truth_seed": None, "metric": "ospa"}),
+    ("gmr_gym/CrossingTargets-v0", {"horizon": 5, "n": 3, "shadows": [((0, 0), 400, 0.1)]}),
+    ("gmr_gym/DenseTargets-v0", {"horizon": 3, "hot_spots": [(40, (100, 0), 60)]}),
+    ("gmr_gym/ManoeuvringTargets-v0", {"horizon": 5}),
+]
 
 
-def in_turn(n, mode=AutoresetMode.NEXT_STEP, **world):
-    return SyncVectorEnv([lambda: gym.make(ID, **world).unwrapped] * n, autoreset_mode=mode)
+def native(n, /, env_id=ID, **kwargs):
+    return gym.make_vec(env_id, num_envs=n, vectorization_mode="vector_entry_point", **kwargs)
+
+
+def in_turn(n, /, mode=AutoresetMode.NEXT_STEP, env_id=ID, **world):
+    return SyncVectorEnv([lambda: gym.make(env_id, **world).unwrapped] * n, autoreset_mode=mode)
 
 
 def assert_same(a, b):
@@ -62,7 +71,12 @@ def submitted(envs, info, rng):
     if "truth" in info:  # not where all episodes have just ended
         rows = min(info["truth"].shape[1], actions.shape[1])
         off = rng.choice([0.0, 3.0, 60.0], (rows, 1)) * rng.normal(size=info["truth"][:, :rows].shape)
-        actions[:, :rows, 1:] = info["truth"][:, :rows] + off
+        actions[:, :rows, 1 : 1 + off.shape[2]] = info["truth"][:, :rows] + off
+    if envs._single.labels:
+        # mostly those of the scan before, some exchanged, some without
+        labels = np.arange(actions.shape[1]) - 1.2
+        actions[:, :, -1] = rng.permuted(np.tile(labels, (len(actions), 1)), axis=1)
+        actions[::2, :, -1] = labels
     return actions
 
 
@@ -89,6 +103,35 @@ def test_a_vector_of_n_is_n_single_environments_bit_for_bit(world, mode):
     assert isinstance(one, MultiTargetVectorEnv) and one.metadata["autoreset_mode"] is mode
     assert one.observation_space == other.observation_space and one.action_space == other.action_space
     assert same_play(one, other, seed=[3, 1, 2**70, 1], steps=20) >= 8
+
+
+@pytest.mark.parametrize(("env_id", "world"), OTHERS)
+def test_so_it_is_in_every_environment_of_many_targets(env_id, world):
+    one, other = native(3, env_id, **world), in_turn(3, env_id=env_id, **world)
+    assert same_play(one, other, seed=[3, 1, 1], steps=14) >= 6
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+@pytest.mark.parametrize("metric", ["gospa", "trajectory-gospa"])
+def test_so_it_is_with_labels(metric, mode):
+    world = {"env_id": "gmr_gym/MeetingTargets-v0", "horizon": 5, "metric": metric, "labels": True}
+    one, other = native(3, autoreset_mode=mode, **world), in_turn(3, mode, **world)
+    assert one.action_space.shape == (3, 10, 6)
+    assert same_play(one, other, seed=[3, 1, 1], steps=14) >= 6
+
+
+def test_two_estimates_of_one_label_are_refused_with_their_rows():
+    envs = native(2, horizon=3, labels=True)
+    envs.reset(seed=0)
+    actions = np.zeros(envs.action_space.shape)
+    actions[..., -1] = 3.0
+    envs.step(actions)  # none counts
+    actions[1, 1::3, 0] = 1.0
+    actions[1, 7, -1], actions[1, 4, -1] = 2.0, 2.6
+    with pytest.raises(ValueError, match=r"differ among .*, got 3 in the rows 1 and 4 of environment 1$"):
+        envs.step(actions)
+    actions[1, :, -1] = -1.0
+    envs.step(actions)
 
 
 @pytest.mark.parametrize("env_id", sorted(MULTI_TARGET))
@@ -208,7 +251,7 @@ def test_what_cannot_be_is_refused_by_name():
         ({"num_envs": 0}, "num_envs must be at least 1"),
         ({"threads": 0}, "threads must be at least 1"),
         ({"targets": 0}, "targets must be a whole number of rows between 1 and 1000, got 0"),
-        ({"metric": "nees"}, "metric must be one of gospa, ospa, got 'nees'"),
+        ({"metric": "nees"}, "metric must be one of gospa, ospa, trajectory-gospa, got 'nees'"),
         (
             {"autoreset_mode": "never"},
             "autoreset_mode must be one of NextStep, SameStep, Disabled, got 'never'",

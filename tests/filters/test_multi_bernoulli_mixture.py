@@ -17,7 +17,7 @@ from gmr_gym.models.model import model as single_target_model
 from gmr_gym.models.multi_target import multi_target_model
 
 P_D, P_S, RATE, SIDE = 0.8, 0.9, 2.0, 40.0
-ALL = Options(2**62, 0.0, 0)  # every hypothesis
+ALL = Options(2**62, 0.0, 0, 2**62)  # every hypothesis
 NO_SAMPLES = np.random.default_rng(0)
 
 
@@ -157,7 +157,7 @@ def test_the_mixture_is_the_posterior_over_all_histories(scans):
 @pytest.mark.parametrize("scans", SCANS)
 def test_false_alarms_and_targets_share_out_the_detections(scans):
     told = line(BIRTHS, INITIAL)
-    belief, p_clutter = played(told, scans)
+    p_clutter = played(told, scans)[1]
     started = {}
     kappa = RATE / SIDE
     total = 0.0
@@ -221,7 +221,7 @@ def test_one_certain_target_is_tracked_as_by_the_mht_of_one_target():
     )
     mht = make_tracker("mht", alone, components=10**6, prune_weight=0.0)
     belief = mixtures.untracked(told)
-    belief = mixtures._born(belief._replace(expected=np.array([0.5])))
+    belief = mixtures._born(belief._replace(undetected=belief.undetected._replace(expected=np.array([0.5]))))
     belief, hypotheses = belief._replace(existence=np.ones(1)), mht.init()
     for z in [
         np.array([[0.5], [1.5], [-1.0]]),
@@ -241,7 +241,7 @@ def test_one_certain_target_is_tracked_as_by_the_mht_of_one_target():
 
 def test_targets_far_apart_stay_in_clusters_of_their_own():
     told = line(BIRTHS, intensity([0.9, 0.9], [-15.0, 15.0], 1.0))
-    belief, _ = played(told, [np.array([[-15.0], [15.0]])] * 3, options=Options(200, 1e-4, 0))
+    belief, _ = played(told, [np.array([[-15.0], [15.0]])] * 3, options=Options(200, 1e-4))
     w = np.bincount(belief.track, leaf_weights(belief.hypotheses, len(belief.track)) * belief.existence)
     assert (w > 0.5).sum() == 2
     cluster = {i: set() for i in range(len(w))}

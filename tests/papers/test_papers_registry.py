@@ -69,6 +69,6 @@ def test_to_list_papers_imports_none():
     code = (
         "import sys; from gmr_gym.experiments.papers.registry import PAPERS;"
         "loaded = [m for m in sys.modules if m.startswith('gmr_gym.experiments.papers.')];"
-        "assert loaded == ['gmr_gym.experiments.papers.registry'], loaded; assert len(PAPERS) == 7"
+        "assert loaded == ['gmr_gym.experiments.papers.registry'], loaded; assert len(PAPERS) == 8"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

@@ -21,7 +21,7 @@ from gmr_gym.evaluation.summary import FEWEST, Estimate
 from gmr_gym.experiments.claims import Claim, judged
 from gmr_gym.experiments.evidence import Evidence, measured
 from gmr_gym.experiments.figures import HEADINGS
-from gmr_gym.experiments.papers import crouse, dortenzio, li, lv, maybeck, maybeck_zhang, zhang
+from gmr_gym.experiments.papers import crouse, dortenzio, li, lv, maybeck, maybeck_zhang, williams15, zhang
 from gmr_gym.experiments.papers.zhang_claims import BOTH, CASE_1, CASE_2, QUANTITIES, ROLES, Trio
 from gmr_gym.experiments.tables import MixtureTable, Table, printed_in, table_record, verdict
 from gmr_gym.filters.registry import make_tracker
@@ -30,11 +30,11 @@ from gmr_gym.scenarios.zhang import SCANS, jump_markov
 
 PAPER_MODULES = {
     "crouse": crouse, "dortenzio": dortenzio, "li": li, "lv": lv, "maybeck": maybeck,
-    "maybeck-zhang": maybeck_zhang, "zhang": zhang,
+    "maybeck-zhang": maybeck_zhang, "williams15": williams15, "zhang": zhang,
 }  # fmt: skip
 PRINTED_RUNS = {
     "crouse": {500, 2000}, "dortenzio": {1000}, "li": {300}, "lv": {100}, "maybeck": {50},
-    "maybeck-zhang": {1000}, "zhang": {1000},
+    "maybeck-zhang": {1000}, "williams15": {100}, "zhang": {1000},
 }  # fmt: skip
 TABLES = [
     pytest.param(table, id=f"{name}-{table.name}")

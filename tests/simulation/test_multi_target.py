@@ -348,7 +348,7 @@ def test_a_given_trajectory_is_flown_and_told_of_where_it_starts(columns):
         ({"horizon": 0}, "horizon must be between 1"),
         ({"trajectory": np.zeros((5, 1, 4)), "horizon": 6}, "horizon must be between 1 and the 5 scans"),
         ({"clutter_density": 1e-4}, "unknown argument 'clutter_density'; .*takes clutter, clutter_rate, "),
-        ({"metric": "rmse"}, "metric must be one of gospa, ospa, got 'rmse'"),
+        ({"metric": "rmse"}, "metric must be one of gospa, ospa, trajectory-gospa, got 'rmse'"),
         ({"targets": 0}, "targets must be a whole number of rows between 1 and 1000, got 0"),
         ({"targets": 2.5}, "targets must be a whole number"),
         ({"targets": True}, "targets must be a whole number"),

@@ -53,6 +53,7 @@ for _name, _about in {
     "lv": "several targets in clutter fitted as a finite mixture: Figs. 1-9, what the trackers score",
     "maybeck": "an F-16 in clutter, filter banks and hypotheses: Table I, Figs. 3-7",
     "maybeck-zhang": "models in the mixture or in filter banks: both papers' trackers and scenarios",
+    "williams15": "four targets that meet and part: trackers of many targets compared, scan by scan",
     "zhang": "models and hypotheses of a manoeuvring target reduced jointly: cases 1 and 2, Figs. 1-2",
 }.items():
     register_paper(_name, _about, f"gmr_gym.experiments.papers.{_name.replace('-', '_')}:PAPER")

@@ -1,0 +1,144 @@
+"""Williams' four targets that meet and part, as Garcia-Fernandez and others have them: every tracker of many
+targets, scan by scan. Papers order the trackers by GOSPA; here each order is judged before, at and after the
+meeting."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure as Drawing
+
+from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
+from gmr_gym.evaluation.multi_target_summary import (
+    defined,
+    multi_target_differences,
+    multi_target_summary,
+    track_figures,
+)
+from gmr_gym.evaluation.summary import Estimate, bootstrap_mean
+from gmr_gym.experiments.claims import Asked, Claim, number
+from gmr_gym.experiments.drawings import by_tracker, legend_above, save
+from gmr_gym.experiments.evidence import Evidence, Quantities, Rows
+from gmr_gym.experiments.tables import Paper, Table
+from gmr_gym.simulation.multi_target import MultiTargetScenario
+
+Results = Mapping[str, MultiTargetRuns]  # by tracker
+PHD, CPHD, GNN, JPDA, JIPDA, PMB, PMBM = "gm-phd", "gm-cphd", "gnn", "jpda", "jipda", "pmb", "pmbm"
+LOOPY = "pmb:association=belief-propagation"
+FAINT = {"prune_existence": 1e-5, "prune_weight": 1e-5}  # the papers' limits of tracks that may not be
+DROP = {"drop": 1e-5}
+TRACKERS: dict[str, dict[str, float]] = {
+    PHD: {}, CPHD: {}, GNN: {}, JPDA: {}, JIPDA: DROP, PMB: FAINT, LOOPY: FAINT, PMBM: {}, "mbm": {},
+    "delta-glmb": {},
+}  # fmt: skip
+# a mixture in every track: how many components it has, and which reduction decides on them
+REDUCED = (JIPDA, *(
+    f"{JIPDA}:components={components},reduction={reduction}"
+    for reduction, components in (
+        ("runnalls", 3), ("runnalls", 10), ("west", 3), ("capping", 3), ("capping", 10), ("ise", 3),
+    )
+))  # fmt: skip
+# scans, from 0, in which a target is within a few deviations of another, and those before and after
+PHASES = {"before": slice(10, 35), "meeting": slice(35, 46), "after": slice(46, 81)}
+COLUMNS = (
+    "gospa_rms", *(f"gospa_{phase}" for phase in PHASES), "localisation", "missed", "false",
+    "trajectory_gospa", "trajectory_switches", "switches", "cardinality_error", "anees", "time_per_scan",
+)  # fmt: skip
+HARDER = {"detection_probability": 0.7, "clutter_rate": 30.0}
+TRUTH = {"truth_seed": 0}  # one truth for all runs, as in the papers
+
+
+def _square(phase: slice, scenario: MultiTargetScenario, runs: MultiTargetRuns) -> np.ndarray:
+    """Mean square of GOSPA over scans, m^2, run by run."""
+    return (runs.gospa[:, phase] ** 2).mean(axis=1)
+
+
+# of one tracker, run by run (runs,)
+QUANTITIES: Quantities = {
+    "all": partial(_square, slice(None)),
+    **{phase: partial(_square, scans) for phase, scans in PHASES.items()},
+    "trajectory": lambda scenario, runs: track_figures(scenario, runs)["trajectory_gospa"] ** 2,
+}
+
+
+def _rows(scenario: MultiTargetScenario, results: Results) -> Rows:
+    """The figures of `multi_target_summary`, and the root mean square of GOSPA over runs and scans (m): of
+    all scans, and of those before, at and after the meeting."""
+    rows = multi_target_summary(scenario, results)
+    for name, runs in results.items():
+        for figure, scans in {"rms": slice(None), **PHASES}.items():
+            square = bootstrap_mean(_square(scans, scenario, runs))
+            rows[name][f"gospa_{figure}"] = Estimate(*np.sqrt(square).tolist())
+    return rows
+
+
+_table = partial(
+    Table, env_id="gmr_gym/MeetingTargets-v0", runs=100, summarise=_rows, columns=COLUMNS,
+    paired=multi_target_differences,
+)  # fmt: skip
+TABLES = (
+    _table("together", "all four targets there from the first scan", settings=TRUTH, trackers=TRACKERS),
+    _table("staggered", "targets born one after another",
+           settings=TRUTH | {"staggered": True}, trackers=TRACKERS),
+    _table("harder", "detected with 0.7 among thirty false alarms",
+           settings=TRUTH | HARDER, trackers=TRACKERS),
+    _table("reductions", "JIPDA with a mixture in every track, by reduction",
+           settings=TRUTH, trackers=dict.fromkeys(REDUCED, DROP)),
+)  # fmt: skip
+
+
+@number
+def less(quantity: str, own: Evidence, rival: Evidence) -> np.ndarray:
+    """By how much it is less than the rival's, run by run (runs,)."""
+    return defined(getattr(rival, quantity) - getattr(own, quantity))
+
+
+def _better(of: str, against: str, quantity: str, where: str, what: str = "mean square GOSPA") -> Claim:
+    return Claim(
+        f"{of} is better than {against}{where}", f"{what}, m²: that of {against} less its own", 0.0,
+        less(quantity), of, against,
+    )  # fmt: skip
+
+
+# who is said to be better than whom
+ORDER = ((PMBM, PMB), (PMB, LOOPY), (PMB, JIPDA), (JIPDA, JPDA), (JPDA, GNN), (PMB, CPHD), (CPHD, PHD))
+CLAIMS = (
+    *(_better(of, against, "all", "") for of, against in ORDER),
+    *(_better(PMBM, PMB, phase, f" {where}")
+      for phase, where in (("before", "before they meet"), ("meeting", "where they meet"),
+                           ("after", "after they have met"))),
+    *(_better(PMB, LOOPY, phase, f" {where}")
+      for phase, where in (("meeting", "where they meet"), ("after", "after they have met"))),
+    _better(PMBM, PMB, "trajectory", " by trajectories", "mean over scans of the square of T-GOSPA"),
+)  # fmt: skip
+ASKED = tuple(Asked(CLAIMS, (table.name,), run_by_run=True) for table in TABLES[:3])
+
+
+def figures(table: Table, scenario: MultiTargetScenario, results: Results, rows: Rows, out: Path) -> None:
+    """Means over runs by scan."""
+    save(_by_scan(results), out / f"by-scan-{table.name}.png")
+
+
+def _by_scan(results: Results) -> Drawing:
+    """Roots of means over runs of squared GOSPA and of its parts, and what switched labels cost."""
+    curves: dict[str, Callable[[MultiTargetRuns], np.ndarray]] = {
+        "GOSPA, m": lambda runs: runs.gospa**2,
+        "localisation, m": lambda runs: runs.localisation,
+        "missed, m": lambda runs: runs.missed,
+        "false, m": lambda runs: runs.false,
+        "switches of T-GOSPA, m": lambda runs: runs.trajectory_switches,
+    }
+    scans = np.arange(1, next(iter(results.values())).gospa.shape[1] + 1)
+    drawing, panels = by_tracker(9, 11, scans, {
+        label: {name: np.sqrt(curve(runs).mean(axis=0)) for name, runs in results.items()}
+        for label, curve in curves.items()
+    })  # fmt: skip
+    for axes in panels:
+        axes.set(ylim=(0, None))
+    panels[-1].set(xlabel="scan")
+    legend_above(drawing, fontsize=8, ncols=4)
+    return drawing
+
+
+PAPER = Paper(TABLES, figures, QUANTITIES, ASKED)
