@@ -12,7 +12,7 @@ def delta_glmb(
     model: MultiTargetModel,
     components: int = 1000,
     samples: int = 1000,
-    prune_components: float = 1e-5,
+    prune_components: float = 1e-3,
     prune_weight: float = 1e-5,
     tracks: int = 1000,
     births: str = "detections",
