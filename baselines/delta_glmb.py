@@ -13,6 +13,7 @@ def delta_glmb(
     hypotheses: int = 1000,
     samples: int = 1000,
     prune_hypotheses: float = 1e-3,
+    *,
     prune_weight: float = 1e-5,
     tracks: int = 1000,
     births: str = "detections",
