@@ -9,6 +9,7 @@ def mbm(
     model: MultiTargetModel,
     hypotheses: int = 1000,
     prune_hypotheses: float = 1e-6,
+    *,
     prune_existence: float = 1e-5,
     tracks: int = 1000,
     report_threshold: float = 0.4,

@@ -9,6 +9,7 @@ def pmbm(
     model: MultiTargetModel,
     hypotheses: int = 200,
     prune_hypotheses: float = 1e-4,
+    *,
     prune_existence: float = 1e-5,
     prune_weight: float = 1e-5,
     tracks: int = 1000,

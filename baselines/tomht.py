@@ -98,6 +98,7 @@ def tomht(
     model: MultiTargetModel,
     scans: int = 5,
     leaves: int = 30,
+    *,
     prune_leaves: float = 1e-8,
     prune_existence: float = 1e-3,
     prune_weight: float = 1e-5,

@@ -134,7 +134,8 @@ def grow(
     hit = r * p_detected / miss
     pairs = pair(predicted.leaves, model.sensor, z, log_kappa, hit, negligible)
     row, first, n = pairs.row, new.detection, len(new.detection)
-    missed, started = predicted.score + np.log(miss), np.log(np.expm1((new.log_free - log_kappa)[first]))
+    missed = predicted.score + np.log(miss)
+    started = np.log(new.existence[first]) + (new.log_free - log_kappa)[first]
     gain = pairs.log_likelihood + np.log(hit[row]) - log_kappa[pairs.detection]
     older = predicted.history[:, :-1]
     history = np.vstack([older, older[row], np.full((n, older.shape[1]), -1)])
