@@ -10,9 +10,9 @@ SAMPLERS = ("gibbs", "murty")
 
 def delta_glmb(
     model: MultiTargetModel,
-    components: int = 1000,
+    hypotheses: int = 1000,
     samples: int = 1000,
-    prune_components: float = 1e-5,
+    prune_hypotheses: float = 1e-3,
     prune_weight: float = 1e-5,
     tracks: int = 1000,
     births: str = "detections",
@@ -27,11 +27,11 @@ def delta_glmb(
     ----------
     model : MultiTargetModel
         The filter model.
-    components : int
+    hypotheses : int
         Most hypotheses of a cluster of tracks that have shared detections.
     samples : int
         Association events drawn in each cluster by Gibbs sampling.
-    prune_components : float
+    prune_hypotheses : float
         Hypotheses of less probability are dropped.
     prune_weight : float
         Undetected components of less weight, an expected number of targets, are dropped.
@@ -73,7 +73,7 @@ def delta_glmb(
     check_choice("births", births, BIRTHS)
     check_choice("association", association, SAMPLERS)
     return MixtureTracker(
-        model, components, prune_components, min(1e-5, report_threshold / 2), prune_weight, tracks,
+        model, hypotheses, prune_hypotheses, min(1e-5, report_threshold / 2), prune_weight, tracks,
         report_threshold, estimator, undetected=births == "detections", certain=True,
         samples=samples if association == "gibbs" else 0, seed=seed,
     )  # fmt: skip

@@ -7,8 +7,8 @@ from gmr_gym.reduction.registry import reduction_named
 
 def mbm(
     model: MultiTargetModel,
-    hypotheses: int = 200,
-    prune_hypotheses: float = 1e-4,
+    hypotheses: int = 1000,
+    prune_hypotheses: float = 1e-6,
     prune_existence: float = 1e-5,
     tracks: int = 1000,
     report_threshold: float = 0.4,

@@ -62,9 +62,8 @@ class Tomht(KnownClutterTracker):
     def update(self, belief: Trees, z: np.ndarray, clutter: Clutter) -> tuple[Trees, np.ndarray]:
         """Trees after the scan `z` (k, p), and the probability (k,) that each is a false alarm."""
         model = self.model
-        trees, p_clutter = mht.grow(
-            mht.predict(belief, model), model, z, clutter.density(z), self.prune_leaves, self.prune_existence
-        )
+        predicted, kappa = mht.predict(belief, model), clutter.density(z)
+        trees, p_clutter = mht.grow(predicted, model, z, kappa, self.prune_leaves)
         before = trees.detections - len(z)
         trees = mht.decided(trees, self.leaves, self.prune_leaves, self.prune_existence)
         newest, p_target = trees.history[trees.best, 0], 1.0 / (1.0 + np.exp(-trees.score[trees.best]))
@@ -123,8 +122,7 @@ def tomht(
     prune_leaves : float
         Leaves less likely than the best of their tree by this factor are dropped.
     prune_existence : float
-        Leaves whose target exists with less probability are dropped, and detections that are of a target
-        with less begin no tree; less than `report_threshold`.
+        Leaves whose target exists with less probability are dropped; less than `report_threshold`.
     prune_weight : float
         Undetected components of less weight, an expected number of targets, are dropped.
     trees : int

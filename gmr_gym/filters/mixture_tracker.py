@@ -80,8 +80,9 @@ class MixtureTracker(KnownClutterTracker):
         check_limits(self.prune_weight, self.tracks)
         check_probability("report_threshold", self.report_threshold)
         check_choice("estimator", self.estimator, tuple(ESTIMATORS))
-        if self.memory is not None:
-            check_count(self.memory, "memory")
+        for name in ("memory", "components"):
+            if getattr(self, name) is not None:
+                check_count(getattr(self, name), name)
         for name, below in (("prune_existence", self.report_threshold), ("prune_hypotheses", 1.0)):
             if not 0 <= getattr(self, name) < below:
                 raise ValueError(

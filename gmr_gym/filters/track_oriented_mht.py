@@ -88,12 +88,7 @@ def predict(trees: Trees, model: MultiTargetModel) -> Trees:
 
 
 def grow(
-    predicted: Trees,
-    model: MultiTargetModel,
-    z: np.ndarray,
-    kappa: np.ndarray,
-    ratio: float,
-    least: float = 0.0,
+    predicted: Trees, model: MultiTargetModel, z: np.ndarray, kappa: np.ndarray, ratio: float
 ) -> tuple[Trees, np.ndarray]:
     r"""A leaf for every leaf with a miss and with each detection of its gate, and a tree for every detection.
 
@@ -107,8 +102,6 @@ def grow(
         Intensity of clutter at the detections.
     ratio : float
         Leaves less likely than that with a miss by this factor are not grown.
-    least : float
-        Trees of less probability against a false alarm are not begun.
 
     Returns
     -------
@@ -133,7 +126,7 @@ def grow(
     Blackman and Popoli 1999, chapters 6 and 16.
     """
     log_kappa = np.log(kappa)
-    new = begun(predicted.undetected, model, z, log_kappa, least)
+    new = begun(predicted.undetected, model, z, log_kappa, 0.0)
     r, p_detected = predicted.existence, model.detected(outputs(predicted.leaves)[0])
     miss = np.maximum(1.0 - r * p_detected, LEAST_MISS)
     with np.errstate(divide="ignore"):
@@ -141,7 +134,8 @@ def grow(
     hit = r * p_detected / miss
     pairs = pair(predicted.leaves, model.sensor, z, log_kappa, hit, negligible)
     row, first, n = pairs.row, new.detection, len(new.detection)
-    missed, started = predicted.score + np.log(miss), np.log(np.expm1((new.log_free - log_kappa)[first]))
+    missed = predicted.score + np.log(miss)
+    started = np.log(new.existence[first]) + (new.log_free - log_kappa)[first]
     gain = pairs.log_likelihood + np.log(hit[row]) - log_kappa[pairs.detection]
     older = predicted.history[:, :-1]
     history = np.vstack([older, older[row], np.full((n, older.shape[1]), -1)])

@@ -82,7 +82,7 @@ def test_with_decisions_after_the_run_the_hypothesis_is_that_of_an_exhaustive_se
     told = line()
     trees = mht.untracked(told, len(scans))
     for z in scans:
-        grown, _ = mht.grow(mht.predict(trees, told), told, z, told.clutter.density(z), 0.0, 0.0)
+        grown, _ = mht.grow(mht.predict(trees, told), told, z, told.clutter.density(z), 0.0)
         trees = mht.decided(grown, 10**6, 0.0, 0.0)
     (total, tracks), score = exhaustive(told, scans)
     assert trees.score[trees.best].sum() == pytest.approx(total)
