@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.checks import check_choice, check_limits, check_probability, check_whole
+from gmr_gym.filters.marginals import ASSOCIATIONS
 from gmr_gym.filters.mixture_tracks import (
-    ASSOCIATIONS,
     Intensity,
     MixtureTracks,
     Reduction,

@@ -14,7 +14,7 @@ from gmr_gym.checks import check_count
 from gmr_gym.filters import target_densities
 from gmr_gym.filters.belief_propagation import propagate
 from gmr_gym.filters.intensity_update import log_sum
-from gmr_gym.filters.marginals import clusters, marginals
+from gmr_gym.filters.marginals import clusters_of, marginals
 from gmr_gym.filters.pmb import LEAST_MISS
 from gmr_gym.filters.target_densities import Densities, Pairs, joined, merge, outputs, pair, posteriors
 from gmr_gym.filters.target_densities import take as take_densities
@@ -29,7 +29,6 @@ Reduction = Callable[[Mixture], Reduced]
 FREE = 0.5  # probability of belonging to no track, above which a detection is left to others
 IMPROBABLE = float(np.log(1e-5))  # a pair of less weight has a marginal probability of less
 NEGLIGIBLE = 1e-15  # probability of a pair that no posterior is formed for
-ASSOCIATIONS = ("exact", "belief-propagation")
 
 
 class MixtureTracks(NamedTuple):
@@ -403,8 +402,7 @@ def _marginals(
         assigned = np.zeros(len(track))
         track, detection = track[kept], detection[kept]
         assigned[kept], missed, unassigned, approximate = marginals(track, detection, log_psi[kept], n, k)
-    root = clusters(track, detection, n, k)[approximate] if approximate.any() else approximate[:0]
-    return assigned, missed, unassigned, len(np.unique(root))
+    return assigned, missed, unassigned, clusters_of(approximate, track, detection, k)
 
 
 def _in_turn(
