@@ -25,6 +25,7 @@ RECORDED = {
 }
 TUNING = "gmr_gym/ReductionTuning-v0"  # thresholds of a tracker
 READY = (*TRACKING, *MULTI_TARGET)  # in which trackers run without an argument
+RANKED = tuple(env_id for env_id in READY if env_id not in ROWS)  # where runs of every tracker take minutes
 TRACKED = (*READY, *RECORDED)
 ENVIRONMENTS = (*TRACKED, TUNING)
 # a sentence on each, as `gmr-gym list` shows it
