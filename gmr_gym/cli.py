@@ -19,7 +19,7 @@ from gmr_gym.catalogue import (
     described_reductions,
 )
 from gmr_gym.data.loader import flight_names
-from gmr_gym.envs.registry import ABOUT, READY, TRACKING, TUNING
+from gmr_gym.envs.registry import ABOUT, RANKED, READY, TRACKING, TUNING
 from gmr_gym.experiments.detection_options import ALL_GROUPS, INPUT_GROUPS, takes
 from gmr_gym.experiments.options import (
     TARGETS,
@@ -225,7 +225,7 @@ def leaderboard(
     part = sweeps.shard_of(shard, out)
     specs.check_once("--env", environment)
     specs.check_once("--tracker", tracker)
-    chosen = environment or [*READY]
+    chosen = environment or [*RANKED]
     work, unfit = leaderboard.entries(chosen, tracker)
     asked = records.question(environments=chosen, trackers=tracker, runs=runs, seed=seed)
     again = records.command("leaderboard", env=environment, tracker=tracker, runs=[runs], seed=[seed])

@@ -35,6 +35,7 @@ TUNINGS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 TUNING, *_ = TUNINGS
 READY = (*TRACKING, *MULTI_TARGET)  # in which trackers run without an argument
+RANKED = tuple(env_id for env_id in READY if env_id not in ROWS)  # where runs of every tracker take minutes
 TRACKED = (*READY, *RECORDED)
 ENVIRONMENTS = (*TRACKED, *TUNINGS)
 # a sentence on each, as `gmr-gym list` shows it

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmr_gym.envs.lookup import scenario_of
-from gmr_gym.envs.registry import READY
+from gmr_gym.envs.registry import TRACKING
 from gmr_gym.evaluation.mixture_problems import MixtureProblem
 from gmr_gym.evaluation.posteriors import posteriors
 from gmr_gym.evaluation.reduction_runs import ReductionRuns
@@ -22,6 +22,8 @@ from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 MEASURES = ("ise", "nise", "divergence", "reverse_divergence")
 RANDOM, EVERY = "random mixtures, 10 to 5", "posteriors of all environments, to 10"
+# whose posteriors are reduced: those of other environments of many targets are of the same kind as the last
+POSED = (*TRACKING, "gmr_gym/UnknownClutter-v0")
 TRIED = 20  # mixtures that a reduction is tried on, the first
 LONGEST = 1.0  # s, processor time of a call: what takes longer is left out
 
@@ -52,10 +54,10 @@ class Trial(NamedTuple):
 
 
 def problems(count: int, seed: int) -> dict[str, Problem]:
-    """Crouse's random mixtures, as many as in the paper, and `count` posteriors of every environment that
-    needs no files."""
+    """Crouse's random mixtures, as many as in the paper, and `count` posteriors of every environment in
+    POSED."""
     found = {RANDOM: Problem(MixtureProblem(samples=1000), 500, 5)}
-    for env_id in READY:
+    for env_id in POSED:
         scenario = scenario_of(env_id, {})
         # components that it keeps; of many targets as many as by default
         tracker = tracker_with(scenario, **({} if _many(scenario) else {"components": 20}))

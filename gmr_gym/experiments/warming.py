@@ -97,11 +97,12 @@ def _play(env_id: str, name: str) -> None:
     env: Any = gym.make(env_id)
     scenario = env.unwrapped.scenario
     tracker = tracker_of(name, scenario)
-    policy = (MultiTargetPolicy if env_id in MULTI_TARGET else Policy)(tracker)
+    many = env_id in MULTI_TARGET
+    policy = MultiTargetPolicy(tracker, len(env.action_space.low)) if many else Policy(tracker)
     observation, _ = env.reset(seed=0)
     for _ in range(SCANS):
         observation, *_ = env.step(policy(observation))
-    if env_id in MULTI_TARGET:
+    if many:
         return
     run_once(scenario, tracker, 0, scans=SCANS)
     if can_batch(scenario, tracker):

@@ -4,7 +4,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import gmr_gym  # noqa: F401  registers the environments
+import gmr_gym
+from gmr_gym.evaluation.multi_target_runs import run_multi_target_once
 from gmr_gym.evaluation.trajectory_metrics import trajectory_gospa
 
 ID, HALF = "gmr_gym/CrossingTargets-v0", 6
@@ -61,6 +62,19 @@ def test_an_estimate_without_a_label_is_a_trajectory_of_one_scan():
 def test_the_label_is_the_whole_number_next_to_it():
     near, _ = rewards(lambda t, x: labelled(x, [0.4 * (-1) ** t, 1.3]))
     assert near.sum() == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_policy_of_a_trackers_labels_is_rewarded_by_its_trajectories_as_a_run_has_them():
+    env = gym.make("gmr_gym/MeetingTargets-v0", horizon=20, metric="trajectory-gospa", labels=True).unwrapped
+    tracker = gmr_gym.make_tracker("pmb", env.scenario.model)
+    policy, total, over = gmr_gym.MultiTargetPolicy(tracker, labels=True), 0.0, False
+    observation, _ = env.reset(seed=3)
+    while not over:
+        observation, reward, _, over, _ = env.step(policy(observation))
+        total -= reward
+    runs = run_multi_target_once(env.scenario, tracker, 3)
+    parts = (field for name, field in runs._asdict().items() if name.startswith("trajectory_"))
+    assert total == pytest.approx(np.sqrt(np.sum([*parts])), rel=1e-9)
 
 
 def test_what_cannot_be_is_refused():

@@ -35,6 +35,10 @@ def test_every_tracker_is_played_where_it_fits(played):
     assert told == [(i, 4) for i in range(1, 5)]
 
 
+def test_a_tracker_is_played_where_an_action_has_more_rows(played):
+    assert warming.warm(["gmr_gym/DenseTargets-v0"], ["gm-phd"], 1, lambda *_: None) == 1
+
+
 def test_a_tracker_that_fits_nowhere_is_told_with_the_reason(played):
     with pytest.raises(ValueError, match=f"'gm-phd' fits none of {TURNING}: .* is for many targets"):
         warming.warm([TURNING], ["pda", "gm-phd"], 1, lambda *_: None)

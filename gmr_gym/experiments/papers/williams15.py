@@ -24,13 +24,15 @@ from gmr_gym.experiments.tables import Paper, Table
 from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 Results = Mapping[str, MultiTargetRuns]  # by tracker
-PHD, CPHD, GNN, JPDA, JIPDA, PMB, PMBM = "gm-phd", "gm-cphd", "gnn", "jpda", "jipda", "pmb", "pmbm"
-LOOPY = "pmb:association=belief-propagation"
-FAINT = {"prune_existence": 1e-5, "prune_weight": 1e-5}  # the papers' limits of tracks that may not be
-DROP = {"drop": 1e-5}
+PHD, CPHD, GNN, JPDA, JIPDA, TOMHT = "gm-phd", "gm-cphd", "gnn", "jpda", "jipda", "tomht"
+PMB, PMBM = "pmb", "pmbm"
+LOOPY, EXCHANGED = "pmb:association=belief-propagation", "pmb:projection=variational"
+# the papers' limits of tracks that may not be, where a tracker's own are higher
+FAINT, DROP = {"prune_existence": 1e-5}, {"drop": 1e-5}
 TRACKERS: dict[str, dict[str, float]] = {
-    PHD: {}, CPHD: {}, GNN: {}, JPDA: {}, JIPDA: DROP, PMB: FAINT, LOOPY: FAINT, PMBM: {}, "mbm": {},
-    "delta-glmb": {},
+    PHD: {}, CPHD: {}, GNN: {}, JPDA: {}, JIPDA: DROP, "lmb": FAINT,
+    **dict.fromkeys((PMB, LOOPY, EXCHANGED, "pmb:projection=momb"), FAINT | {"prune_weight": 1e-5}),
+    PMBM: {}, "mbm": {}, "delta-glmb": {}, TOMHT: FAINT,
 }  # fmt: skip
 # a mixture in every track: how many components it has, and which reduction decides on them
 REDUCED = (JIPDA, *(
@@ -102,13 +104,17 @@ def _better(of: str, against: str, quantity: str, where: str, what: str = "mean 
 
 
 # who is said to be better than whom
-ORDER = ((PMBM, PMB), (PMB, LOOPY), (PMB, JIPDA), (JIPDA, JPDA), (JPDA, GNN), (PMB, CPHD), (CPHD, PHD))
+ORDER = (
+    (PMBM, EXCHANGED), (EXCHANGED, PMB), (PMBM, PMB), (PMB, LOOPY), (PMB, JIPDA), (JIPDA, JPDA), (JPDA, GNN),
+    (TOMHT, GNN), (PMB, CPHD), (CPHD, PHD),
+)  # fmt: skip
 CLAIMS = (
     *(_better(of, against, "all", "") for of, against in ORDER),
     *(_better(PMBM, PMB, phase, f" {where}")
       for phase, where in (("before", "before they meet"), ("meeting", "where they meet"),
                            ("after", "after they have met"))),
-    *(_better(PMB, LOOPY, phase, f" {where}")
+    *(_better(of, against, phase, f" {where}")
+      for of, against in ((EXCHANGED, PMB), (PMB, LOOPY))
       for phase, where in (("meeting", "where they meet"), ("after", "after they have met"))),
     _better(PMBM, PMB, "trajectory", " by trajectories", "mean over scans of the square of T-GOSPA"),
 )  # fmt: skip
