@@ -20,6 +20,7 @@ from gmr_gym.recorded.array_records import chosen, joined
 
 SCANS = 4  # in whose detections the leaves of a track may differ
 MOST = 16  # leaves of a track
+MOST_CHOICES = 600  # leaves of a cluster of tracks, from which the likeliest hypothesis is chosen exactly
 LEAST = -10.0  # log weight of a leaf relative to the heaviest of its track
 
 
@@ -37,6 +38,8 @@ class Leaves(NamedTuple):
         Of the track.
     history : ndarray of int (L, SCANS)
         Its detections in the last scans, the latest first; -1 for none.
+    best : ndarray of bool (L,)
+        Whether it is that of the likeliest hypothesis.
     """
 
     banks: Banks
@@ -44,13 +47,14 @@ class Leaves(NamedTuple):
     log_weight: np.ndarray
     label: np.ndarray
     history: np.ndarray
+    best: np.ndarray
 
 
 def no_leaves(r: int, d: int) -> Leaves:
     """No leaf, of r motion models and d states."""
     none, count = np.empty(0), np.empty(0, np.int64)
     banks = Banks(np.empty((0, r)), np.empty((0, r, d)), np.empty((0, r, d, d)), none)
-    return Leaves(banks, none, none, count, np.empty((0, SCANS), np.int64))
+    return Leaves(banks, none, none, count, np.empty((0, SCANS), np.int64), np.empty(0, bool))
 
 
 def grown(
@@ -68,12 +72,12 @@ def grown(
     before = Bernoullis(leaves.banks, leaves.existence, targets.identity[tree], looked[tree])
     predicted, pairs, _ = judged(before, modes, look, origins)
     gated = _gated(tree[pairs[0]], pairs[1], len(looked))
-    parent, history, log_weight = _children(leaves, pairs, looked[tree])
-    best = best_leaves(tree[parent], log_weight, history)
+    parent, history, log_weight, from_pair, safe = _children(leaves, tree, pairs, looked[tree])
+    best = best_leaves(tree[parent], log_weight, history, safe)
     log_weight -= log_weight[best][tree[parent]]
     kept, p = _worth(tree[parent], log_weight, history, best)
-    from_pair = kept - len(tree)
-    tree, parent, history = tree[parent[kept]], parent[kept], history[kept]
+    chosen_now = np.isin(kept, best)
+    tree, parent, history, from_pair = tree[parent[kept]], parent[kept], history[kept], from_pair[kept]
     hit = np.flatnonzero(history[:, 0] >= 0)
     own = hit, history[hit, 0], np.zeros(len(hit)), pairs[3][from_pair[hit]]
     banks, existence = chosen(leaves.banks, parent), leaves.existence[parent]
@@ -81,20 +85,27 @@ def grown(
     judgement = chosen(Banks(*predicted), parent), own
     missed = (history[:, 0] < 0).astype(float)
     _, _, _, nis = concluded(after, modes, look, judgement, (np.ones(len(hit)), missed))
-    leaves = Leaves(banks, existence, log_weight[kept], leaves.label[parent], history)
+    leaves = Leaves(banks, existence, log_weight[kept], leaves.label[parent], history, chosen_now)
     return leaves, _shown(leaves, targets, (tree, p, nis), gated, len(look.at))
 
 
-def best_leaves(tree: np.ndarray, log_weight: np.ndarray, history: np.ndarray) -> np.ndarray:
+def best_leaves(
+    tree: np.ndarray, log_weight: np.ndarray, history: np.ndarray, safe: np.ndarray
+) -> np.ndarray:
     """The leaf (n,) of each tree of the likeliest hypothesis: one of every tree, no detection in two.
+
+    Clusters of trees with more than `MOST_CHOICES` leaves get a hypothesis that is good, not always the
+    likeliest.
 
     Parameters
     ----------
     tree : ndarray of int (L,)
-        From 0, each with a leaf that shares no detection with the trees that it can conflict with.
+        From 0.
     log_weight : ndarray (L,)
     history : ndarray of int (L, h)
         Detections of h scans, -1 for none.
+    safe : ndarray of int (n,)
+        A leaf of each tree; no two of them share a detection.
 
     Returns
     -------
@@ -113,28 +124,58 @@ def best_leaves(tree: np.ndarray, log_weight: np.ndarray, history: np.ndarray) -
     for c in np.unique(cluster):
         if _twice(detection[best[cluster == c]]):
             mine = np.flatnonzero(cluster[tree] == c)
-            one = csr_array((np.ones(len(mine)), (tree[mine], np.arange(len(mine)))), (n, len(mine)))
-            rows, columns = np.nonzero(detection[mine] >= 0)
-            shared = (np.ones(len(rows)), (detection[mine[rows], columns], rows))
-            limits = [
-                LinearConstraint(one, cluster == c, cluster == c),
-                LinearConstraint(csr_array(shared, (size - n, len(mine))), ub=1.0),
+            choose = _likeliest if len(mine) <= MOST_CHOICES else _likely
+            _, of = np.unique(tree[mine], return_inverse=True)
+            best[cluster == c] = mine[
+                choose(of, log_weight[mine], detection[mine], np.flatnonzero(np.isin(mine, safe)))
             ]
-            found = milp(-log_weight[mine], integrality=np.ones(len(mine)), bounds=(0, 1), constraints=limits)
-            chosen = mine[found.x > 0.5]
-            best[tree[chosen]] = chosen
+    return best
+
+
+def _likeliest(
+    tree: np.ndarray, log_weight: np.ndarray, detection: np.ndarray, safe: np.ndarray
+) -> np.ndarray:
+    """As `best_leaves`, of a small cluster: an integer program. detection (L, h) has a number for each."""
+    count = len(tree)
+    one = csr_array((np.ones(count), (tree, np.arange(count))))
+    leaf, slot = np.nonzero(detection >= 0)
+    shared = csr_array((np.ones(len(leaf)), (detection[leaf, slot], leaf)), (detection.max() + 1, count))
+    limits = [LinearConstraint(one, 1.0, 1.0), LinearConstraint(shared, ub=1.0)]
+    found = milp(-log_weight, integrality=np.ones(count), bounds=(0, 1), constraints=limits)
+    if found.x is None:
+        return _likely(tree, log_weight, detection, safe)
+    chosen_now = np.flatnonzero(found.x > 0.5)
+    return chosen_now[np.argsort(tree[chosen_now])]
+
+
+def _likely(tree: np.ndarray, log_weight: np.ndarray, detection: np.ndarray, safe: np.ndarray) -> np.ndarray:
+    """As `best_leaves`, of a large cluster: leaves in place of the safe ones, those first that gain most,
+    where they share no detection with what other trees have."""
+    best = safe[np.argsort(tree[safe])]
+    owner = np.full(detection.max() + 2, -1)  # the last is of no detection
+    for leaf in best:
+        owner[detection[leaf]] = tree[leaf]
+    gain = log_weight - log_weight[best][tree]
+    for leaf in np.argsort(-gain, kind="stable")[: (gain > 0).sum()]:
+        i, own = tree[leaf], detection[leaf]
+        owner[-1] = -1
+        if log_weight[leaf] > log_weight[best[i]] and ((owner[own] < 0) | (owner[own] == i)).all():
+            owner[detection[best[i]]] = -1
+            owner[own], best[i] = i, leaf
     return best
 
 
 def _of_targets(leaves: Leaves, targets: Any) -> tuple[Leaves, np.ndarray]:
     """The leaves of the targets, new ones for targets without, and the index of the target of each; those of
-    targets that were changed since are dropped."""
+    targets that were changed since, or that exist in none, are dropped."""
     label, time = targets.lives.label, targets.banks.time
+    n = len(label)
     own = Leaves(
-        targets.banks, targets.existence, np.zeros(len(label)), label, np.full((len(label), SCANS), -1)
+        targets.banks, targets.existence, np.zeros(n), label, np.full((n, SCANS), -1), np.ones(n, bool)
     )
     at = np.searchsorted(label, leaves.label).clip(max=max(len(label) - 1, 0))
     same = (label[at] == leaves.label) & (time[at] == leaves.banks.time) if len(label) else at < 0
+    same[same] = np.bincount(at[same], leaves.existence[same], n)[at[same]] > 0
     old = np.flatnonzero(same)
     new = np.flatnonzero(np.bincount(at[old], minlength=len(label)) == 0)
     return joined(chosen(leaves, old), chosen(own, new)), np.append(at[old], new)
@@ -145,14 +186,26 @@ def _gated(tree: np.ndarray, detection: np.ndarray, n: int) -> np.ndarray:
     return np.bincount(np.unique(np.stack([tree, detection]), axis=1)[0], minlength=n)
 
 
-def _children(leaves: Leaves, pairs: tuple, looked: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Parents, histories and log weights of all leaves after the look: missed ones, then one of each pair."""
+def _children(leaves: Leaves, tree: np.ndarray, pairs: tuple, looked: np.ndarray) -> tuple:
+    """Parents, histories and log weights of the leaves after the look, the pair of each, -1 for a miss, and
+    for each tree its best leaf, missed. Of a tree these are the heaviest, `MOST` of them, and the last."""
     track, detection, log_psi, _ = pairs
     count, miss = len(looked), np.log(np.maximum(1.0 - leaves.existence * looked, LEAST_MISS))
     parent = np.append(np.arange(count), track)
-    latest = np.append(np.full(count, -1), detection)
-    history = np.column_stack([latest, leaves.history[parent, :-1]])
-    return parent, history, (leaves.log_weight + miss)[parent] + np.append(np.zeros(count), log_psi)
+    pair = np.append(np.full(count, -1), np.arange(len(track)))
+    log_weight = (leaves.log_weight + miss)[parent] + np.append(np.zeros(count), log_psi)
+    of = tree[parent]
+    order = np.lexsort((-log_weight, of))
+    rank = np.arange(len(order)) - np.searchsorted(of[order], of[order])
+    likely = np.zeros(len(order), bool)
+    likely[order[rank < MOST]] = True
+    likely[:count] |= leaves.best
+    kept = np.flatnonzero(likely)
+    safe = np.flatnonzero((pair[kept] < 0) & leaves.best[parent[kept]])
+    safe = safe[np.argsort(of[kept[safe]])]
+    parent, pair = parent[kept], pair[kept]
+    latest = np.append(detection, -1)[pair]
+    return parent, np.column_stack([latest, leaves.history[parent, :-1]]), log_weight[kept], pair, safe
 
 
 def _worth(

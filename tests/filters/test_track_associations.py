@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gmr_gym.filters.track_associations import best_event, every_event, intensity
+from gmr_gym.recorded import track_leaves
 from gmr_gym.recorded.track_leaves import best_leaves
 
 
@@ -83,7 +84,7 @@ def test_a_detection_of_an_intensity_has_the_weight_of_all_its_parents_and_one_l
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_best_leaves_are_the_best_of_all_choices_that_share_no_detection(seed):
+def test_the_best_leaves_are_the_best_of_all_choices_that_share_no_detection(seed, monkeypatch):
     rng = np.random.default_rng(seed)
     tree, history = np.repeat(np.arange(5), 4), rng.integers(-1, 3, (20, 2))
     history[::4] = -1  # every tree has a leaf that was always missed
@@ -96,5 +97,11 @@ def test_the_best_leaves_are_the_best_of_all_choices_that_share_no_detection(see
     choices = (c for c in product(*(np.flatnonzero(tree == i) for i in range(5))) if apart(c))
     expected = max(choices, key=lambda leaves: weight[list(leaves)].sum())
     order = rng.permutation(20)
-    found = best_leaves(tree[order], weight[order], history[order])
+    safe = np.argsort(order)[::4]  # where these leaves are now
+    found = best_leaves(tree[order], weight[order], history[order], safe)
     assert order[found].tolist() == list(expected)
+    with monkeypatch.context() as patched:
+        patched.setattr(track_leaves, "MOST_CHOICES", 0)
+        quick = order[best_leaves(tree[order], weight[order], history[order], safe)]
+    assert apart(quick) and weight[quick].sum() >= weight[::4].sum()
+    assert tree[quick].tolist() == [0, 1, 2, 3, 4]

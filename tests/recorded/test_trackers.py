@@ -113,6 +113,22 @@ def test_a_hard_association_does_not_draw_two_tracks_together():
     assert apart["gnn"] > 10 and apart["pda"] < apart["gnn"]
 
 
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_certain_detections_that_come_twice_or_not_at_all_break_nothing(tracker):
+    """A detection probability of one, no clutter, a target certain to exist, its detection repeated; and a
+    crowd that no look tells apart."""
+    sure = RADAR._replace(detection_probability=1.0, clutter_per_scan=0.0)
+    live = LiveTracker(model(tracker, sensors=(sure,), survival_probability=1.0))
+    for t in range(8):
+        rows = live.update(float(t), [[10.0 * t, 0.0]] * 2 if t != 4 else [])
+        assert np.isfinite(rows.x).all() and (rows.existence <= 1).all()
+    assert rows.status.tolist() == [CONFIRMED] and rows.track.tolist() == [1]
+    live, rng = LiveTracker(model(tracker)), np.random.default_rng(1)
+    for t in range(5):
+        rows = live.update(float(t), rng.normal(0, 6, (10, 2)))
+        assert np.isfinite(rows.P).all() and len(np.unique(rows.track)) == len(rows.track)
+
+
 def test_unknown_trackers_are_refused():
     with pytest.raises(ValueError, match="tracker must be one of pmb, pda, gnn, mht, phd, got 'gm-phd'"):
         model("gm-phd")
