@@ -291,7 +291,7 @@ def cluster(
     model: Model,
     components: int | None = None,
     distance: float = 4.0,
-    prune_weight: float = 1e-3,
+    prune_weight: float = 5e-4,
     prune_density: float = 1e-10,
 ) -> Mht:
     """MHT whose heaviest hypothesis takes in all within `distance` of it, then the heaviest of the rest.
@@ -326,7 +326,7 @@ def n_scan(
     model: Model,
     components: int | None = None,
     scans: int = 2,
-    prune_weight: float = 7e-4,
+    prune_weight: float = 5e-4,
     prune_density: float = 1e-10,
 ) -> NScanMht:
     """MHT that merges the hypotheses with the same detections in the last `scans` scans.

@@ -45,7 +45,7 @@ class NScanMht:
 
     model: Model
     reduce: NScan
-    prune_weight: float = 7e-4
+    prune_weight: float = 5e-4
     prune_density: float = 1e-10
     max_hypotheses: int = MAX_HYPOTHESES
 
