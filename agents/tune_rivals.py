@@ -3,7 +3,8 @@
 Every family is searched on TRAIN at several prices of work at once, for what a candidate did is known at any
 price: a new candidate is the best so far at one of them, changed a little. Those that did best at a price
 meet new episodes on VALID, and the best of them there is the point of the family's front. What is stopped
-goes on by the same command."""
+goes on by the same command, and by one with more candidates; numbers of candidates outlive changes of code,
+for a front is played anew when it is compared: who wants them anew deletes the folder `tried`."""
 
 import json
 from collections.abc import Callable
@@ -17,7 +18,7 @@ import numpy as np
 import typer
 from batches import Batch, Outcome
 from competitors import Rival, write_fronts
-from judge import code, seeds_of
+from judge import seeds_of
 from rivals import Family, alone, beyond
 from tracked import Tracked, scans_of
 
@@ -122,11 +123,7 @@ def front_of(
 ) -> list[tuple[float, Tried]]:
     """The best of a family on VALID at each price."""
     folder.mkdir(parents=True, exist_ok=True)
-    asked = (
-        family.name, dict(family.ranges), list(family.starts), dict(family.env),
-        *((e.runs, e.tracked_runs, e.seed, instances(e.table)) for e in (train, valid)), code(),
-    )  # fmt: skip
-    stem = f"{family.name.replace(' ', '-').replace(',', '')}-{joblib.hash(asked)[:12]}"
+    stem = stem_of(family, train, valid)
 
     def next_one(found: list[Tried]) -> Tried:
         return tried(family, proposed(family, found, train.seed), train)
@@ -135,6 +132,15 @@ def front_of(
     last = finalists(found, len(family.starts))
     scored = kept(folder / f"{stem}.valid", len(last), lambda done: tried(family, last[len(done)], valid))
     return [(price, max(scored, key=lambda one: one.value(price))) for price in PRICES.tolist()]
+
+
+def stem_of(family: Family, train: Episodes, valid: Episodes) -> str:
+    """Name of the files of a search, which those of another question do not have."""
+    asked = (
+        family.name, dict(family.ranges), list(family.starts), dict(family.env),
+        *((e.runs, e.tracked_runs, e.seed, instances(e.table)) for e in (train, valid)),
+    )  # fmt: skip
+    return f"{family.name.replace(' ', '-').replace(',', '')}-{joblib.hash(asked)[:12]}"
 
 
 def _whole_lines(file: Path) -> list[str]:

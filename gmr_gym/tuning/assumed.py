@@ -9,7 +9,7 @@ from gmr_gym.models.model import Model
 from gmr_gym.reduction.n_scan import MISSED
 from gmr_gym.tuning.features import model_features, observe
 from gmr_gym.tuning.recent import observe_recent
-from gmr_gym.tuning.thresholds import COASTING, MEASUREMENT, ODDS, PROCESS
+from gmr_gym.tuning.thresholds import COASTING, FADING, MEASUREMENT, ODDS, PROCESS
 
 
 def assumed(model: Model) -> tuple:
@@ -33,6 +33,8 @@ def processed(belief, history, z, told, thresholds, memory, recent, price, every
     """
     (w, m, P), ((F, Q, offset), (H, R), weights, probabilities, known) = belief, told
     Q, noise = Q * thresholds[PROCESS] ** 2, R * thresholds[MEASUREMENT] ** 2
+    if thresholds[FADING] != 1.0:
+        P = thresholds[FADING] * P
     m, P = predict_all(m, P, F, Q, offset)
     more = thresholds[COASTING] ** 2 - 1
     for i in range(len(w)):

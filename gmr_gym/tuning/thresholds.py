@@ -36,11 +36,12 @@ class Thresholds(NamedTuple):
     coasting_noise: float = 1.0  # a further factor for hypotheses that the last scan missed
     measurement_noise: float = 1.0  # factor on the standard deviation of the measurement noise
     detection_odds: float = 1.0  # factor on P_D / (1 - P_D)
+    fading: float = 1.0  # factor on the covariances before the prediction: a memory that fades
 
 
 DORTENZIO = Thresholds()
 DEPTH = 5  # most detections of the past that hypotheses are told apart by
-FACTORS = ("process_noise", "measurement_noise", "detection_odds")
+FACTORS = ("process_noise", "measurement_noise", "detection_odds", "fading")
 # and the thresholds that each of them heeds
 REDUCERS = {
     "adaptive": ("alpha", "prune", "prune_density", "components"),
@@ -53,12 +54,12 @@ REDUCERS = {
 RANGES = {
     "alpha": (1e-4, 0.5), "prune": (1e-6, 1e-2), "prune_density": (1e-14, 1e-6), "components": (2, 200),
     "history": (1, DEPTH), "distance": (0.25, 25), "process_noise": (0.25, 8), "coasting_noise": (0.5, 8),
-    "measurement_noise": (0.5, 2), "detection_odds": (0.125, 8),
+    "measurement_noise": (0.5, 2), "detection_odds": (0.125, 8), "fading": (1.0, 2.0),
 }  # fmt: skip
 
 LIMITS, COMPONENTS = np.array(list(RANGES.values()), float), list(RANGES).index("components")
 HISTORY, DISTANCE, COASTING = (list(RANGES).index(name) for name in ("history", "distance", "coasting_noise"))
-PROCESS, MEASUREMENT, ODDS = (list(RANGES).index(name) for name in FACTORS)
+PROCESS, MEASUREMENT, ODDS, FADING = (list(RANGES).index(name) for name in FACTORS)
 ADAPTIVE, N_SCAN, _ = range(len(REDUCERS))
 WHOLE = np.array([name in ("components", "history") for name in RANGES])
 

@@ -6,6 +6,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import gmr_gym  # noqa: F401  registers the environments
+from baselines.adaptive_noise import adaptive_noise
 from baselines.learned_n_scan import LearnedNScan
 from baselines.mht import cluster, n_scan
 from gmr_gym.envs.registry import TUNINGS
@@ -109,6 +110,30 @@ def test_hypotheses_that_coast_are_widened_and_no_others():
     widened = {tuple(h): P[0, 0] for h, P in zip(wide["history"][:b], wide["P"][:b], strict=True)}
     shared = hit.keys() & widened.keys()
     assert {h for h in shared if widened[h] > hit[h] * (1 + 1e-9)} == {h for h in shared if h[1] == -1}
+
+
+def test_with_fading_a_constant_action_is_the_tracker_whose_memory_fades():
+    parameters = ("history", "prune", "process_noise", "fading")
+    env = made(parameters)
+    thresholds = Thresholds(history=2, prune=1e-3, process_noise=0.5, fading=1.4)
+    errors, kept, _ = played(env, to_action(thresholds, parameters))
+    told = {"components": 100, "reducer": "n-scan", "prune_weight": 1e-3, "method": "constant"}
+    first, rest = (
+        adaptive_noise(env._scenario.model, **told, factor=factor, fading=fading)
+        for factor, fading in ((1.0, 1.0), (0.25, 1.4))
+    )
+    errors_there, counts = harness(env, FirstNoise(first, rest))
+    assert errors == pytest.approx(errors_there[: len(errors)], rel=1e-6)
+    assert kept == counts[: len(kept)]
+
+
+class FirstNoise(First):
+    """`First` of trackers whose belief has the noise of the scan to come."""
+
+    def step(self, belief, z):
+        began, report = super().step(belief, z)
+        rest = self.rest.init().noise
+        return (True, began[1]._replace(noise=rest)), report
 
 
 def test_the_odds_of_a_detection_are_those_of_another_probability():
