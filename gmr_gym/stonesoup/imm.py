@@ -41,7 +41,8 @@ class ImmPredictor(Predictor):
     """Mixes the models of an IMM, and predicts each by its own.
 
     The prior is a state of the IMM, or the state before the first: a GaussianState, from which all models
-    start, or a GaussianMixture of another number of components, which is merged before.
+    start, or a GaussianMixture of another number of components, which is merged before. Models switch
+    at every prediction, whatever its interval.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Trackers of one target as those of Stone Soup: they take its detectors, and give its tracks."""
 
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Any
@@ -10,56 +10,21 @@ import numpy as np
 from stonesoup.base import Property
 from stonesoup.reader.base import DetectionReader
 from stonesoup.tracker.base import Tracker
-from stonesoup.types.array import CovarianceMatrix
-from stonesoup.types.hypothesis import SingleHypothesis
-from stonesoup.types.multihypothesis import MultipleHypothesis
-from stonesoup.types.prediction import GaussianStatePrediction
-from stonesoup.types.state import WeightedGaussianState
 from stonesoup.types.track import Track
-from stonesoup.types.update import GaussianStateUpdate
 
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.filters.tracker import Report
-from gmr_gym.mixture import Mixture
 from gmr_gym.models.gating import Gates, gated_pairs
 from gmr_gym.models.model import Model
 from gmr_gym.stonesoup.detections import scan_of
-from gmr_gym.stonesoup.mixtures import components_of, vector
 from gmr_gym.stonesoup.models import model_of, reordered, state_order
+from gmr_gym.stonesoup.track_states import Origin, track_state
 
 DIRECT = object.__getattribute__  # that of a Track is slow: it looks for what it lacks in its last state
 FIRST = timedelta(seconds=1)  # an interval: the belief before the first scan does not depend on it
 NO_TIME = timedelta(0)
 MOST_BUILT = 1000  # trackers for intervals that are kept
 NO_NOISE = np.empty((0, 0, 0))  # of detections: all have the sensor's
-
-
-class Hypotheses:
-    """What a state of a track is the mean and covariance of, made into objects when it is asked for."""
-
-    timestamp: datetime
-    mixture: Mixture  # hypotheses kept
-    near: list  # detections in the gates
-
-    @property
-    def components(self) -> list[WeightedGaussianState]:
-        """The hypotheses kept."""
-        return components_of(self.mixture, self.timestamp)
-
-
-class MixtureUpdate(GaussianStateUpdate, Hypotheses):
-    """State after a scan with detections in the gates."""
-
-    @property
-    def hypothesis(self) -> MultipleHypothesis:
-        """The detections in the gates, each a hypothesis without a probability."""
-        return MultipleHypothesis([SingleHypothesis(None, one) for one in self.near])
-
-
-class MixturePrediction(GaussianStatePrediction, Hypotheses):
-    """State after a scan without any."""
-
-    transition_model = prior = None
 
 
 class ScanTracker(Tracker):
@@ -190,6 +155,8 @@ class SingleTargetTracker(ScanTracker):
         self._back = np.argsort(order)
         self._same = np.array_equal(order, np.arange(len(order)))
         self._time = self.prior.timestamp
+        several = isinstance(self.transition_model, Sequence)
+        self._single = None if several else self.transition_model
         self._alive = True
         self.track = Track([self.prior])
 
@@ -223,7 +190,7 @@ class SingleTargetTracker(ScanTracker):
         self._belief, report = tracker.step(self._belief, z)
         self._alive = bool(report.alive)
         near = in_gates(report.gates, tracker.model.sensor.to_gate_space(z)) if found else []
-        self._append(self._state(report, time, [found[j] for j in near]))
+        self._append(report, time, [found[j] for j in near])
         return time, self.tracks
 
     def _model(self, interval: timedelta) -> Model:
@@ -234,26 +201,18 @@ class SingleTargetTracker(ScanTracker):
             mode_prior=self.mode_prior, update=self.measurement_update,
         )  # fmt: skip
 
-    def _state(self, report: Report, time: datetime, near: list) -> MixtureUpdate | MixturePrediction:
+    def _append(self, report: Report, time: datetime, near: list) -> None:
+        """`Track.append`, which makes the hypotheses of every state to look for metadata."""
         x, P, p = report.x[0], report.P[0], report.mixture
         if not self._same:
             x, P, p = x[self._back], P[np.ix_(self._back, self._back)], reordered(p, self._back)
-        # field by field: their __init__ takes twice as long as a scan of PDA
-        kind: Any = MixtureUpdate if near else MixturePrediction
-        state = kind.__new__(kind)
-        state.state_vector, state.covar, state.timestamp = vector(x), P.view(CovarianceMatrix), time
-        state.mixture, state.near = p, near
-        return state
-
-    def _append(self, state: MixtureUpdate | MixturePrediction) -> None:
-        """`Track.append`, which makes the hypotheses of every state to look for metadata."""
-        metadatas = DIRECT(self.track, "metadatas")
+        states, metadatas = DIRECT(self.track, "states"), DIRECT(self.track, "metadatas")
+        states.append(track_state(x, P, p, time, Origin(near, states[-1], self._single)))
         metadata = metadatas[-1]
-        for one in state.near:
+        for one in near:
             if one.metadata:
                 metadata = {**metadata, **one.metadata}
         metadatas.append(metadata)
-        DIRECT(self.track, "states").append(state)
 
 
 class MhtTracker(SingleTargetTracker):

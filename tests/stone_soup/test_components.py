@@ -19,6 +19,7 @@ from stonesoup.models.measurement.nonlinear import CartesianToElevationBearingRa
 from stonesoup.models.transition.linear import CombinedLinearGaussianTransitionModel, ConstantVelocity
 from stonesoup.predictor.kalman import KalmanPredictor
 from stonesoup.simulator.simple import SimpleDetectionSimulator, SingleTargetGroundTruthSimulator
+from stonesoup.smoother.kalman import KalmanSmoother
 from stonesoup.tracker.pointprocess import PointProcessMultiTargetTracker
 from stonesoup.tracker.simple import SingleTargetTracker as TheirTracker
 from stonesoup.types.array import StateVector
@@ -263,7 +264,10 @@ def test_states_tell_updates_from_predictions_and_name_the_detections_in_the_gat
     tracker.update_tracker(START + SECOND, {near, far})
     state = tracker.track.state
     assert isinstance(state, GaussianStateUpdate) and not isinstance(state, GaussianStatePrediction)
-    assert [one.measurement for one in state.hypothesis] == [near]
+    (hypothesis,) = state.hypothesis
+    assert hypothesis.measurement is near
+    theirs = KalmanPredictor(MOTIONS[0]).predict(PRIOR, timestamp=START + SECOND)
+    np.testing.assert_allclose(hypothesis.prediction.covar, theirs.covar, **CLOSE)
     assert tracker.track.metadata == {"identity": "A"}
     tracker.update_tracker(START + 2 * SECOND, set())
     assert isinstance(tracker.track.state, GaussianStatePrediction)
@@ -283,6 +287,22 @@ def test_scans_at_irregular_times_are_predicted_over_their_intervals(name):
         belief, report = make_tracker(name, moved).step(belief, z)
         last = time
     np.testing.assert_allclose(tracker.track.state_vector.ravel(), report.x[0], **CLOSE)
+
+
+def test_their_smoother_smooths_our_tracks():
+    """With one detection in every gate, the PDA is the Kalman filter, and the smoothed states are its."""
+    tracker = pda_tracker(prob_detect=1.0, prob_gate=1 - 1e-12)
+    for t, z in enumerate(scans(6, clutter=0), 1):
+        tracker.update_tracker(START + t * SECOND, detections_of(z, START + t * SECOND))
+    smoothed = KalmanSmoother(MOTIONS[0]).smooth(tracker.track)
+    predictor, updater, theirs = KalmanPredictor(MOTIONS[0]), KalmanUpdater(SENSOR), Track([PRIOR])
+    for t, z in enumerate(scans(6, clutter=0), 1):
+        (detection,) = detections_of(z, START + t * SECOND)
+        prediction = predictor.predict(theirs, timestamp=detection.timestamp)
+        theirs.append(updater.update(SingleHypothesis(prediction, detection)))
+    for ours, other in zip(smoothed, KalmanSmoother(MOTIONS[0]).smooth(theirs), strict=True):
+        np.testing.assert_allclose(ours.state_vector, other.state_vector, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(ours.covar, other.covar, rtol=1e-6, atol=1e-6)
 
 
 def test_a_track_that_is_given_up_is_no_track_any_more():
