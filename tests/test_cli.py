@@ -592,7 +592,8 @@ TRACK = "track", "z.csv", "--targets", "one", "--sensor-deviation", "10", "--clu
     [
         (
             ("reproduce", "nobody"),
-            "unknown paper 'nobody'; choose one of crouse, dortenzio, li, lv, maybeck, maybeck-zhang, williams15, zhang",
+            "unknown paper 'nobody'; choose one of crouse, dortenzio, li, lv, maybeck, maybeck-zhang, "
+            "williams15, zhang",
         ),
         (("reproduce", "zhang", "--table", "9"), "zhang has no table '9'; choose from 1, 2, 1-quiet,"),
         (("reproduce", "dortenzio", "--table", "1-quiet"), "no table '1-quiet'; choose from 1, 2, 3, 4"),

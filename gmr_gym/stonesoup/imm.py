@@ -24,7 +24,7 @@ from gmr_gym.filters.imm import mix_and_predict
 from gmr_gym.filters.mixing import MIXINGS, borrowed_states
 from gmr_gym.mixture import Mixture, collapsed
 from gmr_gym.models.kalman import Motion
-from gmr_gym.models.model import _checked_mode_prior
+from gmr_gym.models.model import check_modes
 from gmr_gym.stonesoup.detections import scan_of
 from gmr_gym.stonesoup.mixtures import components_of, mixture_of, vector
 from gmr_gym.stonesoup.models import linear_sensor, motion_of, switching_of
@@ -74,8 +74,8 @@ class ImmPredictor(Predictor):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         r = len(self.transition_model)
-        self._switching = switching_of(self.model_probs, r)
-        self._initial = _checked_mode_prior(self.mode_prior, r)
+        switching = switching_of(self.model_probs, r)
+        self._switching, self._initial = check_modes(r, switching, self.mode_prior)
 
     @cached_property
     def _cached(self) -> Callable:
