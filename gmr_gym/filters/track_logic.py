@@ -24,8 +24,8 @@ class TrackLogic(NamedTuple):
     misses : int
         A confirmed track is dropped after so many misses in a row.
     confirm, drop : float
-        Log of the ratio of likelihoods at which a tentative track is confirmed, and of its fall at which one is
-        dropped.
+        Log of the ratio of likelihoods at which a tentative track is confirmed, and of its fall at which it
+        is dropped.
     """
 
     kind: str
