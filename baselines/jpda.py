@@ -6,18 +6,21 @@ import numpy as np
 
 from gmr_gym.checks import check_choice, check_limits, check_probability, check_whole
 from gmr_gym.filters.confirmed_tracks import ConfirmingTracker, Stage
+from gmr_gym.filters.marginals import ASSOCIATIONS
 from gmr_gym.filters.mixture_tracks import (
-    ASSOCIATIONS,
     MixtureTracks,
     Reduction,
     associate,
     collapsing,
     detected,
+    no_tracks,
     reduce,
 )
+from gmr_gym.filters.projections import variational
 from gmr_gym.filters.track_logic import TrackLogic, track_logic
 from gmr_gym.models.multi_target import MultiTargetModel
 
+LABELS = ("kept", "exchanged")
 LEAST = 1e-300  # probability of a miss in a score, for its logarithm
 
 
@@ -39,21 +42,26 @@ class Jpda(ConfirmingTracker):
     tracks : int
         Most tracks.
     association : {"exact", "belief-propagation"}
+    labels : {"kept", "exchanged"}
+        Whether tracks that meet stay as they are labelled, or are permuted in every association event so that
+        what is merged is most alike (set JPDA).
 
     References
     ----------
-    Fortmann, Bar-Shalom and Scheffe 1983.
+    Fortmann, Bar-Shalom and Scheffe 1983; Svensson, Svensson, Guerriero and Willett 2011.
     """
 
     model: MultiTargetModel
     reduce: Reduction | None
     logic: TrackLogic
     prune_weight: float = 1e-4
-    start_probability: float = 1e-4
-    tracks: int = 200
+    start_probability: float = 1e-5
+    tracks: int = 1000
     association: str = "exact"
+    labels: str = "kept"
 
     def __post_init__(self) -> None:
+        check_choice("labels", self.labels, LABELS)
         check_choice("association", self.association, ASSOCIATIONS)
         check_limits(self.prune_weight, 1)
         check_whole("tracks", self.tracks, 1)
@@ -71,7 +79,11 @@ class Jpda(ConfirmingTracker):
         )
         # of a track alone, the log of 1 - P_D + sum of P_D g / kappa
         gain = np.log(np.maximum(1.0 - seen, LEAST)) - np.log(np.maximum(found.missed, LEAST))
-        reduced = reduce(_certain(found.tracks, tracks), self.reduce, self.prune_weight)
+        after = _certain(found.tracks, tracks)
+        if self.labels == "exchanged":
+            none = no_tracks(self.model)
+            after = variational(found._replace(tracks=after), none, none.label)
+        reduced = reduce(after, self.reduce, self.prune_weight)
         return Stage(reduced, found.unassigned, found.missed < 0.5, gain, found.approximated)
 
 
@@ -94,9 +106,10 @@ def jpda(
     false_confirmation: float = 1e-3,
     missed_confirmation: float = 1e-2,
     prune_weight: float = 1e-4,
-    start_probability: float = 1e-4,
-    tracks: int = 200,
+    start_probability: float = 1e-5,
+    tracks: int = 1000,
     association: str = "exact",
+    labels: str = "kept",
 ) -> Jpda:
     """JPDA with exact association probabilities; of several motions, or a mixture in every track.
 
@@ -125,6 +138,9 @@ def jpda(
         Most tracks.
     association : {"exact", "belief-propagation"}
         "exact" enumerates the association events of each cluster of tracks, up to a size.
+    labels : {"kept", "exchanged"}
+        "exchanged" is set JPDA: where tracks meet labels mean places, not targets, and tracks in one place
+        part again.
 
     Returns
     -------
@@ -137,10 +153,11 @@ def jpda(
 
     References
     ----------
-    Fortmann, Bar-Shalom and Scheffe 1983; exact probabilities by Maskell, Briers and Wright 2004.
+    Fortmann, Bar-Shalom and Scheffe 1983; exact probabilities by Maskell, Briers and Wright 2004; set JPDA
+    by Svensson, Svensson, Guerriero and Willett 2011.
     """
     return Jpda(
         model, collapsing(reduction, components),
         track_logic(logic, hits, window, misses, false_confirmation, missed_confirmation),
-        prune_weight, start_probability, tracks, association,
+        prune_weight, start_probability, tracks, association, labels,
     )  # fmt: skip

@@ -9,6 +9,7 @@ from gmr_gym.checks import check_choice, check_limits, check_probability
 from gmr_gym.filters import pmb as multi_bernoulli
 from gmr_gym.filters.clutter_estimation import options
 from gmr_gym.filters.learning_tracker import LearningTracker
+from gmr_gym.filters.marginals import ASSOCIATIONS
 from gmr_gym.filters.mixture_pmb import MixturePmb
 from gmr_gym.filters.mixture_tracks import collapsing
 from gmr_gym.filters.pmb import MultiBernoulli
@@ -94,7 +95,7 @@ class Pmb(KnownClutterTracker):
 
     def __post_init__(self) -> None:
         check_plain(self.model, "the PMB filter")
-        check_choice("association", self.association, tuple(multi_bernoulli.MARGINALS))
+        check_choice("association", self.association, ASSOCIATIONS)
 
     def init(self) -> MultiBernoulli:
         """Belief one period before the first scan."""

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.checks import check_choice, check_limits, check_probability, check_whole
+from gmr_gym.filters.marginals import ASSOCIATIONS
 from gmr_gym.filters.mixture_tracks import (
-    ASSOCIATIONS,
     Intensity,
     MixtureTracks,
     Reduction,
@@ -98,9 +98,9 @@ class Lmb(KnownClutterTracker):
 
     model: MultiTargetModel
     reduce: Reduction | None
-    prune_existence: float = 1e-3
+    prune_existence: float = 1e-4
     prune_weight: float = 1e-4
-    tracks: int = 200
+    tracks: int = 1000
     report_threshold: float = 0.5
     births: str = "detections"
     association: str = "exact"
@@ -171,12 +171,12 @@ def lmb(
     model: MultiTargetModel,
     components: int = 5,
     reduction: str = "runnalls",
-    prune_existence: float = 1e-3,
+    prune_existence: float = 1e-4,
     report_threshold: float = 0.5,
     births: str = "detections",
     *,
     prune_weight: float = 1e-4,
-    tracks: int = 200,
+    tracks: int = 1000,
     association: str = "exact",
 ) -> Lmb:
     """LMB filter (labelled multi-Bernoulli) with exact association probabilities, of one motion or several.

@@ -12,6 +12,7 @@ from gmr_gym.filters.belief_propagation import grouped, propagate
 from gmr_gym.filters.intensity_update import log_sum
 from gmr_gym.kernels import kernel, leaf_kernel
 
+ASSOCIATIONS = ("exact", "belief-propagation")
 MOST_STEPS = 100_000  # of one cluster, from set to set of detections; a cluster that takes more is propagated
 BITS = 62  # detections that a set can hold
 LEAST = 1e-200  # sum of the weights of all events, each track's greatest 1, below which logarithms are added
@@ -81,6 +82,11 @@ def marginals(track, detection, log_psi, n, k):
 def clusters(track: np.ndarray, detection: np.ndarray, n: int, k: int) -> np.ndarray:
     """The lowest track (n,) of the cluster that each of n tracks is of, by its pairs with k detections."""
     return _clusters(track, *grouped(detection, k), n)
+
+
+def clusters_of(chosen: np.ndarray, track: np.ndarray, detection: np.ndarray, k: int) -> int:
+    """Number of clusters of the tracks that are `chosen` (n,)."""
+    return len(np.unique(clusters(track, detection, len(chosen), k)[chosen])) if chosen.any() else 0
 
 
 @kernel

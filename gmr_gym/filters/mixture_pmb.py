@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gmr_gym.checks import check_choice, check_whole
+from gmr_gym.filters.marginals import ASSOCIATIONS
 from gmr_gym.filters.mixture_tracks import (
-    ASSOCIATIONS,
     Intensity,
     MixtureTracks,
     Reduction,

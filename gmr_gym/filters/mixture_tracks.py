@@ -14,7 +14,7 @@ from gmr_gym.checks import check_count
 from gmr_gym.filters import target_densities
 from gmr_gym.filters.belief_propagation import propagate
 from gmr_gym.filters.intensity_update import log_sum
-from gmr_gym.filters.marginals import clusters, marginals
+from gmr_gym.filters.marginals import clusters_of, marginals
 from gmr_gym.filters.pmb import LEAST_MISS
 from gmr_gym.filters.target_densities import Densities, Pairs, joined, merge, outputs, pair, posteriors
 from gmr_gym.filters.target_densities import take as take_densities
@@ -27,8 +27,8 @@ from gmr_gym.reduction.registry import reducer
 
 Reduction = Callable[[Mixture], Reduced]
 FREE = 0.5  # probability of belonging to no track, above which a detection is left to others
+IMPROBABLE = float(np.log(1e-5))  # a pair of less weight has a marginal probability of less
 NEGLIGIBLE = 1e-15  # probability of a pair that no posterior is formed for
-ASSOCIATIONS = ("exact", "belief-propagation")
 
 
 class MixtureTracks(NamedTuple):
@@ -390,12 +390,19 @@ Marginals = tuple[np.ndarray, np.ndarray, np.ndarray, int]
 def _marginals(
     track: np.ndarray, detection: np.ndarray, log_psi: np.ndarray, association: str, n: int, k: int
 ) -> Marginals:
-    """Marginal probabilities of pairs, missed tracks and unassigned detections; approximated clusters."""
+    """Marginal probabilities of pairs, missed tracks and unassigned detections; approximated clusters.
+
+    A cluster that is too large is taken without its improbable pairs, and approximated where it still is.
+    """
     if association != "exact":
         return *propagate(track, detection, log_psi, n, k), 0
     assigned, missed, unassigned, approximate = marginals(track, detection, log_psi, n, k)
-    root = clusters(track, detection, n, k)[approximate] if approximate.any() else approximate[:0]
-    return assigned, missed, unassigned, len(np.unique(root))
+    if approximate.any():
+        kept = np.flatnonzero(~approximate[track] | (log_psi > IMPROBABLE))
+        assigned = np.zeros(len(track))
+        track, detection = track[kept], detection[kept]
+        assigned[kept], missed, unassigned, approximate = marginals(track, detection, log_psi[kept], n, k)
+    return assigned, missed, unassigned, clusters_of(approximate, track, detection, k)
 
 
 def _in_turn(

@@ -10,7 +10,7 @@ import numpy as np
 
 from gmr_gym.filters.belief_propagation import propagate
 from gmr_gym.filters.intensity_update import log_ratios, posteriors
-from gmr_gym.filters.marginals import marginals
+from gmr_gym.filters.marginals import clusters_of, marginals
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.kernels import kernel
 from gmr_gym.linalg import cholesky_into
@@ -24,7 +24,6 @@ from gmr_gym.reduction.pruning import capping
 
 # probability of a miss where P_D = 1 and a track is certain to exist: an empty gate needs an explanation
 LEAST_MISS = 1e-100
-MARGINALS = {"exact": lambda *pairs: marginals(*pairs)[:3], "belief-propagation": propagate}
 
 
 class MultiBernoulli(NamedTuple):
@@ -40,12 +39,15 @@ class MultiBernoulli(NamedTuple):
         Intensity of the targets not yet detected.
     next_label : int
         Next unused label.
+    approximated : int
+        Clusters of tracks in the last scan too large for exact association probabilities.
     """
 
     tracks: Mixture
     label: np.ndarray
     undetected: Mixture
     next_label: int
+    approximated: int = 0
 
 
 def untracked(model: MultiTargetModel) -> MultiBernoulli:
@@ -168,7 +170,12 @@ def update(
     miss = np.maximum(1.0 - tracks.w * detection_probability, LEAST_MISS)
     track, detection = np.nonzero(seen > -np.inf)
     log_psi = seen[track, detection] - np.log(miss[track]) - log_new_ratio[detection]
-    assigned, missed, unassigned = MARGINALS[association](track, detection, log_psi, len(tracks.w), len(z))
+    pairs, approximated = (track, detection, log_psi, len(tracks.w), len(z)), 0
+    if association == "exact":
+        assigned, missed, unassigned, too_large = marginals(*pairs)
+        approximated = clusters_of(too_large, track, detection, len(z))
+    else:
+        assigned, missed, unassigned = propagate(*pairs)
     found = np.zeros(seen.shape)
     found[track, detection] = assigned
     absent = tracks._replace(w=missed * tracks.w * (1.0 - detection_probability) / miss)
@@ -189,6 +196,7 @@ def update(
         np.append(predicted.label, predicted.next_label + np.arange(len(new))),
         undetected._replace(w=(1.0 - detection_probability) * undetected.w),
         predicted.next_label + len(new),
+        approximated,
     )
     return posterior, unassigned * np.exp(-log_new_ratio)
 
@@ -214,13 +222,13 @@ def prune(belief: MultiBernoulli, existence: float, weight: float, max_component
     -----
     Departs: tracks of little existence are dropped; the paper may recycle them into the undetected intensity.
     """
-    tracks, label, undetected, next_label = belief
+    tracks, label, undetected, next_label, approximated = belief
     order = np.argsort(-tracks.w, kind="stable")[:max_components]
     kept = np.sort(order[(tracks.w[order] >= existence) & (tracks.w[order] > 0)])
     undetected = take(undetected, (undetected.w >= weight) & (undetected.w > 0))
     if len(undetected.w) > max_components:
         undetected = capping(undetected, max_components)[0]
-    return MultiBernoulli(take(tracks, kept), label[kept], undetected, next_label)
+    return MultiBernoulli(take(tracks, kept), label[kept], undetected, next_label, approximated)
 
 
 def report(belief: MultiBernoulli, clutter: Clutter, report_threshold: float = 0.5) -> MultiTargetReport:
@@ -238,14 +246,15 @@ def report(belief: MultiBernoulli, clutter: Clutter, report_threshold: float = 0
     -------
     MultiTargetReport
     """
-    tracks, label, undetected, _ = belief
+    tracks, label, undetected, _, approximated = belief
     order = np.argsort(-tracks.w, kind="stable")
     order = order[tracks.w[order] > report_threshold]
     all_targets = joined([tracks, undetected])
     existence = np.minimum(tracks.w[order], 1.0)  # a sum of marginals may exceed 1 by rounding
     return MultiTargetReport(
-        tracks.m[order], existence, label[order], float(all_targets.w.sum()), all_targets, clutter
-    )
+        tracks.m[order], existence, label[order], float(all_targets.w.sum()), all_targets, clutter,
+        approximated,
+    )  # fmt: skip
 
 
 @kernel

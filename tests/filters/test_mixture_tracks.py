@@ -8,6 +8,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.stats import multivariate_normal
 
 from gmr_gym.filters import mixture_tracks
+from gmr_gym.filters.marginals import marginals as exact
 from gmr_gym.filters.mixture_tracks import MixtureTracks, associate, collapsed, collapsing, reduce
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.filters.target_densities import Densities
@@ -262,3 +263,22 @@ def test_later_tracks_have_what_the_first_leave():
         np.testing.assert_allclose(alone.missed, found.missed[rows], rtol=1e-12)
     first.unassigned[free] *= then.unassigned
     np.testing.assert_allclose(found.unassigned, first.unassigned, rtol=1e-12)
+
+
+def test_a_large_cluster_falls_apart_without_its_improbable_pairs():
+    rng, blocks = np.random.default_rng(0), 4
+    psi = np.full((6 * blocks, 9 * blocks), 1e-8)
+    for b in range(blocks):
+        psi[6 * b : 6 * b + 6, 9 * b : 9 * b + 9] = np.exp(2 * rng.standard_normal((6, 9)))
+    track, detection = np.nonzero(psi)
+    log_psi = np.log(psi[track, detection])
+    assert exact(track, detection, log_psi, *psi.shape)[3].all()
+    assigned, missed, _, approximated = mixture_tracks._marginals(
+        track, detection, log_psi, "exact", *psi.shape
+    )
+    assert approximated == 0
+    of_block = (track < 6) & (detection < 9)
+    alone = exact(track[of_block], detection[of_block], log_psi[of_block], 6, 9)
+    np.testing.assert_allclose(assigned[of_block], alone[0], rtol=1e-12)
+    np.testing.assert_allclose(missed[:6], alone[1], rtol=1e-12)
+    assert not assigned[(track < 6) & (detection >= 9)].any()

@@ -365,3 +365,13 @@ def test_a_track_after_a_scan_is_the_mixture_of_its_pairs_by_its_moments(seed):
         assert got[0][i] == pytest.approx(absent[i] + found[i].sum(), rel=1e-14)
         np.testing.assert_allclose(got[1][i], mean, rtol=1e-11, atol=1e-11)
         np.testing.assert_allclose(got[2][i], covariance, rtol=1e-10, atol=1e-10)
+
+
+def test_clusters_too_large_for_exact_probabilities_are_reported():
+    rng, people = np.random.default_rng(0), told()
+    belief = of_tracks([0.9] * 30, rng.normal(0, 3, (30, 2)))
+    posterior, _ = updated(belief, rng.normal(0, 5, (33, 2)), people)
+    assert posterior.approximated == 1
+    kept = multi_bernoulli.prune(posterior, 1e-3, 1e-5, 100)
+    assert multi_bernoulli.report(kept, people.clutter).approximated == 1
+    assert updated(of_tracks([0.9] * 3, rng.normal(0, 3, (3, 2))), [[0.0, 0.0]], people)[0].approximated == 0
