@@ -155,7 +155,7 @@ def test_an_lmb_has_the_existences_of_the_delta_glmb():
     places = [[100.0, 0, 0, 5], [106, 4, 5, 0], [-100, 50, 5, 0]], [np.diag([100.0, 100, 9, 9])] * 3
     model = told(births=(1e-12, 1e-12), initial=mixture([0.4, 0.3, 0.2], *places))
     z = np.array([[101.0, 6.0], [108.0, 2.0], [97.0, 3.0], [-96.0, 51.0]])
-    every = delta_glmb(model, 100_000, prune_components=0.0, births="model", association="murty")
+    every = delta_glmb(model, 100_000, prune_hypotheses=0.0, births="model", association="murty")
     belief, _ = every.step(every.init(), z)
     exists = dict(zip(belief.label, mixtures.track_existence(belief), strict=True))
     alike = lmb(model, births="model", prune_existence=1e-6)
