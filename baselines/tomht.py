@@ -17,6 +17,8 @@ from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.reduction.protocol import Reduced
 from gmr_gym.reduction.registry import reduction_named
 
+WIDER = 10  # times as many leaves of a tree as are kept compete for the best hypothesis
+
 
 @dataclass(frozen=True)
 class Tomht(KnownClutterTracker):
@@ -63,7 +65,7 @@ class Tomht(KnownClutterTracker):
         """Trees after the scan `z` (k, p), and the probability (k,) that each is a false alarm."""
         model = self.model
         predicted, kappa = mht.predict(belief, model), clutter.density(z)
-        trees, p_clutter = mht.grow(predicted, model, z, kappa, self.prune_leaves)
+        trees, p_clutter = mht.grow(predicted, model, z, kappa, self.prune_leaves, WIDER * self.leaves)
         before = trees.detections - len(z)
         trees = mht.decided(trees, self.leaves, self.prune_leaves, self.prune_existence)
         newest, p_target = trees.history[trees.best, 0], 1.0 / (1.0 + np.exp(-trees.score[trees.best]))

@@ -85,7 +85,6 @@ def _numbers(hypotheses, existence, start, stop, width):
         own = -np.sort(-own)
         p_own = np.zeros(width + 1)
         p_own[0] = np.exp(hypotheses.log_weight[h])
-        log_w = hypotheses.log_weight[h] + np.log(1.0 - own).sum()
         for n in range(len(own) + 1):
             if n > 0:
                 p_own[1 : n + 1] = (1.0 - own[n - 1]) * p_own[1 : n + 1] + own[n - 1] * p_own[:n]

@@ -25,7 +25,6 @@ from gmr_gym.reduction.protocol import Reduced
 MOST_LEAVES = 2000  # that compete for the best hypothesis of a cluster, the same number of each tree,
 MOST_INTEGERS = 300  # and where that takes integer programming
 MOST_NODES = 1000  # of its search
-WIDER = 10  # times as many leaves of a tree as are kept compete
 
 
 class Trees(NamedTuple):
@@ -46,12 +45,10 @@ class Trees(NamedTuple):
         Whether the best global hypothesis has it.
     label : ndarray of int, shape (n,)
         Distinct labels of the trees.
-    begun : ndarray of int, shape (n,)
-        Scan of the first detection.
     confirmed : ndarray of bool, shape (n,)
     undetected : Undetected
-    next_label, scans, detections : int
-        Next unused label, and number of scans and of detections so far.
+    next_label, detections : int
+        Next unused label, and number of detections so far.
     """
 
     tree: np.ndarray
@@ -61,11 +58,9 @@ class Trees(NamedTuple):
     history: np.ndarray
     best: np.ndarray
     label: np.ndarray
-    begun: np.ndarray
     confirmed: np.ndarray
     undetected: Undetected
     next_label: int = 0
-    scans: int = 0
     detections: int = 0
 
 
@@ -74,7 +69,7 @@ def untracked(model: MultiTargetModel, delay: int) -> Trees:
     undetected, none = undetected_targets.initial(model), np.empty(0, int)
     return Trees(
         none, np.empty(0), np.empty(0), take(undetected.densities, none), np.empty((0, delay + 1), int),
-        np.empty(0, bool), none, none, np.empty(0, bool), undetected,
+        np.empty(0, bool), none, np.empty(0, bool), undetected,
     )  # fmt: skip
 
 
@@ -82,13 +77,13 @@ def predict(trees: Trees, model: MultiTargetModel) -> Trees:
     """Predict leaves and undetected targets by one period."""
     leaves = moved(trees.leaves, model)
     return trees._replace(
-        existence=model.survival_probability * trees.existence, leaves=leaves, scans=trees.scans + 1,
+        existence=model.survival_probability * trees.existence, leaves=leaves,
         undetected=undetected_targets.predict(trees.undetected, model, leaves, trees.best * trees.existence),
     )  # fmt: skip
 
 
 def grow(
-    predicted: Trees, model: MultiTargetModel, z: np.ndarray, kappa: np.ndarray, ratio: float
+    predicted: Trees, model: MultiTargetModel, z: np.ndarray, kappa: np.ndarray, ratio: float, most: int
 ) -> tuple[Trees, np.ndarray]:
     r"""A leaf for every leaf with a miss and with each detection of its gate, and a tree for every detection.
 
@@ -102,6 +97,8 @@ def grow(
         Intensity of clutter at the detections.
     ratio : float
         Leaves less likely than that with a miss by this factor are not grown.
+    most : int
+        Most leaves of a tree, by score.
 
     Returns
     -------
@@ -137,18 +134,24 @@ def grow(
     missed = predicted.score + np.log(miss)
     started = np.log(new.existence[first]) + (new.log_free - log_kappa)[first]
     gain = pairs.log_likelihood + np.log(hit[row]) - log_kappa[pairs.detection]
+    tree = np.concatenate([predicted.tree, predicted.tree[row], len(predicted.label) + np.arange(n)])
+    score = np.concatenate([missed, missed[row] + gain, started])
+    exists = np.concatenate([r * (1.0 - p_detected) / miss, np.ones(len(row) + n)])
     older = predicted.history[:, :-1]
     history = np.vstack([older, older[row], np.full((n, older.shape[1]), -1)])
     had = np.concatenate([np.full(len(r), -1), predicted.detections + np.append(pairs.detection, first)])
-    tree = np.concatenate([predicted.tree, predicted.tree[row], len(predicted.label) + np.arange(n)])
-    every = [predicted.leaves, posteriors(predicted.leaves, pairs, np.arange(len(row))), new.densities]
-    order = np.argsort(tree, kind="stable")
+    code = np.flatnonzero(_ranks(tree, score) < most)
+    old, hits, new_ones = np.split(code, np.searchsorted(code, [len(r), len(r) + len(row)]))
+    leaves = joined([
+        take(predicted.leaves, old), posteriors(predicted.leaves, pairs, hits - len(r)),
+        take(new.densities, new_ones - len(r) - len(row)),
+    ])  # fmt: skip
+    order = np.argsort(tree[code], kind="stable")
+    code = code[order]
     return predicted._replace(
-        tree=tree[order], score=np.concatenate([missed, missed[row] + gain, started])[order],
-        existence=np.concatenate([r * (1.0 - p_detected) / miss, np.ones(len(row) + n)])[order],
-        leaves=take(joined(every), order), history=np.column_stack([had, history])[order],
-        best=np.zeros(len(tree), bool), label=np.append(predicted.label, predicted.next_label + np.arange(n)),
-        begun=np.append(predicted.begun, np.full(n, predicted.scans)),
+        tree=tree[code], score=score[code], existence=exists[code], leaves=take(leaves, order),
+        history=np.column_stack([had, history])[code], best=np.zeros(len(code), bool),
+        label=np.append(predicted.label, predicted.next_label + np.arange(n)),
         confirmed=np.append(predicted.confirmed, np.zeros(n, bool)),
         undetected=undetected_targets.missed(predicted.undetected, model),
         next_label=predicted.next_label + n, detections=predicted.detections + len(z),
@@ -161,7 +164,7 @@ def kept(trees: Trees, chosen: np.ndarray) -> Trees:
     return trees._replace(
         tree=tree.reshape(-1), score=trees.score[chosen], existence=trees.existence[chosen],
         leaves=take(trees.leaves, chosen), history=trees.history[chosen], best=trees.best[chosen],
-        label=trees.label[which], begun=trees.begun[which], confirmed=trees.confirmed[which],
+        label=trees.label[which], confirmed=trees.confirmed[which],
     )  # fmt: skip
 
 
@@ -203,7 +206,6 @@ def decided(trees: Trees, leaves: int, ratio: float, least: float) -> Trees:
     excepted.
     """
     trees = kept(trees, trees.existence >= least)
-    trees = limited(trees, trees.score, WIDER * leaves, 0.0)
     best, price = best_hypothesis(trees.tree, trees.score, trees.history)
     oldest, own = trees.history[:, -1], np.full(len(trees.label), -2)
     own[trees.tree[best]] = oldest[best]
@@ -280,7 +282,7 @@ def _solved(tree: np.ndarray, score: np.ndarray, history: np.ndarray) -> tuple[n
     best[few] = found.x > 0.5  # halves are of neither
     if (np.abs(found.x - np.round(found.x)) < 1e-6).all():
         return best, price
-    few &= _ranks(group, score - price) < max(1, MOST_INTEGERS // trees)
+    few &= _ranks(group, np.where(few, score - price, -np.inf)) < max(1, MOST_INTEGERS // trees)
     whole = milp(
         -score[few], integrality=np.ones(few.sum()), bounds=Bounds(0, 1),
         constraints=LinearConstraint(A[:, few], ub=1.0), options={"node_limit": MOST_NODES},

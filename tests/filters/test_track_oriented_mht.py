@@ -82,7 +82,7 @@ def test_with_decisions_after_the_run_the_hypothesis_is_that_of_an_exhaustive_se
     told = line()
     trees = mht.untracked(told, len(scans))
     for z in scans:
-        grown, _ = mht.grow(mht.predict(trees, told), told, z, told.clutter.density(z), 0.0)
+        grown, _ = mht.grow(mht.predict(trees, told), told, z, told.clutter.density(z), 0.0, 10**6)
         trees = mht.decided(grown, 10**6, 0.0, 0.0)
     (total, tracks), score = exhaustive(told, scans)
     assert trees.score[trees.best].sum() == pytest.approx(total)
@@ -121,6 +121,15 @@ def test_a_program_whose_solution_has_fractions_is_solved_in_integers():
     tree, history = np.arange(3), np.array([[0, 1], [1, 2], [0, 2]])
     best, _ = mht.best_hypothesis(tree, np.array([1.0, 1.1, 1.0]), history)
     assert best.tolist() == [False, True, False]
+
+
+def test_many_trees_of_one_place_are_solved_in_integers():
+    # every one of 40 trees may have any of 30 detections, and all are worth the same: 30 trees have one
+    tree = np.repeat(np.arange(40), 60)
+    history = np.tile(np.arange(60) % 30, 40)[:, None]
+    score = np.tile(np.where(np.arange(60) < 30, 1.0, 0.5), 40)
+    best, _ = mht.best_hypothesis(tree, score, history)
+    assert best.sum() == 30 == len(set(history[best, 0])) == len(set(tree[best]))
 
 
 def crossing(seed=0, scans=14):
