@@ -16,10 +16,9 @@ def assumed(model: Model) -> tuple:
     """A filter model of one motion and a linear sensor as `processed` takes it: the fields of motion and
     sensor, `gate_and_log_weights`, P_D, P_G and clutter density, and `model_features`."""
     probabilities = model.detection_probability, model.gate_probability, model.clutter_density
-    return (
-        model.motion[:], model.sensor[:], np.array(gate_and_log_weights(model)), np.array(probabilities),
-        model_features(model),
-    )  # fmt: skip
+    weights = np.array(gate_and_log_weights(model))
+    sensor = model.sensor.H, model.sensor.R
+    return model.motion[:], sensor, weights, np.array(probabilities), model_features(model)
 
 
 @kernel(inline="always")
