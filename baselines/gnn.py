@@ -43,8 +43,8 @@ class Gnn(ConfirmingTracker):
 
     model: MultiTargetModel
     logic: TrackLogic
-    start_probability: float = 1e-4
-    tracks: int = 200
+    start_probability: float = 1e-5
+    tracks: int = 1000
 
     def __post_init__(self) -> None:
         check_whole("tracks", self.tracks, 1)
@@ -96,8 +96,8 @@ def gnn(
     *,
     false_confirmation: float = 1e-3,
     missed_confirmation: float = 1e-2,
-    start_probability: float = 1e-4,
-    tracks: int = 200,
+    start_probability: float = 1e-5,
+    tracks: int = 1000,
 ) -> Gnn:
     """Global nearest neighbour tracker, of one motion or several.
 

@@ -88,10 +88,10 @@ class Jipda(KnownClutterTracker):
     model: MultiTargetModel
     reduce: Reduction | None
     confirm: float = 0.9
-    drop: float = 1e-3
+    drop: float = 1e-4
     drop_confirmed: float = 0.05
     prune_weight: float = 1e-4
-    tracks: int = 200
+    tracks: int = 1000
     association: str = "exact"
 
     def __post_init__(self) -> None:
@@ -146,11 +146,11 @@ def jipda(
     components: int = 1,
     reduction: str = "runnalls",
     confirm: float = 0.9,
-    drop: float = 1e-3,
+    drop: float = 1e-4,
     drop_confirmed: float = 0.05,
     *,
     prune_weight: float = 1e-4,
-    tracks: int = 200,
+    tracks: int = 1000,
     association: str = "exact",
 ) -> Jipda:
     """JIPDA with exact association probabilities; of several motions, or a mixture in every track.

@@ -55,8 +55,8 @@ class Jpda(ConfirmingTracker):
     reduce: Reduction | None
     logic: TrackLogic
     prune_weight: float = 1e-4
-    start_probability: float = 1e-4
-    tracks: int = 200
+    start_probability: float = 1e-5
+    tracks: int = 1000
     association: str = "exact"
     labels: str = "kept"
 
@@ -106,8 +106,8 @@ def jpda(
     false_confirmation: float = 1e-3,
     missed_confirmation: float = 1e-2,
     prune_weight: float = 1e-4,
-    start_probability: float = 1e-4,
-    tracks: int = 200,
+    start_probability: float = 1e-5,
+    tracks: int = 1000,
     association: str = "exact",
     labels: str = "kept",
 ) -> Jpda:

@@ -98,9 +98,9 @@ class Lmb(KnownClutterTracker):
 
     model: MultiTargetModel
     reduce: Reduction | None
-    prune_existence: float = 1e-3
+    prune_existence: float = 1e-4
     prune_weight: float = 1e-4
-    tracks: int = 200
+    tracks: int = 1000
     report_threshold: float = 0.5
     births: str = "detections"
     association: str = "exact"
@@ -171,12 +171,12 @@ def lmb(
     model: MultiTargetModel,
     components: int = 5,
     reduction: str = "runnalls",
-    prune_existence: float = 1e-3,
+    prune_existence: float = 1e-4,
     report_threshold: float = 0.5,
     births: str = "detections",
     *,
     prune_weight: float = 1e-4,
-    tracks: int = 200,
+    tracks: int = 1000,
     association: str = "exact",
 ) -> Lmb:
     """LMB filter (labelled multi-Bernoulli) with exact association probabilities, of one motion or several.

@@ -24,7 +24,8 @@ class TrackLogic(NamedTuple):
     misses : int
         A confirmed track is dropped after so many misses in a row.
     confirm, drop : float
-        Log of the ratios of likelihoods at which a tentative track is confirmed and dropped.
+        Log of the ratio of likelihoods at which a tentative track is confirmed, and of its fall at which one is
+        dropped.
     """
 
     kind: str
@@ -128,8 +129,8 @@ def advanced(
     history : TrackHistory
         Of all n tracks.
     kept : ndarray of bool, shape (n,)
-        A confirmed track of falling score is dropped when it has lost as much as lies between confirming and
-        dropping.
+        By the score a track is dropped when it has lost `drop` since its best, a confirmed one when it has
+        lost as much as lies between confirming and dropping.
     """
     age, hits = history.age + 1, history.hits + hit
     misses = np.where(hit, 0, history.misses + 1)
@@ -140,7 +141,7 @@ def advanced(
         kept = np.where(confirmed, misses < logic.misses, hits + logic.window - age >= logic.hits)
     else:
         confirmed = history.confirmed | (score >= logic.confirm)
-        kept = np.where(confirmed, best - score < logic.confirm - logic.drop, score > logic.drop)
+        kept = best - score < np.where(confirmed, logic.confirm, 0.0) - logic.drop
     return TrackHistory(confirmed, age, hits, misses, score, best), kept
 
 
