@@ -138,7 +138,8 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
         x, z, origin, first = draw(self.scenario, seed)
         now, n = self._episodes, len(z)
         now.x[i], now.z[i, :n], now.origin[i, :n], now.first[i] = x, z, origin, first
-        self._trajectories[i] = self._single.new_trajectories()
+        if self._single.metric == TRAJECTORY:
+            self._trajectories[i] = self._single.new_trajectories()
 
     def _emit(self, wanted: np.ndarray) -> tuple[dict[str, Any], dict[str, Any]]:
         self._take()

@@ -109,7 +109,7 @@ Environments = Annotated[
     list[str],
     typer.Option(
         "--env",
-        help="environment; repeatable; by default all that need no files",
+        help="environment; repeatable; by default all without files, on the leaderboard but DenseTargets",
         **choices("environment", ABOUT),
     ),
 ]
