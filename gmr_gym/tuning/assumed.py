@@ -22,14 +22,15 @@ def assumed(model: Model) -> tuple:
 
 
 @kernel(inline="always")
-def processed(belief, history, z, told, thresholds, memory, recent, price, every):
+def processed(belief, history, z, told, thresholds, memories, price, every):
     """The Expansion of a scan under the factors among `thresholds`, the fields of the gates, its features,
     the cost of merging it all, and the detections in the gates, counted in each.
 
     `belief` is as in `expand_scan`, with detections of the past `history`, `told` is what `assumed` returns,
-    and `memory` and `recent` are those of `observe` and `observe_recent`, whose features are left out
-    unless `every`.
+    and `memories` are those of `observe` and of `observe_recent`, whose features are left out unless
+    `every`.
     """
+    memory, recent = memories
     (w, m, P), ((F, Q, offset), (H, R), weights, probabilities, known) = belief, told
     Q, noise = Q * thresholds[PROCESS] ** 2, R * thresholds[MEASUREMENT] ** 2
     if thresholds[FADING] != 1.0:
