@@ -8,10 +8,14 @@ import numpy as np
 import torch
 import typer
 from critics import Seen
+from judge import played
 from learner import environments, recorded, restored
 
+from gmr_gym.experiments.output import write_rows
 from gmr_gym.tuning.network import Network, save
+from gmr_gym.tuning.policies import ByNetwork
 
+PRICES = tuple(10.0**k for k in np.linspace(-5, -2, 7))
 ACTIVATIONS = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu"}
 
 
@@ -52,15 +56,29 @@ def normalisation(venv) -> tuple[np.ndarray, np.ndarray, float]:
     return np.array(venv.obs_rms.mean[:k], float), deviation, float(venv.clip_obs)
 
 
+def works(network: Network, runs: int) -> list[tuple[float, float]]:
+    """Prices of work, and the mean work of a scan at each, on VALID."""
+    found = (
+        played({"": ByNetwork(network)}, "wide-valid", runs, env={"price": price}, jobs=1)[""]
+        for price in PRICES
+    )
+    return [(price, float(one.work.mean())) for price, one in zip(PRICES, found, strict=True)]
+
+
 def main(
     run: Annotated[Path, typer.Argument(help="folder of a run")],
     out: Annotated[Path, typer.Argument(help="the .npz to write")],
     chapter: Annotated[int | None, typer.Option(help="the last unless given")] = None,
+    runs: Annotated[
+        int, typer.Option(help="episodes of every instance of VALID, for the work at each price", min=1)
+    ] = 40,
 ) -> None:
-    """Write the policy after a chapter of a run."""
+    """Write the policy after a chapter of a run, and beside it how much work it does at which price."""
     settings, last = recorded(run)
     venv = environments(settings)
-    save(out, network_of(restored(run, last if chapter is None else chapter, settings, venv), venv))
+    network = network_of(restored(run, last if chapter is None else chapter, settings, venv), venv)
+    save(out, network)
+    write_rows(out.with_suffix(".csv"), ("price", "work"), works(network, runs))
     print(f"written to {out}")
 
 

@@ -20,6 +20,8 @@ from gmr_gym.evaluation.source import is_hashed
 from gmr_gym.tuning.instances import Instance, instances, world
 
 ENV_ID = "gmr_gym/ReductionTuning-v1"
+# arguments that make it `ReductionTuning-v0`
+V0 = {"parameters": ("alpha", "prune"), "reducer": "adaptive", "features": "posterior", "price": 1e-4}
 # policy(features (k,), t) -> action (j,). It is asked about the episodes of an instance side by side, and of
 # them all in one call where it has a method `many`. One with a method `watching` is handed the environment
 # instead and asked for the policy proper: that is for what remembers, or knows more than a policy may, see

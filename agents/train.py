@@ -31,7 +31,7 @@ def main(
         int | None,
         typer.Option(help="of environments, up to whole rollouts; as the YAML says unless given", min=1),
     ] = None,
-    chapter: Annotated[int, typer.Option(help="steps between two states on disk", min=1)] = 65536,
+    chapter: Annotated[int, typer.Option(help="steps between two states on disk", min=1)] = 131072,
     set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006
     hindsight: Annotated[bool, typer.Option(help="whether the critic knows the truth")] = True,
     hyperparameters: Annotated[Path | None, typer.Option(help="another YAML file")] = None,

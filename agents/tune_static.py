@@ -17,9 +17,8 @@ import joblib
 import numpy as np
 import optuna
 import typer
-import yaml
 from competitors import write
-from judge import ENV_ID, Policy, code, played
+from judge import ENV_ID, V0, Policy, code, played
 from optuna.distributions import FloatDistribution
 from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
@@ -38,6 +37,7 @@ RULES = (("clutter", "detection"), ("kept", "over_1e-4"), ("spread", "entropy"),
 CLUTTER, DETECTION = 3, 2  # cells of a table
 ROUNDS = 4  # of a candidate, each an episode of every instance; the worse half stops earlier
 FINALISTS = 10  # of a search, on VALID
+STEPS = 983_040  # of environments, of one agent of v0
 
 
 @dataclass(frozen=True)
@@ -172,12 +172,6 @@ def table_of_constants(tuner: Tuner, steps: int, overall: np.ndarray) -> ByTable
     return ByTable(("clutter", "detection"), cells, np.array(actions))
 
 
-def trained_steps() -> int:
-    """Environment steps of one PPO agent, as its YAML says."""
-    file = Path(__file__).parent / "hyperparams" / "ppo.yml"
-    return int(float(yaml.safe_load(file.read_text())[ENV_ID]["n_timesteps"]))
-
-
 def tuned(tuner: Tuner, steps: int) -> dict[str, Policy]:
     """The best of each family, of which every one takes so many steps on TRAIN. What a search begins with is
     a candidate on VALID too, so that no family ends below the best constant there."""
@@ -219,9 +213,7 @@ def _nearest(values: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 
 def main(
-    steps: Annotated[
-        int | None, typer.Option(help="of environments, a family; those of a PPO agent unless given", min=1)
-    ] = None,
+    steps: Annotated[int, typer.Option(help="of environments, a family", min=1)] = STEPS,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006
     valid: Annotated[str, typer.Option(help="table of instances on which to choose")] = "valid",
@@ -231,9 +223,8 @@ def main(
 ) -> None:
     """Searches family by family, and writes the best of each to static.json."""
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    env = key_values(set_)
+    env = V0 | key_values(set_)
     train = env.pop("instances", "train")
-    steps = steps or trained_steps()
     print(
         f"every search ends with the candidate that reaches its share of {steps} steps a family", flush=True
     )

@@ -161,10 +161,30 @@ def _compiled_scan(told, belief, z):
     return after, report, hits
 
 
+def price_of(work: float, file: Path) -> float:
+    """The price of work at which the policy in the file does so much a scan, by the table of both beside it.
+
+    Raises
+    ------
+    ValueError
+        Naming the table where there is none, or the work where no price in it leads there.
+    """
+    table = file.with_suffix(".csv")
+    try:
+        prices, works = np.loadtxt(table, delimiter=",", skiprows=1, unpack=True)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"work needs the table {table}, which agents/export.py writes: {error}") from None
+    if not works.min() <= work <= works.max():
+        raise ValueError(f"work must lie in [{works.min():.3g}, {works.max():.3g}], got {work}")
+    order = np.argsort(works, kind="stable")
+    return float(np.exp(np.interp(np.log(work), np.log(works[order]), np.log(prices[order]))))
+
+
 def learned_n_scan(
     model: Model,
     policy: str | Path | None = None,
-    price: float = 1e-4,
+    price: float | None = None,
+    work: float | None = None,
     components: int = DORTENZIO.components,
 ) -> LearnedNScan:
     """N-scan MHT whose thresholds and assumed process noise are set by a network, the thriftier the dearer
@@ -176,8 +196,11 @@ def learned_n_scan(
         The filter model, of one motion and a linear sensor.
     policy : str or Path, optional
         File of the network as agents/export.py writes it; by default the one shipped with gmr_gym.
-    price : float
-        Of a unit of work, in losses of a scan; the one shipped was trained with 1e-5 to 1e-2.
+    price : float, optional
+        Of a unit of work, in losses of a scan; 1e-4 unless given. The one shipped was trained with 1e-5 to
+        1e-2.
+    work : float, optional
+        Of a scan, on average over the instances of VALID: instead of the price that leads there.
     components : int
         Most hypotheses after the reduction.
 
@@ -188,7 +211,13 @@ def learned_n_scan(
     Raises
     ------
     ValueError
-        For an invalid file, see `gmr_gym.tuning.network.load`, and for a model of another kind.
+        For an invalid file, see `gmr_gym.tuning.network.load`, for a model of another kind, and for price and
+        work given both.
     """
-    network = load(SHIPPED if policy is None else policy, ALL_FEATURES, (*REDUCERS["n-scan"], *FACTORS))
-    return LearnedNScan(model, network, price, components)
+    file = SHIPPED if policy is None else Path(policy)
+    if work is not None:
+        if price is not None:
+            raise ValueError("give price or work, not both")
+        price = price_of(work, file)
+    network = load(file, ALL_FEATURES, (*REDUCERS["n-scan"], *FACTORS))
+    return LearnedNScan(model, network, 1e-4 if price is None else price, components)

@@ -8,34 +8,41 @@ import numpy as np
 from gmr_gym.envs.render import Panel, Tracked
 from gmr_gym.envs.render_marks import HYPOTHESIS, INK, style_plane, style_strip
 from gmr_gym.envs.render_sheet import SIZE, Sheet
-from gmr_gym.filters.mht import MAX_HYPOTHESES, ScanUpdate, predict_and_update, prune_and_reduce
+from gmr_gym.filters.mht import MAX_HYPOTHESES, ScanUpdate
 from gmr_gym.filters.tracker import Report
 from gmr_gym.mixture import Mixture, mean_and_covariance, moments
-from gmr_gym.reduction.runnalls import greedy
+from gmr_gym.models.gating import Gates
+from gmr_gym.reduction.n_scan import extended
 from gmr_gym.simulation.single_target import Episode, Scan, Scenario, scan
+from gmr_gym.tuning.assumed import assumed, processed
+from gmr_gym.tuning.features import at_start
 from gmr_gym.tuning.instances import SCANS
-from gmr_gym.tuning.thresholds import Thresholds, to_action
+from gmr_gym.tuning.recent import at_first
+from gmr_gym.tuning.thresholds import DEPTH, DORTENZIO, REDUCERS, Thresholds, reduced, to_action
 
-DASHES = "-", "--", ":", "-."  # of the parameters, in their order
+# of the parameters, in their order
+DASHES = "-", "--", ":", "-.", (0, (5, 1)), (0, (1, 4)), (0, (6, 3, 1, 3)), (0, (3, 1, 1, 1, 1, 1))
 
 
 class TuningCanvas:
     """Images of episodes of `ReductionTuningEnv`: the posterior of the scan last reduced, near the estimate,
     before and after the reduction; below, by scan, how many hypotheses there were and the actions.
 
-    The tracker is run again for them: the same scans, reduced by the same thresholds.
+    The tracker is run again for them: the same scans, under the same thresholds and factors.
 
     Parameters
     ----------
     scenario : Scenario
     parameters : sequence of str
-        The thresholds that an action sets.
+        What an action sets.
+    reducer : str
+        One of `REDUCERS`.
     on_screen : bool
         Whether to open a window.
     """
 
-    def __init__(self, scenario: Scenario, parameters: Sequence[str], on_screen: bool = False):
-        self.parameters = parameters
+    def __init__(self, scenario: Scenario, parameters: Sequence[str], reducer: str, on_screen: bool = False):
+        self.parameters, self._reducer = parameters, list(REDUCERS).index(reducer)
         self._sheet = Sheet(SIZE, 2, 2, 8 + len(parameters), across=True, on_screen=on_screen)
         self.figure = self._sheet.figure
         self.panels = [Panel(scenario, plane, (), "") for plane in self._sheet.planes]
@@ -53,11 +60,13 @@ class TuningCanvas:
             *counts.step([], [], where="mid", color=HYPOTHESIS, lw=1.6, label="number kept"),
         ]
         self._actions = [
-            *(actions.step([], [], dashes, where="mid", color=INK, lw=1.4, label=name)[0]
+            *(actions.step([], [], ls=dashes, where="mid", color=INK, lw=1.4, label=name)[0]
               for name, dashes in zip(parameters, DASHES, strict=False))
         ]  # fmt: skip
         self._episode: Episode | None = None
         self._belief: Mixture
+        self._history: np.ndarray  # of its hypotheses, see `tuning.thresholds.reduced`
+        self._row: np.ndarray  # the thresholds of the scan before
         self._estimates: list[np.ndarray]
         self._numbers: list[tuple[int, int]]  # of hypotheses before and after, by scan
         self._last: tuple[Scan, Report, Report | None]  # of the scan drawn, before and after its reduction
@@ -81,13 +90,15 @@ class TuningCanvas:
         """
         if episode is not self._episode:
             self._episode, self._belief = episode, scenario.model.prior
+            self._history, self._row = np.zeros((1, DEPTH), np.int64), np.array(DORTENZIO, float)
             self._estimates, self._numbers = [], []
         for each in thresholds[len(self._estimates) :]:
             seen, full = self._next_scan(scenario, episode)
             before = full.posterior.mixture
-            self._belief = prune_and_reduce(
-                before, greedy(each.components, each.alpha), each.prune, each.prune_density
-            )
+            self._row = np.array(each, float)
+            history = extended(self._history, full.posterior.parent, full.posterior.detection)
+            *belief, _, _, _, _, self._history = reduced(self._reducer, *before, history, self._row, 0.0, 0)
+            self._belief = Mixture(*belief)
             self._last = seen, _report(before, full), _report(self._belief, full)
             self._estimates.append(self._last[2].x[0])
             self._numbers.append((len(before.w), len(self._belief.w)))
@@ -106,7 +117,12 @@ class TuningCanvas:
         """The next scan, and the belief predicted and updated by it."""
         estimate = self._estimates[-1] if self._estimates else moments(scenario.model.prior)[0]
         seen = scan(scenario, episode, len(self._estimates), scenario.centre(estimate))
-        return seen, predict_and_update(self._belief, scenario.model, seen.z)
+        model = scenario.model
+        full, gates, *_ = processed(
+            self._belief[:], self._history, seen.z, assumed(model), self._row, at_start(model)[:],
+            at_first(0.0), 0.0, False,
+        )  # fmt: skip
+        return seen, ScanUpdate(full, Gates(*gates))
 
     def _planes(self, scenario: Scenario, episode: Episode) -> None:
         seen, before, after = self._last

@@ -227,7 +227,7 @@ class ReductionTuningEnv(DrawnEnv):
     def _new_canvas(self, on_screen: bool):
         from gmr_gym.envs.render_tuning import TuningCanvas
 
-        return TuningCanvas(self._scenario, self.parameters, on_screen)
+        return TuningCanvas(self._scenario, self.parameters, self.reducer, on_screen)
 
     def _drawn_on(self, canvas):
         return canvas.draw(self._scenario, self._episode, self._reduced)

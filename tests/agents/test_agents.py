@@ -17,16 +17,16 @@ yaml = pytest.importorskip("yaml")
 sys.path.insert(0, str(ROOT / "agents"))
 
 from export import network_of  # noqa: E402
-from from_vector import FromVector  # noqa: E402
+from from_vector import WORK, FromVector  # noqa: E402
 from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
 from judge import Episodes, played  # noqa: E402
-from learner import ENV_ID, Run, environments, recorded, restored, settings  # noqa: E402
+from learner import ENV_ID, START, Run, environments, recorded, restored, settings  # noqa: E402
 from recurrent import remembering  # noqa: E402
 
-from gmr_gym.tuning.features import FEATURES  # noqa: E402
 from gmr_gym.tuning.hindsight import HINDSIGHT  # noqa: E402
 from gmr_gym.tuning.network import load, save  # noqa: E402
-from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, to_action  # noqa: E402
+from gmr_gym.tuning.recent import ALL_FEATURES  # noqa: E402
+from gmr_gym.tuning.thresholds import Thresholds, to_action  # noqa: E402
 
 CONTRIB = find_spec("sb3_contrib")
 FEW = {"ppo": {"n_steps": 32, "batch_size": 64, "n_envs": 4}, "sac": {"learning_starts": 50, "n_envs": 4}}
@@ -78,6 +78,26 @@ def test_where_the_horizon_ends_a_problem_nobody_is_told_of_an_end_by_time():
     assert run.venv.horizon_ends
 
 
+def test_prices_weigh_alike_and_each_episode_by_its_own():
+    venv = FromVector(gym.make_vec(
+        ENV_ID, 2, vectorization_mode="vector_entry_point", autoreset_mode="SameStep", price=(1e-4, 1e-2)
+    ))  # fmt: skip
+    plain = gym.make_vec(
+        ENV_ID, 2, vectorization_mode="vector_entry_point", autoreset_mode="SameStep", price=(1e-4, 1e-2)
+    )
+    venv.seed(1)
+    venv.reset()
+    _, infos = plain.reset(seed=1)
+    ends = 0
+    while ends < 3:
+        price = infos["price"]
+        _, rewards, over, _ = venv.step(np.full((2, 5), 0.9))
+        _, wanted, _, _, infos = plain.step(np.full((2, 5), 0.9))
+        np.testing.assert_allclose(rewards, wanted / (1 + WORK * price), rtol=1e-6)
+        ends += over.sum()
+    assert (infos["price"] != price).any()
+
+
 def test_the_adapter_refuses_environments_that_reset_a_step_late():
     with pytest.raises(ValueError, match="SAME_STEP"):
         FromVector(vector(AutoresetMode.NEXT_STEP))
@@ -124,21 +144,21 @@ def test_the_exported_policy_says_what_the_model_predicts_whatever_the_critic_kn
     venv = environments(said)
     network = network_of(restored(tmp_path / "run", 1, said, venv), venv)
     save(tmp_path / "policy.npz", network)
-    read = load(tmp_path / "policy.npz", FEATURES, Thresholds._fields)
-    assert read.parameters == ("alpha", "prune")
+    read = load(tmp_path / "policy.npz", ALL_FEATURES, Thresholds._fields)
+    assert read.parameters == ("history", "prune", "components", "process_noise", "coasting_noise")
     shape = run.venv.observation_space.shape
-    assert shape == (len(FEATURES) + hindsight * len(HINDSIGHT),)
+    assert shape == (len(ALL_FEATURES) + hindsight * len(HINDSIGHT),)
     observations = np.random.default_rng(0).uniform(-2, 2, (50, *shape)).astype(np.float32)
     wanted, _ = run.model.predict(venv.normalize_obs(observations), deterministic=True)
-    said = [read(row[: len(FEATURES)]) for row in observations]
+    said = [read(row[: len(ALL_FEATURES)]) for row in observations]
     np.testing.assert_allclose(said, wanted, atol=2e-6)  # single precision
 
 
 @pytest.mark.parametrize("algorithm", FEW)
-def test_an_untrained_policy_is_about_the_papers_thresholds(tmp_path, algorithm):
+def test_an_untrained_policy_is_about_where_it_is_to_begin(tmp_path, algorithm):
     run = Run(tmp_path / "run", shortened(tmp_path, algorithm, 256))
     action, _ = run.model.predict(run.venv.reset(), deterministic=True)
-    wanted = np.tile(to_action(DORTENZIO, ("alpha", "prune")), (len(action), 1))
+    wanted = np.tile(to_action(START, run.venv.get_attr("parameters")[0]), (len(action), 1))
     np.testing.assert_allclose(action, wanted, atol=0.1)
 
 
@@ -154,8 +174,8 @@ def test_train_scores_every_chapter_on_valid_and_keeps_the_best(tmp_path):
     rows = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
     assert [row["steps"] for row in rows] == [256, 512]
     assert all(0 <= row["lost"] <= 1 and row["work"] > 0 for row in rows)
-    best = load(tmp_path / "run/best.npz", FEATURES, Thresholds._fields)
-    last = load(tmp_path / "run/last.npz", FEATURES, Thresholds._fields)
+    best = load(tmp_path / "run/best.npz", ALL_FEATURES, Thresholds._fields)
+    last = load(tmp_path / "run/last.npz", ALL_FEATURES, Thresholds._fields)
     same = all(np.array_equal(a, b) for a, b in zip(best.weights, last.weights, strict=True))
     assert same == (rows[1]["reward"] > rows[0]["reward"])
 
@@ -166,7 +186,7 @@ def test_a_policy_that_remembers_is_judged_by_what_its_model_predicts(tmp_path):
     run = Run(tmp_path / "run", said)
     run.learn()
     act = remembering(run.model, run.venv).watching(None)
-    seen = np.random.default_rng(0).uniform(-2, 2, (2, 12, len(FEATURES))).astype(np.float32)
+    seen = np.random.default_rng(0).uniform(-2, 2, (2, 12, len(ALL_FEATURES))).astype(np.float32)
     for episode in seen:  # the second begins as if there had been no first
         state, first = None, np.ones(1, bool)
         for t, row in enumerate(episode):
@@ -175,7 +195,7 @@ def test_a_policy_that_remembers_is_judged_by_what_its_model_predicts(tmp_path):
             )
             np.testing.assert_allclose(act(row, t), wanted[0], atol=1e-5)  # single precision
             first[:] = False
-    row = played({"one": remembering(run.model, run.venv)}, "valid", 1, env={"components": 20}, jobs=1)["one"]
+    row = played({"one": remembering(run.model, run.venv)}, "wide-valid", 1, jobs=1)["one"]
     assert np.isfinite(row.reward).all() and row.scans.min() > 0
     with pytest.raises(ValueError, match="cannot be exported"):
         network_of(run.model, run.venv)
@@ -197,7 +217,10 @@ def test_episodes_side_by_side_are_judged_as_one_by_one():
             return np.array([rule(row, t) for row in features])
 
     policies = {"plain": rule, "alone": Alone(), "together": Together()}
-    found = played(policies, "extrapolation", 3, jobs=1, only=("extrapolation-00", "extrapolation-03"))
+    found = played(
+        policies, "extrapolation", 3, env={"parameters": ["history", "prune"]}, jobs=1,
+        only=("extrapolation-00", "extrapolation-03"),
+    )  # fmt: skip
     for field in Episodes._fields:
         if field != "seconds":
             one, *others = (getattr(found[name], field) for name in policies)
@@ -235,7 +258,7 @@ def test_an_unknown_algorithm_and_a_file_without_the_environment_are_refused(tmp
     with pytest.raises(ValueError, match="unknown algorithm 'dqn'; choose from ppo, sac"):
         settings("dqn", 0, None, 100, {}, None)
     (tmp_path / "other.yml").write_text("CartPole-v1:\n  n_envs: 1\n")
-    with pytest.raises(ValueError, match="must have an entry gmr_gym/ReductionTuning-v0"):
+    with pytest.raises(ValueError, match="must have an entry gmr_gym/ReductionTuning-v1"):
         settings("ppo", 0, None, 100, {}, tmp_path / "other.yml")
     with pytest.raises(ValueError, match="cannot read the hyperparameters"):
         settings("ppo", 0, None, 100, {}, tmp_path / "none.yml")

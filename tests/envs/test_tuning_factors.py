@@ -194,6 +194,25 @@ def test_what_is_wrong_is_named(how, message):
         gym.make(V1, **how)
 
 
+def test_the_picture_is_of_the_tracker_under_its_factors():
+    parameters = ("history", "prune", "process_noise", "coasting_noise", "measurement_noise")
+    env = made(parameters, render_mode="rgb_array")
+    action = to_action(Thresholds(history=1, process_noise=2.0, coasting_noise=2.0), parameters)
+    env.reset(seed=3, options={"instance_id": NAME})
+    errors, kept = [], []
+    for _ in range(8):
+        *_, info = env.step(action)
+        errors.append(info["error"])
+        kept.append(info["components"])
+    env.render()
+    canvas = env._canvas
+    drawn = [np.linalg.norm((a - x)[:2]) for a, x in zip(canvas._estimates, env._episode.x, strict=False)]
+    assert drawn == pytest.approx(errors, rel=1e-9)
+    assert [left for _, left in canvas._numbers] == kept
+    assert len(canvas._actions) == len(parameters)
+    env.close()
+
+
 def test_what_is_observed_may_be_chosen():
     names = ("price", "nis_long", "size")
     every, some = gym.make(V1, price=1e-3).unwrapped, gym.make(V1, price=1e-3, features=names).unwrapped
