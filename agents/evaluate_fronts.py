@@ -84,7 +84,7 @@ def record(fronts: Mapping[str, Sequence[Episodes]], reference: str) -> dict[str
     against the best of them, and where the points of the fronts lie."""
     found: dict[str, Any] = {"reference": reference, "volumes": {}, "at": {}}
     for axis in AXES:
-        found["volumes"][axis] = volumes = compared(fronts, reference, axis)
+        found["volumes"][axis] = volumes = compared(fronts, reference, axis, [HINDSIGHT])
         others = [name for name in fronts if name not in (reference, HINDSIGHT)]
         if others:
             best = max(others, key=lambda name: volumes[name]["hypervolume"].value)

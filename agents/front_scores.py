@@ -78,10 +78,11 @@ def points(front: Sequence[Episodes], axis: str, drawn: Drawn) -> Points:
 
 
 def compared(
-    fronts: Mapping[str, Sequence[Episodes]], reference: str, axis: str
+    fronts: Mapping[str, Sequence[Episodes]], reference: str, axis: str, bounds: Sequence[str] = ()
 ) -> dict[str, dict[str, Estimate]]:
     """Hypervolumes of the fronts, in decades of cost times the share of targets lost, and by how much the
-    reference exceeds each of the others and, which flatters them, the best of them in every draw.
+    reference exceeds each of the others and, which flatters them, the best of them in every draw. Those that
+    are named as bounds are no rivals, and not among the best.
 
     ValueError for fronts of other instances and runs, which cannot be paired."""
     shapes = {e.lost.shape[1:] for front in fronts.values() for e in front}
@@ -89,7 +90,7 @@ def compared(
         raise ValueError(f"fronts are compared on common episodes, got (instances, runs) {sorted(shapes)}")
     drawn = drawn_again(len(fronts[reference][0].lost), *shapes.pop())
     volumes = {name: _volume(points(front, axis, drawn), axis) for name, front in fronts.items()}
-    if others := [volume for name, volume in volumes.items() if name != reference]:
+    if others := [volume for name, volume in volumes.items() if name not in (reference, *bounds)]:
         volumes[BEST_OTHER] = np.max(others, axis=0)
     return {
         name: {"hypervolume": _estimate(volume)}

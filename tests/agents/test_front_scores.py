@@ -62,6 +62,13 @@ def test_a_front_without_chance_has_its_closed_form_and_no_width():
     assert compared(fronts, "learned", "time")["learned"]["hypervolume"].value == pytest.approx(volume)
 
 
+def test_a_bound_is_shown_and_not_among_the_best_of_the_others():
+    fronts = {"a": [episodes(10.0, 0.3)], "b": [episodes(10.0, 0.4)], "bound": [episodes(10.0, 0.1)]}
+    found = compared(fronts, "a", "work", ["bound"])
+    assert found["bound"]["behind"].value == pytest.approx(-2 * 0.2)
+    assert found[BEST_OTHER]["hypervolume"] == pytest.approx(found["b"]["hypervolume"])
+
+
 def test_what_is_common_to_both_fronts_does_not_widen_their_difference():
     rng = np.random.default_rng(3)
     hard = rng.random((1, 6, 10))  # how hard an episode is, for whoever plays it
