@@ -101,6 +101,7 @@ class ReductionTuningEnv(DrawnEnv):
         components: int = DORTENZIO.components,
         hindsight: bool = False,
         render_mode: str | None = None,
+        *,
         reducer: str = "adaptive",
         features: str | Sequence[str] = "posterior",
         **unknown,

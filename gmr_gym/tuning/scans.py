@@ -213,7 +213,7 @@ def look(e, belief, history, estimate, thresholds, observation, seen):
     )  # fmt: skip
     memory, every = Memory(e.kept, e.relative_loss, e.work), seen.max() >= len(FEATURES)
     full, _, features, e.cost, e.gated = processed(
-        belief, history, z[:k], told, thresholds, memory, e.recent[:], e.price, every
+        (belief, history), z[:k], told, thresholds, memory, e.recent[:], e.price, every
     )
     w, m, P = full.mixture
     for f in range(len(seen)):
