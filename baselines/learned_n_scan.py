@@ -135,7 +135,7 @@ def _scan(belief, z, told, policy, price):
     layout, numbers, set_by, rest = policy
     recent = recent.copy()
     full, gates, features, cost, gated = processed(
-        mixture, history, z, told, thresholds, (memory, recent), price, True
+        (mixture, history), z, told, thresholds, memory, recent, price, True
     )
     single = features.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
     thresholds = from_actions(forward(single, layout, numbers), set_by, rest)[0]

@@ -119,8 +119,8 @@ class TuningCanvas:
         seen = scan(scenario, episode, len(self._estimates), scenario.centre(estimate))
         model = scenario.model
         full, gates, *_ = processed(
-            self._belief[:], self._history, seen.z, assumed(model), self._row,
-            (at_start(model)[:], at_first(0.0)), 0.0, False,
+            (self._belief[:], self._history), seen.z, assumed(model), self._row, at_start(model)[:],
+            at_first(0.0), 0.0, False,
         )  # fmt: skip
         return seen, ScanUpdate(full, Gates(*gates))
 

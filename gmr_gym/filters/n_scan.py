@@ -135,21 +135,21 @@ def expand_with_history(belief, motion, sensor, z, weights, prune_weight, max_hy
 @kernel
 def n_scan_estimate(w, m, P, history, prune_weight, max_hypotheses, components, density):
     """The reduced w, m, P and history of `n_scan_reduce`, and their mean (1, d) and covariance (1, d, d)."""
-    limits = prune_weight, max_hypotheses, components, density
-    w, m, P, history, _ = n_scan_reduce(w, m, P, history, history.shape[1], limits)
+    w, m, P, history, _ = n_scan_reduce(
+        (w, m, P), history, history.shape[1], prune_weight, max_hypotheses, components, density
+    )
     _, mean, covariance = match(w, m, P, np.zeros(len(w), np.int64), ONE)
     return w, m, P, history, mean, covariance
 
 
 @kernel(inline="always")
-def n_scan_reduce(w, m, P, history, scans, limits):
+def n_scan_reduce(mixture, history, scans, prune_weight, max_hypotheses, components, density):
     """Prune by weight, merge by the first `scans` columns of the history and prune by density (see
     `gmr_gym.filters.mht.prune_and_reduce`).
 
-    `limits` are the least weight, the most hypotheses, the most components and the least density. Returns the
-    reduced w, m, P and history, and the work, see `gmr_gym.reduction.n_scan.merge_by_history`.
+    Returns the reduced w, m, P and history, and the work, see `gmr_gym.reduction.n_scan.merge_by_history`.
     """
-    prune_weight, max_hypotheses, components, density = limits
+    w, m, P = mixture
     kept = heaviest_mask(w, max_hypotheses) & above_threshold(w, w, prune_weight)
     if kept.sum() < len(w):
         before = w

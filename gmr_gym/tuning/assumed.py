@@ -16,22 +16,22 @@ def assumed(model: Model) -> tuple:
     """A filter model of one motion and a linear sensor as `processed` takes it: the fields of motion and
     sensor, `gate_and_log_weights`, P_D, P_G and clutter density, and `model_features`."""
     probabilities = model.detection_probability, model.gate_probability, model.clutter_density
-    weights = np.array(gate_and_log_weights(model))
-    sensor = model.sensor.H, model.sensor.R
-    return model.motion[:], sensor, weights, np.array(probabilities), model_features(model)
+    return (
+        model.motion[:], (model.sensor.H, model.sensor.R), np.array(gate_and_log_weights(model)),
+        np.array(probabilities), model_features(model),
+    )  # fmt: skip
 
 
 @kernel(inline="always")
-def processed(belief, history, z, told, thresholds, memories, price, every):
+def processed(belief, z, told, thresholds, memory, recent, price, every):
     """The Expansion of a scan under the factors among `thresholds`, the fields of the gates, its features,
     the cost of merging it all, and the detections in the gates, counted in each.
 
-    `belief` is as in `expand_scan`, with detections of the past `history`, `told` is what `assumed` returns,
-    and `memories` are those of `observe` and of `observe_recent`, whose features are left out unless
-    `every`.
+    `belief` is that of `expand_scan` and the history of its hypotheses, `told` is what `assumed` returns,
+    and `memory` and `recent` are those of `observe` and `observe_recent`, whose features are left out
+    unless `every`.
     """
-    memory, recent = memories
-    (w, m, P), ((F, Q, offset), (H, R), weights, probabilities, known) = belief, told
+    ((w, m, P), history), ((F, Q, offset), (H, R), weights, probabilities, known) = belief, told
     Q, noise = Q * thresholds[PROCESS] ** 2, R * thresholds[MEASUREMENT] ** 2
     if thresholds[FADING] != 1.0:
         P = thresholds[FADING] * P

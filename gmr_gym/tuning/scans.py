@@ -211,9 +211,9 @@ def look(e, belief, history, estimate, thresholds, observation, seen):
     told = (
         (e.F[:], e.Q[:], e.offset[:]), (e.H[:], e.R[:]), e.log_weights[:], e.assumed[:], e.known[:]
     )  # fmt: skip
-    memories, every = (Memory(e.kept, e.relative_loss, e.work), e.recent[:]), seen.max() >= len(FEATURES)
+    memory, every = Memory(e.kept, e.relative_loss, e.work), seen.max() >= len(FEATURES)
     full, _, features, e.cost, e.gated = processed(
-        belief, history, z[:k], told, thresholds, memories, e.price, every
+        (belief, history), z[:k], told, thresholds, memory, e.recent[:], e.price, every
     )
     w, m, P = full.mixture
     for f in range(len(seen)):

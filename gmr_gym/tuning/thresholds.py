@@ -252,7 +252,7 @@ def reduced(reducer, w, m, P, history, thresholds, cost, gated):
     prune, density, most = thresholds[1], thresholds[2], np.int64(MAX_HYPOTHESES)
     if reducer == N_SCAN:
         scans = np.int64(thresholds[HISTORY])
-        w, m, P, history, work = n_scan_reduce(w, m, P, history, scans, (prune, most, most, density))
+        w, m, P, history, work = n_scan_reduce((w, m, P), history, scans, prune, most, most, density)
     else:
         w, m, P, work = cluster_scan(w, m, P, prune, most, most, thresholds[DISTANCE], density)
         history = history[: len(w)]

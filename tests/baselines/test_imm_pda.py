@@ -25,7 +25,7 @@ from gmr_gym.simulation.single_target import draw, scan
 
 WITH_NUMBERS = {"runnalls": "runnalls-30", "mmg": "mmg-15", "imm-mht": "imm-mht-15"}
 ONE_MOTION = {"mht", "runnalls", "adaptive", "capping", "ise", "salmond", "west", "pda", "nearest-neighbour"}
-OF_A_RADAR = sorted(set(trackers()) - {"adaptive-noise", "learned-thresholds"})
+OF_A_RADAR = sorted(set(trackers()) - {"adaptive-noise", "learned-n-scan", "learned-thresholds"})
 
 
 def general(told, give_up_ratio=20.0):

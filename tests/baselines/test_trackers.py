@@ -39,8 +39,8 @@ SWITCHING = TOLD._replace(
     mode_prior=np.array([0.5, 0.3, 0.2]),
 )
 KNOW_ONE_MOTION = {
-    "adaptive", "adaptive-noise", "capping", "cluster", "ise", "learned-thresholds", "mht", "n-scan",
-    "nearest-neighbour", "pda", "runnalls", "salmond", "west",
+    "adaptive", "adaptive-noise", "capping", "cluster", "ise", "learned-n-scan", "learned-thresholds",
+    "mht", "n-scan", "nearest-neighbour", "pda", "runnalls", "salmond", "west",
 }  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import pytest
 from baselines.bank_of_mhts import single_model_mht
 from baselines.imm_pda import ImmPda, imm
 from baselines.learned import LearnedThresholds, learned_thresholds
+from baselines.learned_n_scan import learned_n_scan
 from baselines.learning_pmb import pmb
 from baselines.mht import Mht, adaptive, capping, cluster, n_scan, runnalls
 from baselines.pda import Pda
@@ -55,6 +56,7 @@ TRACKERS = {
     "pda": Pda,
     "imm of one motion": ImmPda,
     "learned": learned_thresholds,
+    "learned n-scan": learned_n_scan,
 }
 JUMPING = jump_markov("1")
 POSSIBLE = np.array([1.0, 0.0, 1.0, 1.0, 1.0])  # the second motion can neither be at the start nor come about
