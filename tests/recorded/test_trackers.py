@@ -129,6 +129,16 @@ def test_certain_detections_that_come_twice_or_not_at_all_break_nothing(tracker)
         assert np.isfinite(rows.P).all() and len(np.unique(rows.track)) == len(rows.track)
 
 
+def test_a_history_without_a_target_gets_no_detection():
+    """Of a track that is detected for certain, the history of a miss has no target. Where two tracks may have
+    a detection, an integer program then chooses among histories, and needs finite weights."""
+    sure = RADAR._replace(detection_probability=1.0, clutter_per_scan=0.0)
+    live = LiveTracker(model("mht", sensors=(sure,)))
+    for t, z in enumerate(crossing()):
+        rows = live.update(float(t), z)
+        assert np.isfinite(rows.x).all() and np.isfinite(live.state.leaves[0].log_weight).all()
+
+
 def test_unknown_trackers_are_refused():
     with pytest.raises(ValueError, match="tracker must be one of pmb, pda, gnn, mht, phd, got 'gm-phd'"):
         model("gm-phd")
