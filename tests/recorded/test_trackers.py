@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from gmr_gym.filters import registry
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import uniform_clutter
@@ -155,6 +156,14 @@ def test_an_installed_tracker_follows_the_targets_with_the_rules_of_tracks():
     assert (np.linalg.norm(off, axis=1) < 40).all() and (
         found.time[rows.detection[near]] == rows.time[near]
     ).all()
+
+
+def test_an_installed_tracker_is_looked_up_once_for_all_intervals(monkeypatch):
+    found, scans = recorded(crossing(3))
+    by = plugged("pmb", {}, found, scans, model())
+    monkeypatch.setattr(registry, "tracker_entry_points", lambda group: {})
+    periods = [by.make(interval, 0).model.motions[0].F[0, 2] for interval in (1.0, 1.5)]
+    assert periods == [1.0, 1.5]
 
 
 def test_what_an_installed_tracker_does_not_use_is_said_and_polar_detections_become_positions():
