@@ -1,6 +1,7 @@
 """What is assumed of a file of detections, proposed from the file itself."""
 
 import math
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -32,4 +33,5 @@ def write_proposal(
     write_configuration(out, settings, [f"proposed from {source.name}", *proposal.lines])
     yield from (f"proposed: {line}" for line in proposal.lines)
     yield from before_and_after(proposal)
-    yield f"written to {out}; track with gmr-gym track {source} --config {out}"
+    command = shlex.join(["gmr-gym", "track", f"{source}", "--config", f"{out}"])
+    yield f"written to {out}; track with {command}"

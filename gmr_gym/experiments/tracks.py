@@ -61,8 +61,12 @@ def tracker_asked(typed: str | None, settings: Configuration) -> str:
     """The tracker of many targets, NAME or NAME:key=value,key=value: as typed, or else as the settings say,
     or else `pmb`."""
     spec = typed or str(settings.tracks.get("tracker", TRACKERS[0]))
+    if spec in TRACKERS:
+        return spec
     name, installed = parsed(spec)[0], tracker_entry_points(MULTI_TARGET_GROUP)
-    if spec in TRACKERS or {name, name.rpartition("-")[0]} & installed.keys():
+    if name in TRACKERS:
+        raise ValueError(f"tracker {name!r} of files of detections takes no parameters, got {spec!r}")
+    if {name, name.rpartition("-")[0]} & installed.keys():
         return spec
     one = tracker_entry_points(GROUP)
     if {name, name.rpartition("-")[0]} & one.keys():

@@ -1,6 +1,7 @@
 """Trackers found by name through entry points."""
 
 import inspect
+from collections.abc import Callable
 from difflib import get_close_matches
 from typing import Any
 
@@ -76,7 +77,30 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
         ...
     ValueError: unknown tracker 'runnals'; did you mean 'runnalls'? (installed: ...)
     """
-    multi_target = isinstance(model, MultiTargetModel)
+    return tracker_maker(name, isinstance(model, MultiTargetModel), **parameters)(model)
+
+
+def tracker_maker(name: str, multi_target: bool, /, **parameters) -> Callable[[Any], Any]:
+    """`make_tracker` for many filter models: the tracker is looked up once.
+
+    Parameters
+    ----------
+    name : str
+    multi_target : bool
+        Whether the models are of many targets.
+    **parameters
+        As of `make_tracker`.
+
+    Returns
+    -------
+    callable
+        Of a filter model, returns its tracker; raises ValueError for a value out of range.
+
+    Raises
+    ------
+    ValueError
+        As `make_tracker`, for what does not depend on the model.
+    """
     own, other = (MULTI_TARGET_GROUP, GROUP) if multi_target else (GROUP, MULTI_TARGET_GROUP)
     known = tracker_entry_points(own)
     base, _, number = name.rpartition("-")
@@ -97,10 +121,8 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
         raise ValueError(f"tracker {name!r} cannot be loaded from {known[name].value}: {error}") from error
     accepted = list(inspect.signature(factory).parameters)[1:]
     update = parameters.pop("update", None)
-    if update is not None:
-        if isinstance(model, MultiTargetModel):
-            raise ValueError(f"multi-target tracker {name!r} takes no 'update'")
-        model = with_radar_update(model, update)
+    if update is not None and multi_target:
+        raise ValueError(f"multi-target tracker {name!r} takes no 'update'")
     for former, candidates in FORMER_PARAMETERS.items():
         new = next((candidate for candidate in candidates if candidate in accepted), None)
         if former in parameters and former not in accepted and new is not None:
@@ -115,10 +137,16 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
             )
     if other_components is not None:
         raise ValueError(f"components is given twice, as {number} in the name and as {other_components!r}")
-    try:
-        tracker = factory(model, **parameters)
-    except TypeError as error:  # for example a string for a number
-        raise ValueError(f"tracker {name!r} cannot be made with {parameters}: {error}") from None
-    if update is not None and getattr(tracker.model.sensor, "update", None) != update:
-        raise ValueError(f"tracker {name!r} has an update of its own and takes no {update!r}")
-    return tracker
+
+    def make(model: Any) -> Any:
+        if update is not None:
+            model = with_radar_update(model, update)
+        try:
+            tracker = factory(model, **parameters)
+        except TypeError as error:  # for example a string for a number
+            raise ValueError(f"tracker {name!r} cannot be made with {parameters}: {error}") from None
+        if update is not None and getattr(tracker.model.sensor, "update", None) != update:
+            raise ValueError(f"tracker {name!r} has an update of its own and takes no {update!r}")
+        return tracker
+
+    return make

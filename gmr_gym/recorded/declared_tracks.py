@@ -84,10 +84,8 @@ class Declared:
         """Tracks that begin, those with a detection alone, and which these are; states are x, P and
         existence."""
         (x, P, existence), n = states, len(states[0])
-        banks, times = (
-            Banks(np.ones((n, 1)), x[:, None].copy(), P[:, None].copy(), np.full(n, time)),
-            np.full(n, time),
-        )
+        times = np.full(n, time)
+        banks = Banks(np.ones((n, 1)), x[:, None].copy(), P[:, None].copy(), times)
         targets = Targets(banks, existence, np.full(n, -1), started(x, P, times, self.model))
         targets.lives.look_time[:] = time
         seen = self._seen(targets, z, R)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gmr_gym.filters.registry import make_tracker
+from gmr_gym.filters.registry import tracker_maker
 from gmr_gym.filters.tracker import MultiTargetTracker
 from gmr_gym.mixture import gaussian
 from gmr_gym.models import kalman
@@ -68,16 +68,17 @@ def plugged(
     fastest = max(model.modes, key=lambda mode: mode.deviation)
     alone = model._replace(modes=(fastest,))
     unused = _unused(detections, scans)
+    of_model = tracker_maker(name, True, **parameters)
     try:
-        make_tracker(name, _model(model, noise, 1.0, 0), **parameters)
+        of_model(_model(model, noise, 1.0, 0))
     except ValueError:
-        make_tracker(name, _model(alone, noise, 1.0, 0), **parameters)
+        of_model(_model(alone, noise, 1.0, 0))
         unused.append(f"motion models other than that of {fastest.deviation:g} m/s^2")
         model = alone
 
     @lru_cache(maxsize=1000)
     def make(interval: float, sensor: int) -> MultiTargetTracker:
-        return make_tracker(name, _model(model, noise, interval, sensor), **parameters)
+        return of_model(_model(model, noise, interval, sensor))
 
     return Plugged(name, make, noise, tuple(unused))
 

@@ -200,6 +200,7 @@ def _children(leaves: Leaves, tree: np.ndarray, pairs: tuple, looked: np.ndarray
     likely = np.zeros(len(order), bool)
     likely[order[rank < MOST]] = True
     likely[:count] |= leaves.best
+    likely &= log_weight > -np.inf  # a leaf in which the target does not exist has no detection
     kept = np.flatnonzero(likely)
     safe = np.flatnonzero((pair[kept] < 0) & leaves.best[parent[kept]])
     safe = safe[np.argsort(of[kept[safe]])]

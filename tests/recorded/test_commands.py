@@ -194,6 +194,7 @@ def test_a_tracker_that_cannot_track_the_file_is_refused(call):
         ("gm-pdh", "unknown tracker 'gm-pdh', did you mean 'gm-phd'?; choose from "),
         ("runnalls-30", "tracker 'runnalls-30' is for one target; give --targets one, or one of pmb, pda"),
         ("gm-phd:x=1", "tracker 'gm-phd' takes no parameter 'x'"),
+        ("mht:leaves=4", "tracker 'mht' of files of detections takes no parameters, got 'mht:leaves=4'"),
     ):
         assert message in call(*words, tracker)[2]
     reports = call(*words, "gm-phd", "--id", "mmsi")[2]

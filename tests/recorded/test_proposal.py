@@ -234,14 +234,15 @@ def test_settings_are_written_as_track_reads_them_and_what_is_given_is_kept(tmp_
     rows = [f"{t},{x},{y}" for t, (x, y) in zip(found.time, found.z, strict=True)]
     Path("z.csv").write_text("\n".join(["t_s,east_m,north_m", *rows]))
     columns = ["--time", "t_s", "--x", "east_m", "--y", "north_m", "--detection-probability", "0.8"]
-    done = CliRunner().invoke(cli.app, ["inspect", "z.csv", *columns, "--write", "radar.toml"])
+    done = CliRunner().invoke(cli.app, ["inspect", "z.csv", *columns, "--write", "my radar.toml"])
     assert done.exit_code == 0 and "proposed: rests on 5 tracks" in done.output
-    settings = read_configuration("radar.toml")
+    assert "track with gmr-gym track z.csv --config 'my radar.toml'" in done.output
+    settings = read_configuration("my radar.toml")
     (sensor,) = settings.sensors
     assert settings.columns == {"time": ["t_s"], "x": ["east_m"], "y": ["north_m"]}
     assert sensor.detection_probability == 0.8 and 3.5 < sensor.deviation["x"] < 6.5
     assert settings.target["acceleration_deviation"] == [NOISE]
-    done = CliRunner().invoke(cli.app, ["track", "z.csv", "--targets", "many", "--config", "radar.toml"])
+    done = CliRunner().invoke(cli.app, ["track", "z.csv", "--targets", "many", "--config", "my radar.toml"])
     assert done.exit_code == 0 and Path("tracks.csv").is_file()
     few = "\n".join(Path("z.csv").read_text().splitlines()[:60])
     Path("few.csv").write_text(few)

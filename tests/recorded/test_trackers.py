@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from gmr_gym.filters import registry
 from gmr_gym.filters.tracker import MultiTargetReport
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import uniform_clutter
@@ -129,6 +130,16 @@ def test_certain_detections_that_come_twice_or_not_at_all_break_nothing(tracker)
         assert np.isfinite(rows.P).all() and len(np.unique(rows.track)) == len(rows.track)
 
 
+def test_a_history_without_a_target_gets_no_detection():
+    """Of a track that is detected for certain, the history of a miss has no target. Where two tracks may have
+    a detection, an integer program then chooses among histories, and needs finite weights."""
+    sure = RADAR._replace(detection_probability=1.0, clutter_per_scan=0.0)
+    live = LiveTracker(model("mht", sensors=(sure,)))
+    for t, z in enumerate(crossing()):
+        rows = live.update(float(t), z)
+        assert np.isfinite(rows.x).all() and np.isfinite(live.state.leaves[0].log_weight).all()
+
+
 def test_unknown_trackers_are_refused():
     with pytest.raises(ValueError, match="tracker must be one of pmb, pda, gnn, mht, phd, got 'gm-phd'"):
         model("gm-phd")
@@ -145,6 +156,14 @@ def test_an_installed_tracker_follows_the_targets_with_the_rules_of_tracks():
     assert (np.linalg.norm(off, axis=1) < 40).all() and (
         found.time[rows.detection[near]] == rows.time[near]
     ).all()
+
+
+def test_an_installed_tracker_is_looked_up_once_for_all_intervals(monkeypatch):
+    found, scans = recorded(crossing(3))
+    by = plugged("pmb", {}, found, scans, model())
+    monkeypatch.setattr(registry, "tracker_entry_points", lambda group: {})
+    periods = [by.make(interval, 0).model.motions[0].F[0, 2] for interval in (1.0, 1.5)]
+    assert periods == [1.0, 1.5]
 
 
 def test_what_an_installed_tracker_does_not_use_is_said_and_polar_detections_become_positions():
