@@ -250,6 +250,12 @@ def test_a_pmb_of_one_component_is_the_same_by_both_ways(association):
         np.testing.assert_allclose(one.intensity.P, other.intensity.P, rtol=1e-7, atol=1e-7)
 
 
+@pytest.mark.parametrize("make", TRACKERS)
+def test_targets_that_are_always_seen_are_confirmed(make):
+    model = told(0.001, 1.0, (1e-6, 1e-6), initial=mixture([0.4, 0.4], *BIRTHS))
+    assert len(followed(make(model), two_walks(8, 4, 0))[1][-1].x) == 2
+
+
 def test_births_that_are_rare_beside_clutter_are_not_dropped_at_once():
     model, scans = told(births=(1e-6, 1e-6)), two_walks(10, 3)
     assert not any(len(report.x) for report in followed(pmb(model, 1e-3), scans)[1])
