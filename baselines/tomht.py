@@ -101,7 +101,7 @@ def tomht(
     scans: int = 5,
     leaves: int = 30,
     *,
-    prune_leaves: float = 1e-8,
+    prune_leaves: float = 1e-4,
     prune_existence: float = 1e-3,
     prune_weight: float = 1e-5,
     trees: int = 1000,
