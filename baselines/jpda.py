@@ -7,18 +7,11 @@ import numpy as np
 from gmr_gym.checks import check_choice, check_limits, check_probability, check_whole
 from gmr_gym.filters.confirmed_tracks import ConfirmingTracker, Stage
 from gmr_gym.filters.marginals import ASSOCIATIONS
-from gmr_gym.filters.mixture_tracks import (
-    MixtureTracks,
-    Reduction,
-    associate,
-    collapsing,
-    detected,
-    no_tracks,
-    reduce,
-)
+from gmr_gym.filters.mixture_tracks import MixtureTracks, Reduction, associate, collapsing, no_tracks, reduce
 from gmr_gym.filters.pmb import LEAST_MISS
 from gmr_gym.filters.projections import variational
 from gmr_gym.filters.track_logic import TrackLogic, track_logic
+from gmr_gym.filters.undetected_targets import detected
 from gmr_gym.models.multi_target import MultiTargetModel
 
 LABELS = ("kept", "exchanged")

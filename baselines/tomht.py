@@ -89,7 +89,7 @@ class Tomht(KnownClutterTracker):
             posterior.confirmed[tree] & (posterior.existence[best] > self.report_threshold)
         )
         declared = declared[np.argsort(-existence[declared], kind="stable")]
-        targets = joined([leaves, Mixture(undetected.expected, *outputs(undetected.densities))])
+        targets = joined([leaves, Mixture(undetected.w, *outputs(undetected.densities))])
         return posterior, MultiTargetReport(
             leaves.m[declared], existence[declared], posterior.label[tree[declared]], float(targets.w.sum()),
             targets, clutter,
