@@ -7,10 +7,11 @@ from scipy.optimize import linear_sum_assignment
 
 from gmr_gym.checks import check_probability, check_whole
 from gmr_gym.filters.confirmed_tracks import ConfirmingTracker, Stage
-from gmr_gym.filters.mixture_tracks import MixtureTracks, detected
+from gmr_gym.filters.mixture_tracks import MixtureTracks
 from gmr_gym.filters.pmb import LEAST_MISS
 from gmr_gym.filters.target_densities import pair, posteriors
 from gmr_gym.filters.track_logic import TrackLogic, track_logic
+from gmr_gym.filters.undetected_targets import detected
 from gmr_gym.models.multi_target import MultiTargetModel
 
 

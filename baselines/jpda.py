@@ -7,21 +7,15 @@ import numpy as np
 from gmr_gym.checks import check_choice, check_limits, check_probability, check_whole
 from gmr_gym.filters.confirmed_tracks import ConfirmingTracker, Stage
 from gmr_gym.filters.marginals import ASSOCIATIONS
-from gmr_gym.filters.mixture_tracks import (
-    MixtureTracks,
-    Reduction,
-    associate,
-    collapsing,
-    detected,
-    no_tracks,
-    reduce,
-)
+from gmr_gym.filters.mixture_tracks import MixtureTracks, Reduction, associate, collapsing, no_tracks, reduce
+from gmr_gym.filters.pmb import LEAST_MISS
 from gmr_gym.filters.projections import variational
 from gmr_gym.filters.track_logic import TrackLogic, track_logic
+from gmr_gym.filters.undetected_targets import detected
 from gmr_gym.models.multi_target import MultiTargetModel
 
 LABELS = ("kept", "exchanged")
-LEAST = 1e-300  # probability of a miss in a score, for its logarithm
+LEAST = 1e-300  # of a probability, for its logarithm
 
 
 @dataclass(frozen=True)
@@ -78,7 +72,7 @@ class Jpda(ConfirmingTracker):
             tracks.track, tracks.weight * detected(tracks.densities, self.model), len(tracks.label)
         )
         # of a track alone, the log of 1 - P_D + sum of P_D g / kappa
-        gain = np.log(np.maximum(1.0 - seen, LEAST)) - np.log(np.maximum(found.missed, LEAST))
+        gain = np.log(np.maximum(1.0 - seen, LEAST_MISS)) - np.log(np.maximum(found.missed, LEAST))
         after = _certain(found.tracks, tracks)
         if self.labels == "exchanged":
             none = no_tracks(self.model)

@@ -17,6 +17,9 @@ from gmr_gym.filters.tracker import KnownClutterTracker, MultiTargetReport
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.multi_target import MultiTargetModel, check_linear, check_plain, is_plain
 
+FAINT = 1e-3  # existence below which a track is dropped
+RARE = 0.2  # the same, of that of a track that begins with an average birth
+
 
 class PmbLimits(NamedTuple):
     """Which tracks are kept and which are declared; `pmb_limits` makes a checked one.
@@ -118,11 +121,21 @@ class Pmb(KnownClutterTracker):
         return posterior, multi_bernoulli.report(posterior, clutter, self.limits.report_threshold)
 
 
+def faintest(model: MultiTargetModel) -> float:
+    """Existence below which tracks are dropped: `FAINT`, or less where births are rare beside clutter.
+
+    A track begins with the probability that its detection is of a target and not a false alarm: dropped at
+    once where births are few, no target that is born would ever be found.
+    """
+    born = float(model.births.w @ model.detected(model.births.m))
+    return min(FAINT, RARE * born / (born + model.clutter.expected)) if born > 0 else FAINT
+
+
 def pmb(
     model: MultiTargetModel,
-    prune_existence: float = 1e-3,
+    prune_existence: float | None = None,
     prune_weight: float = 1e-5,
-    tracks: int = 200,
+    tracks: int = 400,
     report_threshold: float = 0.5,
     association: str = "exact",
     projection: str = "tomb",
@@ -138,8 +151,9 @@ def pmb(
     ----------
     model : MultiTargetModel
         The filter model.
-    prune_existence : float
-        Tracks of less existence are dropped; less than `report_threshold`.
+    prune_existence : float, optional
+        Tracks of less existence are dropped; less than `report_threshold`. By default 1e-3, or a fifth of the
+        probability that a detection is of a born target where that is less.
     prune_weight : float
         Undetected components of less weight, an expected number of targets, are dropped.
     tracks : int
@@ -176,10 +190,9 @@ def pmb(
     ----------
     Williams 2015, TOMB/P and MOMB/P; Williams, TSP 63(1), 2015.
     """
-    limits, reduce = (
-        pmb_limits(prune_existence, prune_weight, tracks, report_threshold),
-        collapsing(reduction, components),
-    )
+    least = faintest(model) if prune_existence is None else prune_existence
+    limits = pmb_limits(least, prune_weight, tracks, report_threshold)
+    reduce = collapsing(reduction, components)
     general = MixturePmb(
         model, reduce, projection, *limits, association,
         prune_hypotheses=prune_hypotheses, hypotheses=hypotheses,

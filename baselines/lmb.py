@@ -8,27 +8,24 @@ import numpy as np
 from gmr_gym.checks import check_choice, check_limits, check_probability, check_whole
 from gmr_gym.filters.marginals import ASSOCIATIONS
 from gmr_gym.filters.mixture_tracks import (
-    Intensity,
     MixtureTracks,
     Reduction,
     added,
-    appear,
     associate,
     collapsed,
     collapsing,
-    intensity_of,
     most_likely,
     no_tracks,
     predict,
     reduce,
     started,
     take,
-    undetected_after,
     undetected_at,
 )
 from gmr_gym.filters.multi_bernoulli_mixture import LARGEST_BIRTH
 from gmr_gym.filters.target_densities import take as take_densities
 from gmr_gym.filters.tracker import KnownClutterTracker, MultiTargetReport
+from gmr_gym.filters.undetected_targets import Intensity, appear, intensity_of, undetected_after
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.multi_target import MultiTargetModel

@@ -89,7 +89,7 @@ class Tomht(KnownClutterTracker):
             posterior.confirmed[tree] & (posterior.existence[best] > self.report_threshold)
         )
         declared = declared[np.argsort(-existence[declared], kind="stable")]
-        targets = joined([leaves, Mixture(undetected.expected, *outputs(undetected.densities))])
+        targets = joined([leaves, Mixture(undetected.w, *outputs(undetected.densities))])
         return posterior, MultiTargetReport(
             leaves.m[declared], existence[declared], posterior.label[tree[declared]], float(targets.w.sum()),
             targets, clutter,
@@ -101,7 +101,7 @@ def tomht(
     scans: int = 5,
     leaves: int = 30,
     *,
-    prune_leaves: float = 1e-8,
+    prune_leaves: float = 1e-4,
     prune_existence: float = 1e-3,
     prune_weight: float = 1e-5,
     trees: int = 1000,

@@ -78,17 +78,19 @@ def track_scores(
 
     Notes
     -----
-    A target keeps the label that it was found by last as long as that is near; the others are paired with
-    what is left, the sum of their distances least (Bernardin and Stiefelhagen 2008, CLEAR MOT).
+    A target keeps the label that it was found by last as long as that is near and no other target has been
+    found by it since; the others are paired with what is left, the sum of their distances least (Bernardin
+    and Stiefelhagen 2008, CLEAR MOT).
     """
     position = list(position)
     last = np.full(truth.shape[1], -1)  # label by which each target was found last
+    own = last.copy()  # the same, -1 where another target was found by it since
     before = np.zeros(truth.shape[1], bool)  # whether it was found at the scan before
     ever, seen = before.copy(), before.copy()
     rows = []
     for of, states in zip(found, truth, strict=True):
         there = np.isfinite(states).all(axis=1)
-        row = _paired(of, states[:, position], last, position, cutoff)
+        row = _paired(of, states[:, position], own, position, cutoff)
         now, label = row >= 0, np.append(of.label, -1)[row]
         switched = (label >= 0) & (last >= 0) & (label != last)
         rows.append((
@@ -97,6 +99,7 @@ def track_scores(
             *_errors(of, states, row),
         ))  # fmt: skip
         last = np.where(label >= 0, label, last)
+        own = np.where(label >= 0, label, np.where(np.isin(own, label), -1, own))
         before, ever, seen = now, ever | now, seen | there
     counts = [np.array(column, float) for column in zip(*rows, strict=True)]
     labelled = any((of.label >= 0).any() for of in found) or not any(len(of.x) for of in found)
@@ -121,13 +124,14 @@ def _trajectory_costs(
 
 
 def _paired(
-    of: Declared, truth: np.ndarray, last: np.ndarray, position: list[int], cutoff: float
+    of: Declared, truth: np.ndarray, own: np.ndarray, position: list[int], cutoff: float
 ) -> np.ndarray:
-    """Row (m,) of the declared target that each true one (m, p) is paired with, -1 for none."""
+    """Row (m,) of the declared target that each true one (m, p) is paired with, -1 for none; `own` (m,) are
+    the labels that they keep, distinct."""
     distance = np.linalg.norm(truth[:, None] - of.x[None, :, position], axis=2)  # nan where absent
     near = distance < cutoff
     row = np.full(len(truth), -1)
-    kept = np.argwhere(near & (last[:, None] == of.label) & (of.label >= 0))
+    kept = np.argwhere(near & (own[:, None] == of.label) & (of.label >= 0))
     row[kept[:, 0]] = kept[:, 1]
     targets, others = row < 0, np.ones(len(of.x), bool)
     others[row[row >= 0]] = False

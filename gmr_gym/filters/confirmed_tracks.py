@@ -12,21 +12,18 @@ import numpy as np
 from gmr_gym.filters import track_logic
 from gmr_gym.filters.mixture_tracks import (
     FREE,
-    Intensity,
     MixtureTracks,
     added,
-    appear,
     collapsed,
-    intensity_of,
     no_tracks,
     predict,
     started,
     take,
-    undetected_after,
     undetected_at,
 )
 from gmr_gym.filters.track_logic import TrackHistory, TrackLogic
 from gmr_gym.filters.tracker import KnownClutterTracker, MultiTargetReport
+from gmr_gym.filters.undetected_targets import Intensity, appear, intensity_of, undetected_after
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.multi_target import MultiTargetModel

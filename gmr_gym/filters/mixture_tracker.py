@@ -119,7 +119,7 @@ class MixtureTracker(KnownClutterTracker):
         order = np.argsort(-existence, kind="stable")
         leaf, existence = leaf[order], existence[order]
         leaves = Mixture(held * posterior.existence, *outputs(posterior.leaves))
-        undetected = Mixture(posterior.undetected.expected, *outputs(posterior.undetected.densities))
+        undetected = Mixture(posterior.undetected.w, *outputs(posterior.undetected.densities))
         everything = joined([leaves, undetected])
         label = posterior.label[posterior.track[leaf]]
         return posterior, MultiTargetReport(

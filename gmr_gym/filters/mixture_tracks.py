@@ -4,20 +4,21 @@ The update that JPDA, JIPDA and Poisson multi-Bernoulli trackers share: marginal
 a scan, and the mixture that they make of every track.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from gmr_gym.checks import check_count
-from gmr_gym.filters import target_densities
+from gmr_gym.filters import target_densities, undetected_targets
 from gmr_gym.filters.belief_propagation import propagate
 from gmr_gym.filters.intensity_update import log_sum
 from gmr_gym.filters.marginals import clusters_of, marginals
 from gmr_gym.filters.pmb import LEAST_MISS
-from gmr_gym.filters.target_densities import Densities, Pairs, joined, merge, outputs, pair, posteriors
+from gmr_gym.filters.target_densities import Densities, joined, merge, outputs, pair, posteriors
 from gmr_gym.filters.target_densities import take as take_densities
+from gmr_gym.filters.undetected_targets import Appearing, Intensity, detected
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.multi_target import MultiTargetModel
@@ -53,41 +54,6 @@ class MixtureTracks(NamedTuple):
     densities: Densities
     weight: np.ndarray
     track: np.ndarray
-
-
-class Intensity(NamedTuple):
-    """An intensity of targets over states and modes.
-
-    Attributes
-    ----------
-    w : ndarray, shape (u,)
-        Expected numbers.
-    densities : Densities
-        u densities.
-    """
-
-    w: np.ndarray
-    densities: Densities
-
-
-class Appearing(NamedTuple):
-    """What an intensity of targets without tracks makes of the detections of a scan.
-
-    Attributes
-    ----------
-    intensity : Intensity
-    pairs : Pairs
-        Of its densities.
-    log_part : ndarray, shape (e,)
-        log of each pair's share of rho over kappa.
-    log_ratio : ndarray, shape (k,)
-        log((rho + kappa) / kappa) at each detection.
-    """
-
-    intensity: Intensity
-    pairs: Pairs
-    log_part: np.ndarray
-    log_ratio: np.ndarray
 
 
 class TrackPairs(NamedTuple):
@@ -141,46 +107,12 @@ def no_tracks(model: MultiTargetModel) -> MixtureTracks:
     return MixtureTracks(none, no_label, densities, none, no_label)
 
 
-def intensity_of(p: Mixture, model: MultiTargetModel) -> Intensity:
-    """The intensity p of new targets, over the modes of the model."""
-    return Intensity(p.w, target_densities.of_mixture(p, model.mode_prior))
-
-
-def joined_intensities(parts: Sequence[Intensity]) -> Intensity:
-    """The sum of intensities."""
-    return Intensity(np.concatenate([part.w for part in parts]), joined([part.densities for part in parts]))
-
-
-def new_targets(tracks: MixtureTracks, model: MultiTargetModel) -> Intensity:
-    """The intensity of targets born in a scan, or spawned about the predictions of tracks."""
-    born = intensity_of(model.births, model)
-    if not model.spawn_weight > 0:
-        return born
-    w, m, P = tracks.densities
-    # of the tracks that exist before the scan, whether or not they survive it
-    parents = tracks.existence[tracks.track] * tracks.weight / model.survival_probability
-    spawned = Intensity(model.spawn_weight * parents, Densities(w, m, P + model.spawn_covariance))
-    return joined_intensities([born, spawned])
-
-
 def undetected_at(before: Intensity, tracks: MixtureTracks, model: MultiTargetModel) -> Intensity:
     """The undetected targets one period later: those before it that survive, and new ones of it, some of them
     about the predicted `tracks`."""
-    survived = Intensity(
-        model.survival_probability * before.w, target_densities.moved(before.densities, model)
-    )
-    return joined_intensities([survived, new_targets(tracks, model)])
-
-
-def undetected_after(
-    undetected: Intensity, model: MultiTargetModel, most: int, least: float = 1e-5
-) -> Intensity:
-    """The targets that a scan has not detected, of at most so many components, each of at least so much
-    weight."""
-    w = undetected.w * (1.0 - detected(undetected.densities, model))
-    order = np.argsort(-w, kind="stable")[:most]
-    kept = np.sort(order[(w[order] >= least) & (w[order] > 0)])
-    return Intensity(w[kept], take_densities(undetected.densities, kept))
+    # of the tracks that exist before the scan, whether or not they survive it
+    parents = tracks.existence[tracks.track] * tracks.weight / model.survival_probability
+    return undetected_targets.predict(before, model, tracks.densities, parents)
 
 
 def most_likely(existence: np.ndarray, least: float | np.ndarray, most: int) -> np.ndarray:
@@ -230,35 +162,6 @@ def added(tracks: MixtureTracks, new: MixtureTracks) -> MixtureTracks:
     return MixtureTracks(existence, label, joined([tracks.densities, new.densities]), weight, track)
 
 
-def appear(intensity: Intensity, model: MultiTargetModel, z: np.ndarray, log_kappa: np.ndarray) -> Appearing:
-    r"""Weigh the detections of a scan as those of targets without a track.
-
-    Parameters
-    ----------
-    intensity : Intensity
-        Predicted intensity of targets without a track.
-    model : MultiTargetModel
-    z : ndarray, shape (k, p)
-        Detections.
-    log_kappa : ndarray, shape (k,)
-        log of the clutter intensity at them.
-
-    Returns
-    -------
-    Appearing
-
-    Notes
-    -----
-    .. math:: \rho_j = \sum_u w_u P_D(m_u) g_{uj}
-    """
-    expected = intensity.w * detected(intensity.densities, model)
-    pairs = pair(intensity.densities, model.sensor, z, log_kappa, expected)
-    log_part = np.log(expected[pairs.row]) + pairs.log_likelihood - log_kappa[pairs.detection]
-    log_ratio = np.zeros(len(z))
-    np.logaddexp.at(log_ratio, pairs.detection, log_part)
-    return Appearing(intensity, pairs, log_part, log_ratio)
-
-
 def started(
     appearing: Appearing, z: np.ndarray, unassigned: np.ndarray, least: float
 ) -> tuple[MixtureTracks, np.ndarray]:
@@ -298,18 +201,6 @@ def started(
     densities = merge(parts, np.exp(log_part[chosen] - log_ratio[of]), place[of], len(new))
     one = np.arange(len(new))
     return MixtureTracks(exists[new], one, densities, np.ones(len(new)), one), new
-
-
-def detected(densities: Densities, model: MultiTargetModel) -> np.ndarray:
-    """P_D (n,) of each density.
-
-    Notes
-    -----
-    Departs: where P_D is a function of the state, its value at the mean stands for its average.
-    """
-    if callable(model.detection_probability):
-        return model.detected(outputs(densities)[0])
-    return np.full(len(densities.w), model.detection_probability)
 
 
 def associate(

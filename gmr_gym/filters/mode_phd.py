@@ -12,16 +12,10 @@ import numpy as np
 from gmr_gym.checks import check_choice, check_limits
 from gmr_gym.filters import phd
 from gmr_gym.filters.gm_phd import ESTIMATORS
-from gmr_gym.filters.mixture_tracks import (
-    Intensity,
-    appear,
-    detected,
-    intensity_of,
-    joined_intensities,
-)
 from gmr_gym.filters.phd import LabelledIntensity
 from gmr_gym.filters.target_densities import Densities, joined, merge, moved, outputs, posteriors, take
 from gmr_gym.filters.tracker import KnownClutterTracker, MultiTargetReport
+from gmr_gym.filters.undetected_targets import Intensity, appear, detected, intensity_of, joined_intensities
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.clutter import Clutter
 from gmr_gym.models.multi_target import MultiTargetModel

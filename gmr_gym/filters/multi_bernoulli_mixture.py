@@ -26,7 +26,7 @@ from gmr_gym.filters.leaf_merging import by_history, by_reduction
 from gmr_gym.filters.pmb import LEAST_MISS
 from gmr_gym.filters.target_densities import Densities, Pairs, merge, moved, outputs, pair, posteriors, take
 from gmr_gym.filters.target_densities import joined as joined_densities
-from gmr_gym.filters.undetected_targets import Begun, Undetected, begun
+from gmr_gym.filters.undetected_targets import Begun, Intensity, begun
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.reduction.protocol import Reduced
@@ -50,7 +50,7 @@ class MultiBernoulliMixture(NamedTuple):
         Numbers of the detections that it had in the last s scans, newest first; -1 for none.
     label : ndarray of int, shape (n,)
         Distinct labels of the tracks.
-    undetected : Undetected
+    undetected : Intensity
     next_label, scans, detections : int
         Next unused label, and number of scans and of detections so far.
     """
@@ -61,7 +61,7 @@ class MultiBernoulliMixture(NamedTuple):
     leaves: Densities
     history: np.ndarray
     label: np.ndarray
-    undetected: Undetected
+    undetected: Intensity
     next_label: int = 0
     scans: int = 0
     detections: int = 0
@@ -80,7 +80,7 @@ def untracked(model: MultiTargetModel, memory: int = 0) -> MultiBernoulliMixture
     -------
     MultiBernoulliMixture
     """
-    undetected, none = undetected_targets.initial(model), np.empty(0, int)
+    undetected, none = undetected_targets.intensity_of(model.initial, model), np.empty(0, int)
     nothing = take(undetected.densities, none)
     return MultiBernoulliMixture(
         NONE, none, np.empty(0), nothing, np.empty((0, memory), int), none, undetected
@@ -131,7 +131,7 @@ def _born(belief: MultiBernoulliMixture) -> MultiBernoulliMixture:
         leaves=joined_densities([belief.leaves, take(densities, of)]),
         history=np.vstack([belief.history, np.full((len(of), belief.history.shape[1]), -1)]),
         label=np.append(belief.label, belief.next_label + new),
-        undetected=Undetected(np.empty(0), take(densities, np.empty(0, int))),
+        undetected=Intensity(np.empty(0), take(densities, np.empty(0, int))),
         next_label=belief.next_label + len(of),
     )  # fmt: skip
 

@@ -17,7 +17,7 @@ from gmr_gym.filters.intensity_update import LOG_NEGLIGIBLE
 from gmr_gym.filters.leaf_merging import by_history, by_reduction
 from gmr_gym.filters.pmb import LEAST_MISS
 from gmr_gym.filters.target_densities import Densities, joined, merge, moved, outputs, pair, posteriors, take
-from gmr_gym.filters.undetected_targets import Undetected, begun
+from gmr_gym.filters.undetected_targets import Intensity, begun
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.reduction.protocol import Reduced
@@ -46,7 +46,7 @@ class Trees(NamedTuple):
     label : ndarray of int, shape (n,)
         Distinct labels of the trees.
     confirmed : ndarray of bool, shape (n,)
-    undetected : Undetected
+    undetected : Intensity
     next_label, detections : int
         Next unused label, and number of detections so far.
     """
@@ -59,14 +59,14 @@ class Trees(NamedTuple):
     best: np.ndarray
     label: np.ndarray
     confirmed: np.ndarray
-    undetected: Undetected
+    undetected: Intensity
     next_label: int = 0
     detections: int = 0
 
 
 def untracked(model: MultiTargetModel, delay: int) -> Trees:
     """The belief before the first scan: no trees; decisions are taken `delay` scans later."""
-    undetected, none = undetected_targets.initial(model), np.empty(0, int)
+    undetected, none = undetected_targets.intensity_of(model.initial, model), np.empty(0, int)
     return Trees(
         none, np.empty(0), np.empty(0), take(undetected.densities, none), np.empty((0, delay + 1), int),
         np.empty(0, bool), none, np.empty(0, bool), undetected,

@@ -239,7 +239,8 @@ def test_a_wrong_option_is_named(make, wrong, message):
 @pytest.mark.parametrize("association", ["exact", "belief-propagation"])
 def test_a_pmb_of_one_component_is_the_same_by_both_ways(association):
     model = told(spawn_weight=1e-3)
-    plain, general = pmb(model, association=association), MixturePmb(model, None, association=association)
+    plain = pmb(model, 1e-3, association=association)
+    general = MixturePmb(model, None, association=association)
     assert isinstance(plain, Pmb)
     scans = two_walks(12, 6)
     for one, other in zip(followed(plain, scans)[1], followed(general, scans)[1], strict=True):
@@ -247,6 +248,20 @@ def test_a_pmb_of_one_component_is_the_same_by_both_ways(association):
         for field in ("x", "existence", "expected_targets"):
             np.testing.assert_allclose(getattr(one, field), getattr(other, field), rtol=1e-7, atol=1e-7)
         np.testing.assert_allclose(one.intensity.P, other.intensity.P, rtol=1e-7, atol=1e-7)
+
+
+@pytest.mark.parametrize("make", TRACKERS)
+def test_targets_that_are_always_seen_are_confirmed(make):
+    model = told(0.001, 1.0, (1e-6, 1e-6), initial=mixture([0.4, 0.4], *BIRTHS))
+    assert len(followed(make(model), two_walks(8, 4, 0))[1][-1].x) == 2
+
+
+def test_births_that_are_rare_beside_clutter_are_not_dropped_at_once():
+    model, scans = told(births=(1e-6, 1e-6)), two_walks(10, 3)
+    assert not any(len(report.x) for report in followed(pmb(model, 1e-3), scans)[1])
+    assert len(followed(pmb(model), scans)[1][-1].x) == 2
+    assert pmb(told()).limits.prune_existence == pytest.approx(0.2 * 0.018 / 10.018)
+    assert pmb(told(births=(0.1, 0.1))).limits.prune_existence == 1e-3
 
 
 def test_where_nothing_is_seen_a_track_keeps_its_existence():

@@ -72,6 +72,15 @@ def test_a_label_stays_with_its_target_while_it_is_near_though_another_is_nearer
     assert np.flatnonzero(scored(found, truth).switches).tolist() == [8]
 
 
+def test_one_estimate_finds_one_target_though_its_label_was_of_both():
+    truth = still(0.0, 30.0)
+    truth[2:, 1, 0] = 4.0  # the label went over to the second, which then comes near
+    found = [said([[x, 0, 0, 0]], [7]) for x in [0.0, 30.0] + [1.0] * (SCANS - 2)]
+    scores = scored(found, truth)
+    assert (scores.found == 1).all() and scores.unfound.tolist() == [1] + [0] * (SCANS - 1)
+    assert not scores.switches.any() and not scores.fragments.any()
+
+
 def test_of_many_pairs_the_most_are_made_and_the_nearest():
     truth = still(0.0, 8.0)
     found = [said([[9.0, 0, 0, 0], [16.0, 0, 0, 0]], [0, 1])] * SCANS

@@ -221,7 +221,7 @@ def test_one_certain_target_is_tracked_as_by_the_mht_of_one_target():
     )
     mht = make_tracker("mht", alone, components=10**6, prune_weight=0.0)
     belief = mixtures.untracked(told)
-    belief = mixtures._born(belief._replace(undetected=belief.undetected._replace(expected=np.array([0.5]))))
+    belief = mixtures._born(belief._replace(undetected=belief.undetected._replace(w=np.array([0.5]))))
     belief, hypotheses = belief._replace(existence=np.ones(1)), mht.init()
     for z in [
         np.array([[0.5], [1.5], [-1.0]]),

@@ -8,16 +8,10 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from gmr_gym.filters import projections
-from gmr_gym.filters.mixture_tracks import (
-    MixtureTracks,
-    appear,
-    associate,
-    intensity_of,
-    reduce,
-    started,
-)
+from gmr_gym.filters.mixture_tracks import MixtureTracks, associate, reduce, started
 from gmr_gym.filters.projections import momb, permuted, tomb, variational
 from gmr_gym.filters.target_densities import Densities, as_mixture, outputs
+from gmr_gym.filters.undetected_targets import appear, intensity_of
 from gmr_gym.mixture import Mixture, mixture, moments
 from gmr_gym.models.clutter import uniform_clutter
 from gmr_gym.models.kalman import position_sensor

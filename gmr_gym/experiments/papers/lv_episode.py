@@ -25,9 +25,10 @@ UNIFORM, LEARNED, TRACKS = "gm-phd", "learning-phd", "learning-pmb"
 
 def as_published(trackers: Iterable[str]) -> dict[str, dict[str, Any]]:
     """PHD filters declare targets as Vo and Ma's do, and tracks are found by belief propagation, as
-    Williams's."""
-    phd, pmb = {"estimator": "components"}, {"association": "belief-propagation"}
-    own = {"gm-phd": phd, "fitted-phd": phd, "learning-phd": phd, "pmb": pmb, "learning-pmb": pmb}
+    Williams's, and are as many in known clutter as in learned."""
+    phd, loopy = {"estimator": "components"}, {"association": "belief-propagation"}
+    pmb: dict[str, Any] = {**loopy, "prune_existence": 1e-3, "tracks": 200}
+    own = {"gm-phd": phd, "fitted-phd": phd, "learning-phd": phd, "pmb": pmb, "learning-pmb": loopy}
     return {name: own.get(name.partition(":")[0], {}) for name in trackers}
 
 

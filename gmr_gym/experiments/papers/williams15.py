@@ -27,12 +27,12 @@ Results = Mapping[str, MultiTargetRuns]  # by tracker
 PHD, CPHD, GNN, JPDA, JIPDA, TOMHT = "gm-phd", "gm-cphd", "gnn", "jpda", "jipda", "tomht"
 PMB, PMBM = "pmb", "pmbm"
 LOOPY, EXCHANGED = "pmb:association=belief-propagation", "pmb:projection=variational"
-# the papers' limits of tracks that may not be, where a tracker's own are higher
+# the papers' limits of tracks and leaves that may not be, where a tracker's own are higher
 FAINT, DROP = {"prune_existence": 1e-5}, {"drop": 1e-5}
 TRACKERS: dict[str, dict[str, float]] = {
     PHD: {}, CPHD: {}, GNN: {}, JPDA: {}, JIPDA: DROP, "lmb": FAINT,
     **dict.fromkeys((PMB, LOOPY, EXCHANGED, "pmb:projection=momb"), FAINT | {"prune_weight": 1e-5}),
-    PMBM: {}, "mbm": {}, "delta-glmb": {}, TOMHT: FAINT,
+    PMBM: {}, "mbm": {}, "delta-glmb": {}, TOMHT: FAINT | {"prune_leaves": 1e-8},
 }  # fmt: skip
 # a mixture in every track: how many components it has, and which reduction decides on them
 REDUCED = (JIPDA, *(
