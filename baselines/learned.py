@@ -97,7 +97,7 @@ class LearnedThresholds:
         """What `step` gives, and what became of every hypothesis with the scan."""
         scan = check_scan(z, len(self.model.sensor.H))
         full, _, row, _, _ = _expand_and_set(belief.mixture[:], belief.memory[:], scan, *self._same)
-        alpha, prune_weight, density, components = row.tolist()
+        alpha, prune_weight, density, components = row[:4].tolist()
         into = origin_of_reduction(
             full.mixture, Greedy(int(components), alpha), prune_weight, density, MAX_HYPOTHESES
         )

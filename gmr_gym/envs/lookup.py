@@ -41,13 +41,12 @@ def scenario_of(env_id: str, settings: Mapping[str, Any]) -> Any:
     >>> scenario_of("gmr_gym/TurningTarget-v0", {"horizon": 5}).horizon
     5
     """
+    module, _, known_as = env_id.rpartition(":")
     bare = {name.partition("/")[2]: name for name in ENVIRONMENTS}
-    if env_id not in gym.registry and (
-        near := get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
-    ):
+    near = get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
+    if not module and env_id not in gym.registry and near:
         raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
     # of the settings only what the scenario of the id takes: no value names code to be imported
-    module, _, known_as = env_id.rpartition(":")
     if module:
         import_module(module)  # `gym.make` does so, and not `gym.spec`
     elif known_as not in gym.registry:

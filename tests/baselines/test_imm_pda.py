@@ -24,7 +24,10 @@ from gmr_gym.scenarios.li import airborne_radar
 from gmr_gym.simulation.single_target import draw, scan
 
 WITH_NUMBERS = {"runnalls": "runnalls-30", "mmg": "mmg-15", "imm-mht": "imm-mht-15"}
-ONE_MOTION = {"mht", "runnalls", "adaptive", "capping", "ise", "salmond", "west", "pda", "nearest-neighbour"}
+ONE_MOTION = {
+    "adaptive", "capping", "cluster", "ise", "mht", "n-scan", "nearest-neighbour", "pda", "runnalls",
+    "salmond", "west",
+}  # fmt: skip
 OF_A_RADAR = sorted(set(trackers()) - {"adaptive-noise", "learned-n-scan", "learned-thresholds"})
 
 

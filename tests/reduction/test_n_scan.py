@@ -81,7 +81,7 @@ def test_histories_are_compared_and_not_their_hashes_alone():
 def test_moments_are_kept_and_work_counts_every_comparison(rule, components):
     p, history = hypotheses(5)
     if rule == "history":
-        *q, origin, work = merge_by_history(*p, history, components)
+        *q, origin, work = merge_by_history(*p, history, history.shape[1], components)
         merged, _ = by_label(p, [tuple(row) for row in history.tolist()])
         compared = len(p.w)
     else:
