@@ -660,7 +660,8 @@ def warm(
 def _show(lines: Iterable[Any]) -> None:
     screen = console()
     for line in lines:
-        screen.print(line, highlight=False, markup=False)
+        # a sentence is wrapped by the terminal, so that a command in it can be copied
+        screen.print(line, highlight=False, markup=False, soft_wrap=isinstance(line, str))
 
 
 def main() -> None:
