@@ -113,16 +113,13 @@ def variational(
     tracks, pairs, n = found.tracks, found.pairs, len(found.tracks.existence)
     likely = np.flatnonzero(pairs.assigned > IMPROBABLE)
     root = clusters(pairs.track[likely], pairs.detection[likely], n, len(found.unassigned))
-    row, slot, share = [np.flatnonzero(np.bincount(root, minlength=n)[root[tracks.track]] == 1)], [], []
-    slot.append(tracks.track[row[0]])
-    share.append(np.ones(len(row[0])))
+    alone = np.flatnonzero(np.bincount(root, minlength=n)[root[tracks.track]] == 1)
+    shares = [(alone, tracks.track[alone], np.ones(len(alone)))]  # rows, their slots and weights
     for lowest in np.flatnonzero(np.bincount(root, minlength=n) > 1):
         members = np.flatnonzero(root == lowest)
-        moved = _moved(found, members, likely[root[pairs.track[likely]] == lowest], hypotheses)
-        for all_parts, part in zip((row, slot, share), moved, strict=True):
-            all_parts.append(part)
+        shares.append(_moved(found, members, likely[root[pairs.track[likely]] == lowest], hypotheses))
     mass = tracks.existence[tracks.track] * tracks.weight
-    return added(_shared_out(tracks, mass, *map(np.concatenate, (row, slot, share))), new)
+    return added(_shared_out(tracks, mass, *map(np.concatenate, zip(*shares, strict=True))), new)
 
 
 def permuted(
