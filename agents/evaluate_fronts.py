@@ -127,7 +127,7 @@ def main(
     jobs: Annotated[int, typer.Option(help="workers, -1 for all cores")] = -1,
     reference: Annotated[
         str, typer.Option(help="front that others are held against, where none is learned")
-    ] = "n-scan, constants and process_noise, fading",
+    ] = "n-scan, constants and process_noise, fading, components",
     out: Annotated[Path, typer.Option(help="folder for results")] = Path("results/fronts"),
 ) -> None:
     """Plays what has not been played yet, and writes fronts.json, fronts.md and a figure for each table."""

@@ -32,7 +32,7 @@ from gmr_gym.tuning.thresholds import Thresholds, to_action
 
 ENV_ID = "gmr_gym/ReductionTuning-v1"
 # what an untrained policy says, whatever it sees
-START = Thresholds(prune=7e-4, components=30, process_noise=1.5, coasting_noise=1.5)
+START = Thresholds(prune=7e-4, components=30, process_noise=1.5, coasting_noise=1.5, fading=1.1)
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC}
 CRITICS = {"ppo": OnPolicy, "sac": OffPolicy}  # with hindsight; others' critics see what their actors see
 RECURRENT = ("ppo_lstm",)

@@ -16,8 +16,9 @@ from gmr_gym.tuning.policies import ByTable, Constant, Rule, Schedule
 from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, to_action
 
 REDUCERS = {"adaptive": ("alpha", "prune"), "n-scan": ("history", "prune"), "cluster": ("distance", "prune")}
-NOISE, COASTING, FADING = "process_noise", "coasting_noise", "fading"
-BEST = "n-scan"  # whose thresholds tables, rules and schedules set, process noise and fading
+NOISE, COASTING, FADING, MOST = "process_noise", "coasting_noise", "fading", "components"
+BEST = "n-scan"  # whose thresholds tables, rules and schedules set, and the most of what constants may
+ALL = NOISE, FADING, MOST
 PIECES, EVERY = 3, 15  # scans
 CELLS = 2  # of each number that an engineer knows
 KNOWN = ("clutter", "detection")
@@ -58,7 +59,7 @@ def constants(reducer: str, *more: str) -> Family:
 
 def schedule(tuned: Sequence[np.ndarray]) -> Family:
     """Actions by the clock; it begins with tuned constants (j,), as the next two do."""
-    env = env_of(BEST, NOISE, FADING)
+    env = env_of(BEST, *ALL)
     j = len(env["parameters"])
     ranges = {f"{name}_{piece}": (-1.0, 1.0) for piece in range(PIECES) for name in env["parameters"]}
     starts = [np.tile(constant, PIECES) for constant in tuned]
@@ -67,7 +68,7 @@ def schedule(tuned: Sequence[np.ndarray]) -> Family:
 
 def table(tuned: Sequence[np.ndarray], train: str) -> Family:
     """Constants by what an engineer knows of the scenario, in cells that are cut where the instances are."""
-    env = env_of(BEST, NOISE, FADING)
+    env = env_of(BEST, *ALL)
     j = len(env["parameters"])
     known = np.array([model_features(world(row).model)[:2] for row in instances(train).values()])
     shares = (np.arange(CELLS) + 0.5) / CELLS
@@ -80,7 +81,7 @@ def table(tuned: Sequence[np.ndarray], train: str) -> Family:
 
 def rule(tuned: Sequence[np.ndarray], names: Sequence[str]) -> Family:
     """Actions linear in a few features."""
-    env = env_of(BEST, NOISE, FADING)
+    env = env_of(BEST, *ALL)
     j = len(env["parameters"])
     ranges = {f"bias_{name}": (-1.0 - GAIN, 1.0 + GAIN) for name in env["parameters"]}
     ranges |= {f"gain_{name}_{feature}": (-GAIN, GAIN) for name in env["parameters"] for feature in names}
@@ -137,7 +138,7 @@ def alone() -> list[Family]:
         two_motions("imm-mht"), two_motions("mmg"), two_motions("mmae-mht", 3),
         *(constants(reducer) for reducer in REDUCERS),
         *(constants(reducer, NOISE) for reducer in REDUCERS),
-        constants(BEST, NOISE, COASTING), constants(BEST, NOISE, FADING),
+        constants(BEST, NOISE, COASTING), constants(BEST, NOISE, FADING), constants(BEST, *ALL),
     ]  # fmt: skip
 
 

@@ -29,7 +29,7 @@ RECORDED = {
 TUNINGS: dict[str, dict[str, Any]] = {
     "gmr_gym/ReductionTuning-v0": {},
     "gmr_gym/ReductionTuning-v1": {
-        "parameters": ("history", "prune", "components", "process_noise", "coasting_noise"),
+        "parameters": ("history", "prune", "components", "process_noise", "coasting_noise", "fading"),
         "reducer": "n-scan", "features": "all", "instances": "wide-train", "price": (1e-5, 1e-2),
     },
 }  # fmt: skip

@@ -153,7 +153,7 @@ def test_a_search_that_was_stopped_goes_on_as_if_it_had_not_been(tmp_path):
 
 def test_every_family_begins_within_its_ranges_and_makes_a_policy(table):
     names, every = set(), alone()
-    tuned = [np.zeros(4), np.full(4, 0.5)]
+    tuned = [np.zeros(5), np.full(5, 0.5)]
     every += beyond(tuned, table)
     for family in every:
         low, high = np.array(list(family.ranges.values())).T
