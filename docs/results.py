@@ -34,7 +34,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from result_tables import claims_table, figures_table  # noqa: E402
@@ -111,9 +111,8 @@ def imported(file: Path) -> tuple[Path, ...]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
     stems = [base / name.replace(".", "/") for name in names for base in (ROOT, file.parent)]
-    return tuple(
-        place for stem in stems for place in (stem.with_suffix(".py"), stem / "__init__.py") if place.exists()
-    )
+    places = (place for stem in stems for place in (stem.with_suffix(".py"), stem / "__init__.py"))
+    return tuple(place.resolve() for place in places if place.exists())  # a file linked is named once
 
 
 def python(file: Path) -> str:

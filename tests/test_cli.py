@@ -96,7 +96,7 @@ def test_list_shows_every_environment_segment_tracker_reduction_and_paper(call):
 
 def answer(program):
     """What a new Python prints of a program, beside the heavy modules that it had imported at its end."""
-    heavy = "'numba', 'scipy', 'matplotlib', 'joblib', 'baselines'"
+    heavy = "'numba', 'scipy', 'matplotlib', 'joblib', 'gmr_gym.baselines'"
     program += f"\nimport sys; print(sorted({{{heavy}}} & set(sys.modules)), file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     return done.stdout, done.stderr

@@ -10,17 +10,21 @@ FILE = re.compile(r"`((?:gmr_gym|baselines)/[\w/]+)(?<!__init__)\.py`")
 NAMES_IN = re.compile(rf"((?:`\w+`, )*`\w+`) in {FILE.pattern}")
 
 
+def module_of(file: str) -> str:
+    """The module of a file, named without its ending; the trackers' folder is linked into the package."""
+    return "gmr_gym." + file.removeprefix("gmr_gym/").replace("/", ".")
+
+
 def with_links(match) -> str:
     """The names of a match as links to their entries in the reference, and their file as one to its page."""
     names, file = match.groups()
-    module = file.replace("/", ".")
-    return re.sub(r"`(\w+)`", rf"{{py:obj}}`\1 <{module}.\1>`", names) + f" in `{file}.py`"
+    return re.sub(r"`(\w+)`", rf"{{py:obj}}`\1 <{module_of(file)}.\1>`", names) + f" in `{file}.py`"
 
 
 def page_of(match) -> str:
     """The file of a match as a link to its page in the reference, without the package that all are in."""
     file = match[1]
-    return f"{{doc}}`{file.removeprefix('gmr_gym/')}.py </reference/files/{file.replace('/', '.')}>`"
+    return f"{{doc}}`{file.removeprefix('gmr_gym/')}.py </reference/files/{module_of(file)}>`"
 
 
 def read(app, docname, source):

@@ -9,7 +9,7 @@ from pkgutil import ModuleInfo, iter_modules
 
 from sphinx.util.docutils import SphinxDirective
 
-ROOMS = ["gmr_gym", "baselines"]  # with the packages in them
+PACKAGE = "gmr_gym"
 PAGE = "{title}\n{line}\n\n.. automodule:: {name}\n"
 
 
@@ -32,7 +32,7 @@ def write_pages(app):
     """Writes the page of every module, but where it stands already: Sphinx reads again what is newer."""
     folder = Path(app.srcdir, "reference", "files")
     folder.mkdir(exist_ok=True)
-    names = [name for room in ROOMS for package in packages(room) for name in modules(package)]
+    names = [name for package in packages(PACKAGE) for name in modules(package)]
     for name in names:
         page, title = folder / f"{name}.rst", name.removeprefix("gmr_gym.")
         text = PAGE.format(title=title, line="=" * len(title), name=name)
@@ -75,7 +75,7 @@ def first_sentence(module: str) -> str:
 
 def skipped(app, what, name, member, skip, options):
     """Leaves out what a module imports, and the fields of a NamedTuple, which its signature names."""
-    foreign = what == "module" and not getattr(member, "__module__", "").startswith(tuple(ROOMS))
+    foreign = what == "module" and not getattr(member, "__module__", "").startswith(PACKAGE)
     return True if foreign or type(member).__name__ == "_tuplegetter" else None
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import joblib
 
 PACKAGE = "gmr_gym"
-# of the package's source, what only reads finished runs
+# of the package's source, what only reads finished runs; and the trackers, each hashed by itself
 NOT_HASHED = (
-    "cli.py", "envs", "evaluation/curves.py", "evaluation/multi_target_summary.py", "evaluation/summary.py",
-    "experiments", "recorded", "replay",
+    "baselines", "cli.py", "envs", "evaluation/curves.py", "evaluation/multi_target_summary.py",
+    "evaluation/summary.py", "experiments", "recorded", "replay",
 )  # fmt: skip
 
 

@@ -72,7 +72,7 @@ def there(room, module):
     """Whether the package has such a room or name, and the room such a module or name on its face."""
     folder = ROOT / "gmr_gym" / room
     if folder.is_dir():
-        face = TEXT[f"gmr_gym/{room}/__init__.py"]
+        face = (folder / "__init__.py").read_text(encoding="utf-8")
         return (
             module is None
             or (folder / module).is_dir()

@@ -14,7 +14,7 @@ from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.scenarios.lv import unknown_clutter
 
 ROOT = Path(__file__).parents[2]
-FILES = sorted([*(ROOT / "baselines").glob("*.py"), *(ROOT / "gmr_gym" / "filters").glob("*.py")])
+FILES = sorted([*(ROOT / "gmr_gym" / "baselines").glob("*.py"), *(ROOT / "gmr_gym" / "filters").glob("*.py")])
 WITH_EXAMPLES = [
     ".".join(file.relative_to(ROOT).with_suffix("").parts)
     for file in FILES
