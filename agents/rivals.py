@@ -138,7 +138,8 @@ def alone() -> list[Family]:
         two_motions("imm-mht"), two_motions("mmg"), two_motions("mmae-mht", 3),
         *(constants(reducer) for reducer in REDUCERS),
         *(constants(reducer, NOISE) for reducer in REDUCERS),
-        constants(BEST, NOISE, COASTING), constants(BEST, NOISE, FADING), constants(BEST, *ALL),
+        constants(BEST, NOISE, COASTING), constants(BEST, NOISE, FADING),
+        constants("cluster", *ALL), constants(BEST, *ALL),
     ]  # fmt: skip
 
 
