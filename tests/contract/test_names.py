@@ -68,6 +68,11 @@ def test_every_module_of_the_library_that_is_spoken_of_is_there():
     assert [(place, match[0]) for place, match in named if not there(match[1], match[2])] == []
 
 
+def test_trackers_are_imported_by_one_name_alone():
+    assert [place for place, _ in found(r"(?m)^[ \t]*(?:from|import) baselines\b")] == []
+    assert len(list(found(r"(?m)^from gmr_gym\.baselines\."))) > 50
+
+
 def there(room, module):
     """Whether the package has such a room or name, and the room such a module or name on its face."""
     folder = ROOT / "gmr_gym" / room

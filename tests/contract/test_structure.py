@@ -10,7 +10,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from gmr_gym.evaluation.source import NOT_HASHED
+from gmr_gym.evaluation.source import NOT_HASHED, is_hashed
 
 ROOT = Path(__file__).parents[2]
 # a room may import only what stands before it; rooms side by side do not know each other
@@ -106,6 +106,10 @@ def test_importing_the_package_registers_environments_and_imports_no_numba():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_tracker_is_hashed_by_itself_whether_its_folder_is_linked_or_installed():
+    assert not is_hashed(Path("baselines", "pda.py")) and is_hashed(Path("filters", "mht.py"))
 
 
 def test_what_takes_no_part_in_runs_is_there():
