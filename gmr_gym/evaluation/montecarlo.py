@@ -298,7 +298,13 @@ def _block_alone(sources: Mapping[str, str], *arguments) -> Any:
 
 
 def run_block(
-    scenario: Problem, tracker: Any, seed: int, first: int, stop: int, together: bool = False
+    scenario: Problem,
+    tracker: Any,
+    seed: int,
+    first: int,
+    stop: int,
+    together: bool = False,
+    scans: int | None = None,
 ) -> Any:
     """Runs first, ..., stop - 1 of `run`, in this process.
 
@@ -310,6 +316,8 @@ def run_block(
     first, stop : int
     together : bool
         Whether all but the first are run by one compiled call, where `gmr_gym.evaluation.batch` can.
+    scans : int, optional
+        Number of scans to run; all by default.
 
     Returns
     -------
@@ -318,7 +326,7 @@ def run_block(
     seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(first, stop)]
     # several threads would change the last bits of a sum, and small matrices are slower with them
     with threadpool_limits(1):
-        return _played(scenario, tracker, seeds, together)
+        return _played(scenario, tracker, seeds, together, scans)
 
 
 def _played(scenario, tracker, seeds, together, scans=None):

@@ -98,7 +98,7 @@ def _clutter(model: AnyModel, factor: float) -> AnyModel:
 
 
 def _probability(field: str) -> Callable[[AnyModel, float], AnyModel]:
-    def changed(model: AnyModel, value: float) -> AnyModel:
+    def changed(model: Any, value: float) -> AnyModel:
         check_probability(f"{PREFIX}{field}", value)
         return model._replace(**{field: value})
 
