@@ -20,7 +20,7 @@ from PIL import Image
 
 import gmr_gym
 from gmr_gym.catalogue import BACKENDS, HYPOTHESIS_REDUCTIONS, REDUCTIONS
-from gmr_gym.cli import PAPERS, main
+from gmr_gym.cli import main
 from gmr_gym.data.loader import flight_names
 from gmr_gym.envs.episodic import settings
 from gmr_gym.envs.lookup import scenario_of, tracker_of
@@ -33,6 +33,7 @@ from gmr_gym.evaluation.montecarlo import run
 from gmr_gym.evaluation.summary import FEWEST, summary
 from gmr_gym.experiments.mixtures import crouse, read_mixture
 from gmr_gym.experiments.output import RUN_COLUMNS, write_runs
+from gmr_gym.experiments.papers.registry import PAPERS
 from gmr_gym.filters.registry import GROUP, MULTI_TARGET_GROUP, make_tracker, trackers
 from gmr_gym.literals import key_value
 from gmr_gym.reduction.registry import REDUCERS, hypothesis_reducer, reducer

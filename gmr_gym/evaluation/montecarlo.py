@@ -270,7 +270,8 @@ def _computed(sweep: _Sweep, tasks: list, present: Container, files: Mapping) ->
         sources[name] = {} if sweep.backend == "loky" else source.sources(tracker)
     calls: dict = {}
     for task in missing:
-        arguments = sweep.scenario, sweep.trackers[task[0]], sweep.seed, task, sweep.runs
+        first, stop = task[1], min(task[1] + BLOCK, sweep.runs)
+        arguments = sweep.scenario, sweep.trackers[task[0]], sweep.seed, first, stop, sweep.runs >= BATCH_FROM
         calls[task] = _block_alone, sources[task[0]], *arguments
     try:
         for task, result in workers.results(calls, sweep.jobs, sweep.backend, sweep.scheduler):
@@ -293,15 +294,39 @@ def _block_alone(sources: Mapping[str, str], *arguments) -> Any:
     """A block on a worker that may be of another machine, with other source, or have several threads."""
     source.check_sources(sources)
     with _ALONE:
-        return _block(*arguments)
+        return run_block(*arguments)
 
 
-def _block(scenario, tracker, seed, task, runs):
-    first = task[1]
-    seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(first, min(first + BLOCK, runs))]
+def run_block(
+    scenario: Problem,
+    tracker: Any,
+    seed: int,
+    first: int,
+    stop: int,
+    together: bool = False,
+    scans: int | None = None,
+) -> Any:
+    """Runs first, ..., stop - 1 of `run`, in this process.
+
+    Parameters
+    ----------
+    scenario : Scenario, MultiTargetScenario or MixtureProblem
+    tracker : Tracker
+    seed : int
+    first, stop : int
+    together : bool
+        Whether all but the first are run by one compiled call, where `gmr_gym.evaluation.batch` can.
+    scans : int, optional
+        Number of scans to run; all by default.
+
+    Returns
+    -------
+    Runs, MultiTargetRuns or ReductionRuns
+    """
+    seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(first, stop)]
     # several threads would change the last bits of a sum, and small matrices are slower with them
     with threadpool_limits(1):
-        return _played(scenario, tracker, seeds, runs >= BATCH_FROM)
+        return _played(scenario, tracker, seeds, together, scans)
 
 
 def _played(scenario, tracker, seeds, together, scans=None):

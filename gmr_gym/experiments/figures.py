@@ -52,7 +52,7 @@ METRICS = {
     "track_loss_difference": Metric("lost, difference", *SHARE),
     "error_difference": Metric("capped error, difference", "m"),
     "wasserstein_undefined": Metric("Wasserstein undefined", *SHARE),
-    "density_error": Metric("clutter error"),
+    "density_error": Metric("clutter error"), "objective": Metric("objective"),
 }  # fmt: skip
 HEADINGS = {
     name: ", ".join(filter(None, (

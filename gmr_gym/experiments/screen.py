@@ -3,7 +3,7 @@
 import codecs
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from io import TextIOWrapper
 from typing import Any
@@ -36,6 +36,13 @@ def console() -> Console:
     spell_out(sys.stdout)
     screen = Console()
     return screen if screen.is_terminal or "COLUMNS" in os.environ else Console(width=240)
+
+
+def show(lines: Iterable[Any]) -> None:
+    """Prints lines; a sentence is wrapped by the terminal, so that a command in it can be copied."""
+    screen = console()
+    for line in lines:
+        screen.print(line, highlight=False, markup=False, soft_wrap=isinstance(line, str))
 
 
 def waiting(label: str) -> AbstractContextManager:

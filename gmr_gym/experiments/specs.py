@@ -57,13 +57,22 @@ def single_target(env_id: str, world: Mapping[str, Any]) -> Scenario:
 def complete(spec: str, scenario: Scenario | MultiTargetScenario) -> dict[str, Any]:
     """All parameters of the tracker NAME:key=value,key=value, those that are not given as they are by
     default."""
+    usual, given = usual_and_given(spec, scenario)
+    return usual | given
+
+
+def usual_and_given(
+    spec: str, scenario: Scenario | MultiTargetScenario
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Parameters of the tracker NAME:key=value,key=value: as they are by default, and those that are given,
+    a number at the end of the name too."""
     name, given = parsed(spec)
     known = tracker_entry_points(MULTI_TARGET_GROUP if isinstance(scenario, MultiTargetScenario) else GROUP)
     base, _, number = name.rpartition("-")
     name, given = (name, given) if name in known else (base, {"components": int(number)} | given)
     takes = list(signature(known[name].load()).parameters.values())[1:]
     usual = {one.name: one.default for one in takes if one.default is not one.empty}
-    return usual | {
+    return usual, {
         next((new for new in FORMER_PARAMETERS.get(key, ()) if new in usual), key): value
         for key, value in given.items()
     }

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -80,20 +81,26 @@ def runs_shown(label: str, work: Iterable[Work], sweep: Sweep) -> Iterator[Any]:
     blocks there are and of how many. On Ctrl-C it says where finished ones are kept, if any is, and exits."""
     work = list(work)
     call = partial(run_shard, shard=sweep.shard) if sweep.shard else run
+    kept = f"finished blocks of runs are kept in {sweep.blocks}"
+    with stopped(sweep.blocks, "*.npz", kept, "no block of runs was finished"), progress(label) as report:
+        for i, (scenario, trackers) in enumerate(work):
+            yield call(
+                scenario, trackers, sweep.runs, sweep.seed, jobs=sweep.jobs, folder=sweep.blocks,
+                progress=partial(_so_far, report, i, len(work)), backend=sweep.backend,
+                scheduler=sweep.scheduler,
+            )  # fmt: skip
+
+
+@contextmanager
+def stopped(folder: Path, files: str, kept: str, nothing: str) -> Iterator[None]:
+    """Within it Ctrl-C says what is kept in a folder, where there are such files, or that nothing is, and
+    exits."""
     try:
-        with progress(label) as report:
-            for i, (scenario, trackers) in enumerate(work):
-                yield call(
-                    scenario, trackers, sweep.runs, sweep.seed, jobs=sweep.jobs, folder=sweep.blocks,
-                    progress=partial(_so_far, report, i, len(work)), backend=sweep.backend,
-                    scheduler=sweep.scheduler,
-                )  # fmt: skip
+        yield
     except (KeyboardInterrupt, SystemError) as error:
         if not interrupted(error):
             raise
-        left = "no block of runs was finished"
-        if any(sweep.blocks.glob("*.npz")):
-            left = f"finished blocks of runs are kept in {sweep.blocks}; the same command goes on there"
+        left = f"{kept}; the same command goes on there" if any(folder.glob(files)) else nothing
         Console(stderr=True, soft_wrap=True).print(f"stopped: {left}", highlight=False)
         sys.exit(130)
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from gmr_gym.catalogue import GROUP, MULTI_TARGET_GROUP, described, tracker_entry_points
 from gmr_gym.deprecated import warn_renamed
+from gmr_gym.models.assumptions import PREFIX, with_assumptions
 from gmr_gym.models.model import Model, with_radar_update
 from gmr_gym.models.multi_target import MultiTargetModel
 
@@ -50,7 +51,8 @@ def make_tracker(name: str, model: Model | MultiTargetModel, **parameters) -> An
         The filter model.
     **parameters
         Parameters of the tracker. Every single-target tracker also takes `update`, one of
-        `gmr_gym.models.radar.UPDATES`: the update of its radar.
+        `gmr_gym.models.radar.UPDATES`: the update of its radar; and every tracker what
+        `gmr_gym.models.assumptions.with_assumptions` does, such as `assumed_process_noise`.
 
     Returns
     -------
@@ -120,6 +122,7 @@ def tracker_maker(name: str, multi_target: bool, /, **parameters) -> Callable[[A
     except (ImportError, AttributeError) as error:
         raise ValueError(f"tracker {name!r} cannot be loaded from {known[name].value}: {error}") from error
     accepted = list(inspect.signature(factory).parameters)[1:]
+    assumed = {key: parameters.pop(key) for key in [*parameters] if key.startswith(PREFIX)}
     update = parameters.pop("update", None)
     if update is not None and multi_target:
         raise ValueError(f"multi-target tracker {name!r} takes no 'update'")
@@ -141,6 +144,8 @@ def tracker_maker(name: str, multi_target: bool, /, **parameters) -> Callable[[A
     def make(model: Any) -> Any:
         if update is not None:
             model = with_radar_update(model, update)
+        if assumed:
+            model = with_assumptions(model, assumed)
         try:
             tracker = factory(model, **parameters)
         except TypeError as error:  # for example a string for a number

@@ -12,7 +12,6 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 import gmr_gym  # noqa: F401  registers the environments
-from gmr_gym.cli import PAPERS
 from gmr_gym.envs.lookup import parsed
 from gmr_gym.envs.registry import MULTI_TARGET
 from gmr_gym.evaluation import curves as module
@@ -22,6 +21,7 @@ from gmr_gym.experiments.claims import Claim, judged
 from gmr_gym.experiments.evidence import Evidence, measured
 from gmr_gym.experiments.figures import HEADINGS
 from gmr_gym.experiments.papers import crouse, dortenzio, li, lv, maybeck, maybeck_zhang, williams15, zhang
+from gmr_gym.experiments.papers.registry import PAPERS
 from gmr_gym.experiments.papers.zhang_claims import BOTH, CASE_1, CASE_2, QUANTITIES, ROLES, Trio
 from gmr_gym.experiments.tables import MixtureTable, Table, printed_in, table_record, verdict
 from gmr_gym.filters.registry import make_tracker

@@ -1,0 +1,134 @@
+"""A tracker is tuned, and judged on episodes that it was not tuned on."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gmr_gym.evaluation.summary import Estimate, bootstrap_mean
+from gmr_gym.experiments import trials
+from gmr_gym.experiments.claims import plain
+from gmr_gym.experiments.evaluating import judged
+from gmr_gym.experiments.figures import legend
+from gmr_gym.experiments.objectives import METRIC, Tuned, paired, shown_with
+from gmr_gym.experiments.output import run_rows, write_json, write_rows
+from gmr_gym.experiments.records import answered, command
+from gmr_gym.experiments.screen import progress
+from gmr_gym.experiments.search_space import Space
+from gmr_gym.experiments.sheets import comparison, shown
+from gmr_gym.experiments.sweeps import Sweep, runs_shown, stopped
+
+HELD_OUT, PAIRED = "held-out episodes", "held-out episodes, paired difference"
+
+
+class Job(NamedTuple):
+    """What is tuned between which values, how much is tried, and on how many other episodes it is judged."""
+
+    asked: dict[str, Any]  # see `records.question`
+    problem: Tuned
+    space: Space
+    default: Mapping[str, Any]
+    plan: trials.Plan
+    held_out: int
+    typed: Sequence[str]  # settings of the environment, as they were typed
+    blocks: Path  # folder in which finished blocks of runs are kept
+    again: str  # the command
+
+
+def tune(job: Job, out: Path, copy: Path | None) -> Iterator[Any]:
+    """Tries parameters, runs the best on held-out episodes beside the default, leaves record, trials and runs
+    in `out`, and then gives what a screen shows."""
+    study = trials.opened(out / "trials.log", job.space, job.default, job.asked)
+    kept = f"trials are kept in {out}"
+    with stopped(out, "trials.log", kept, "no trial was made"), progress("runs tried") as report:
+        found = trials.search(study, job.space, job.problem, job.plan, report)
+    write_trials(out / "trials.csv", found, job.space)
+    best = trials.best(found)
+    spec, tuned = job.problem.spec, spec_with(job.problem.spec, best.parameters)
+    known = {"best": best.parameters, "trials": len(found), "command": job.again}
+    if all(best.parameters[name] == job.default[name] for name in job.space):
+        write_records(answered(job.asked, [], **known), out, copy)
+        yield from trials_said(found)
+        yield f"none of them was better than {spec} as it is"
+        yield f"written to {out}"
+        return
+    trackers = {spec: job.problem.tracker({}), tuned: job.problem.tracker(best.parameters)}
+    seed = job.plan.seed + 1  # of the held-out episodes
+    sweep = Sweep(job.held_out, seed, job.plan.jobs, "loky", None, None, job.blocks, job.again)
+    env_id, settings = job.asked["env"], job.asked["settings"]
+    (results,) = runs_shown("held-out runs", [(job.problem.scenario, trackers)], sweep)
+    values = [job.problem.figure(runs) for runs in results.values()]
+    tables, remarks = judged((HELD_OUT, PAIRED), settings, job.problem.scenario, results)
+    difference = with_objective(job.problem, tables, values)
+    use = command("evaluate", env_id, tracker=[spec, tuned], set=job.typed, runs=[job.held_out], seed=[seed])
+    write_records(answered(job.asked, tables, notes=remarks, use=use, **known), out, copy)
+    header, *rows = run_rows(job.problem.scenario, results)
+    write_rows(out / "held-out.csv", header, rows)
+    yield from trials_said(found)
+    metric, usual = METRIC[job.problem.objective], shown_with(job.problem.scenario)
+    first = "objective" if job.problem.price else metric
+    title = f"{env_id}: {job.held_out} {HELD_OUT} (seed {seed})"
+    metrics = [*dict.fromkeys((first, metric, *usual))]
+    yield comparison(title, tables[0], metrics)
+    yield comparison(PAIRED, tables[1], [name for name in metrics if name in tables[1]["rows"][0]["metrics"]])
+    yield from legend(metrics)
+    yield from remarks
+    yield f"{_verdict(difference)}: {shown(first, difference)} on episodes that it was not tuned on"
+    yield f"tuned: {tuned}"
+    yield f"compare them again: {use}"
+    yield f"written to {out}"
+
+
+def spec_with(spec: str, parameters: Mapping[str, Any]) -> str:
+    """NAME:key=value,key=value with these parameters too."""
+    own, _, fixed = spec.partition(":")
+    more = ",".join(f"{name}={value}" for name, value in parameters.items())
+    return f"{own}:{','.join(filter(None, (fixed, more)))}"
+
+
+def with_objective(
+    problem: Tuned, tables: Sequence[dict[str, Any]], values: Sequence[np.ndarray]
+) -> Estimate:
+    """Adds the objective to the first figures of the tables of held-out runs and of their paired difference,
+    which it gives back."""
+    name = "objective" if problem.price else METRIC[problem.objective]
+    difference = paired(problem.objective, problem.price, values[1] - values[0])
+    rows = [*tables[0]["rows"], *tables[1]["rows"]]
+    for row, figure in zip(rows, [*map(bootstrap_mean, values), difference], strict=True):
+        row["metrics"] = {name: plain(figure)} | row["metrics"]
+    return difference
+
+
+def write_trials(file: Path, found: Sequence[trials.Tried], space: Space) -> None:
+    """One row per trial."""
+    rows = (
+        [one.number, one.state, len(one.values), one.value if len(one.values) else "",
+         *(one.parameters.get(name, "") for name in space), one.error]
+        for one in found
+    )  # fmt: skip
+    write_rows(file, ["trial", "state", "runs", "objective", *space, "error"], rows)
+
+
+def write_records(record: dict[str, Any], out: Path, copy: Path | None) -> None:
+    """The record, and a copy where one is asked for."""
+    for file in filter(None, (out / "tune.json", copy)):
+        write_json(file, record)
+
+
+def trials_said(found: Sequence[trials.Tried]) -> Iterator[str]:
+    """What became of the trials."""
+    states = [trial.state for trial in found]
+    line = (
+        f"{len(found)} trials: {states.count('complete')} complete, {states.count('pruned')} given up early"
+    )
+    failed = [trial for trial in found if trial.state == "fail"]
+    if failed:
+        line += f", {len(failed)} failed, the last at {failed[-1].parameters}: {failed[-1].error}"
+    yield line
+
+
+def _verdict(difference: Estimate) -> str:
+    if difference.high < 0:
+        return "better"
+    return "worse" if difference.low > 0 else "no difference shown"
