@@ -15,7 +15,7 @@ from gmr_gym.experiments.output import write_rows
 from gmr_gym.tuning.network import Network, save
 from gmr_gym.tuning.policies import ByNetwork
 
-PRICES = tuple(10.0**k for k in np.linspace(-5, -2, 7))
+PRICES = tuple(10.0**k for k in np.linspace(-5, -1.5, 8))
 ACTIVATIONS = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu"}
 
 

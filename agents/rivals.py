@@ -17,8 +17,8 @@ from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, to_action
 
 REDUCERS = {"adaptive": ("alpha", "prune"), "n-scan": ("history", "prune"), "cluster": ("distance", "prune")}
 NOISE, COASTING, FADING, MOST = "process_noise", "coasting_noise", "fading", "components"
-BEST = "n-scan"  # whose thresholds tables, rules and schedules set, and the most of what constants may
 ALL = NOISE, FADING, MOST
+BEST = "n-scan", "cluster"  # whose thresholds tables, rules and schedules set, with all of these
 PIECES, EVERY = 3, 15  # scans
 CELLS = 2  # of each number that an engineer knows
 KNOWN = ("clutter", "detection")
@@ -57,36 +57,38 @@ def constants(reducer: str, *more: str) -> Family:
     return Family(name, ranges, Constant, [start], env)
 
 
-def schedule(tuned: Sequence[np.ndarray]) -> Family:
+def schedule(reducer: str, tuned: Sequence[np.ndarray]) -> Family:
     """Actions by the clock; it begins with tuned constants (j,), as the next two do."""
-    env = env_of(BEST, *ALL)
+    env = env_of(reducer, *ALL)
     j = len(env["parameters"])
     ranges = {f"{name}_{piece}": (-1.0, 1.0) for piece in range(PIECES) for name in env["parameters"]}
     starts = [np.tile(constant, PIECES) for constant in tuned]
-    return Family("schedule", ranges, lambda x: Schedule(x.reshape(PIECES, j), EVERY), starts, env)
+    return Family(
+        f"{reducer}, schedule", ranges, lambda x: Schedule(x.reshape(PIECES, j), EVERY), starts, env
+    )
 
 
-def table(tuned: Sequence[np.ndarray], train: str) -> Family:
+def table(reducer: str, tuned: Sequence[np.ndarray], train: str) -> Family:
     """Constants by what an engineer knows of the scenario, in cells that are cut where the instances are."""
-    env = env_of(BEST, *ALL)
+    env = env_of(reducer, *ALL)
     j = len(env["parameters"])
     known = np.array([model_features(world(row).model)[:2] for row in instances(train).values()])
     shares = (np.arange(CELLS) + 0.5) / CELLS
     cells = np.array(list(product(*(np.quantile(column, shares) for column in known.T))))
     ranges = {f"{name}_{cell}": (-1.0, 1.0) for cell in range(len(cells)) for name in env["parameters"]}
     starts = [np.tile(constant, len(cells)) for constant in tuned]
-    name = f"table on {' and '.join(KNOWN)}"
+    name = f"{reducer}, table on {' and '.join(KNOWN)}"
     return Family(name, ranges, lambda x: ByTable(KNOWN, cells, x.reshape(-1, j)), starts, env)
 
 
-def rule(tuned: Sequence[np.ndarray], names: Sequence[str]) -> Family:
+def rule(reducer: str, tuned: Sequence[np.ndarray], names: Sequence[str]) -> Family:
     """Actions linear in a few features."""
-    env = env_of(BEST, *ALL)
+    env = env_of(reducer, *ALL)
     j = len(env["parameters"])
     ranges = {f"bias_{name}": (-1.0 - GAIN, 1.0 + GAIN) for name in env["parameters"]}
     ranges |= {f"gain_{name}_{feature}": (-GAIN, GAIN) for name in env["parameters"] for feature in names}
     starts = [np.concatenate((constant, np.zeros(j * len(names)))) for constant in tuned]
-    name = f"rule on {' and '.join(names)}"
+    name = f"{reducer}, rule on {' and '.join(names)}"
     return Family(name, ranges, lambda x: Rule(names, x[j:].reshape(j, -1), x[:j]), starts, env)
 
 
@@ -103,7 +105,7 @@ def adaptive_noise(method: str) -> Family:
 
     def policy(x: np.ndarray) -> Tracked:
         options = dict(zip(ranges, np.exp(x).tolist(), strict=True))
-        options |= {"method": method, "components": DORTENZIO.components, "reducer": BEST}
+        options |= {"method": method, "components": DORTENZIO.components, "reducer": BEST[0]}
         options["history"] = round(options["history"])
         if "forgetting" in options:
             options["memory"] = 1 - options.pop("forgetting")
@@ -123,7 +125,7 @@ def two_motions(tracker: str, motions: int = 2) -> Family:
     def policy(x: np.ndarray) -> Tracked:
         prune, history, low, high, leave = np.exp(x).tolist()
         factors = tuple(np.geomspace(low, high, motions).tolist())
-        options = {"prune_weight": prune, "reduction": f"{BEST}:scans={round(history)}"}
+        options = {"prune_weight": prune, "reduction": f"{BEST[0]}:scans={round(history)}"}
         options |= {"components": DORTENZIO.components}
         return Tracked(tracker, options, factors, 1 - leave)
 
@@ -132,20 +134,21 @@ def two_motions(tracker: str, motions: int = 2) -> Family:
 
 
 def alone() -> list[Family]:
-    """Those that begin with what is usual. The last are the constants that others begin with."""
+    """Those that begin with what is usual."""
     return [
         *(adaptive_noise(method) for method in METHODS),
         two_motions("imm-mht"), two_motions("mmg"), two_motions("mmae-mht", 3),
         *(constants(reducer) for reducer in REDUCERS),
         *(constants(reducer, NOISE) for reducer in REDUCERS),
-        constants(BEST, NOISE, COASTING), constants(BEST, NOISE, FADING),
-        constants("cluster", *ALL), constants(BEST, *ALL),
+        constants("n-scan", NOISE, COASTING), constants("n-scan", NOISE, FADING),
     ]  # fmt: skip
 
 
-def beyond(tuned: Sequence[np.ndarray], train: str) -> list[Family]:
-    """Those that begin with tuned constants (j,); tables are cut by the instances of TRAIN."""
-    return [*(rule(tuned, names) for names in RULES), table(tuned, train), schedule(tuned)]
+def beyond(reducer: str, tuned: Sequence[np.ndarray], train: str) -> list[Family]:
+    """Those that begin with tuned constants (j,) of all that a reducer's policies set; tables are cut by the
+    instances of TRAIN."""
+    rules = (rule(reducer, tuned, names) for names in RULES)
+    return [*rules, table(reducer, tuned, train), schedule(reducer, tuned)]
 
 
 def _usual(ranges: Mapping[str, tuple[float, float]]) -> list[float]:

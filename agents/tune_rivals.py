@@ -19,12 +19,12 @@ import typer
 from batches import Batch, Outcome
 from competitors import Rival, write_fronts
 from judge import seeds_of
-from rivals import Family, alone, beyond
+from rivals import ALL, BEST, Family, alone, beyond, constants
 from tracked import Tracked, scans_of
 
 from gmr_gym.tuning.instances import instances
 
-PRICES = np.geomspace(1e-5, 1e-2, 7)  # of a unit of work, two to a decade
+PRICES = np.geomspace(1e-5, 10**-1.5, 8)  # of a unit of work, two to a decade
 FIRST, AT_RANDOM = 5, 0.1  # so many candidates, and that share of the others, are drawn anywhere
 STEP = 0.15  # of a range, by which a number is changed
 FINALISTS = 3  # of a price, on VALID
@@ -183,8 +183,10 @@ def main(
         print(f"{family.name}: lost on {valid} in %, by price, {lost}", flush=True)
         return [np.array(numbers) for numbers in sorted({one.numbers for _, one in points})]
 
-    *others, constants = alone()
-    for family in (*beyond(tuned(constants), train), *others):
+    for reducer in BEST:
+        for family in beyond(reducer, tuned(constants(reducer, *ALL)), train):
+            tuned(family)
+    for family in alone():
         tuned(family)
 
 

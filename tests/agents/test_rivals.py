@@ -15,7 +15,7 @@ import tune_rivals
 from batches import Batch, Outcome
 from competitors import Rival, read_fronts, write_fronts
 from judge import played, seeds_of
-from rivals import alone, beyond, constants, env_of
+from rivals import ALL, BEST, alone, beyond, constants, env_of
 from tracked import Tracked, counted, scans_of
 
 from gmr_gym.reduction.merge_cost import merge_costs
@@ -152,9 +152,9 @@ def test_a_search_that_was_stopped_goes_on_as_if_it_had_not_been(tmp_path):
 
 
 def test_every_family_begins_within_its_ranges_and_makes_a_policy(table):
-    names, every = set(), alone()
+    names, every = set(), alone() + [constants(reducer, *ALL) for reducer in BEST]
     tuned = [np.zeros(5), np.full(5, 0.5)]
-    every += beyond(tuned, table)
+    every += [family for reducer in BEST for family in beyond(reducer, tuned, table)]
     for family in every:
         low, high = np.array(list(family.ranges.values())).T
         for start in family.starts:
@@ -167,7 +167,7 @@ def test_every_family_begins_within_its_ranges_and_makes_a_policy(table):
             assert len(policy(np.zeros(len(ALL_FEATURES)), 0)) == len(family.env["parameters"])
         names.add(family.name)
     assert len(names) == len(every)
-    for family in beyond(tuned, table):  # they begin with the constants, whatever is seen
+    for family in beyond("cluster", tuned, table):  # they begin with the constants, whatever is seen
         assert family.policy(family.starts[1])(np.ones(len(ALL_FEATURES)), 3).tolist() == tuned[1].tolist()
 
 
