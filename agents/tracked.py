@@ -65,7 +65,7 @@ def scans_of(
 def counted(tracker: Any, reduction: str, belief: Any, z: np.ndarray) -> tuple[Any, Any, int]:
     """Belief and report of a scan, and its work: Gaussians updated by a detection, and what the reduction
     looks at to merge those that enter it."""
-    if not hasattr(tracker, "trace"):
+    if hasattr(belief, "work"):  # counts it itself
         belief, report = tracker.step(belief, z)
         return belief, report, belief.work
     belief, report, full = tracker.trace(belief, z)

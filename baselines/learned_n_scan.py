@@ -8,6 +8,8 @@ import numpy as np
 
 import gmr_gym
 from gmr_gym.checks import check_count, check_not_negative
+from gmr_gym.filters.mht import MAX_HYPOTHESES
+from gmr_gym.filters.trace import Trace, trace_of
 from gmr_gym.filters.tracker import ONE_MODE, CompiledTracker, Report, check_scan
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
@@ -15,7 +17,8 @@ from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model, check_one_motion
 from gmr_gym.reduction.n_scan import extended
-from gmr_gym.tuning.assumed import assumed, processed
+from gmr_gym.reduction.pruning import above_threshold, heaviest_mask
+from gmr_gym.tuning.assumed import assumed, every, processed, selected
 from gmr_gym.tuning.features import Memory, at_start
 from gmr_gym.tuning.network import Network, forward, load
 from gmr_gym.tuning.recent import ALL_FEATURES, at_first
@@ -24,8 +27,11 @@ from gmr_gym.tuning.thresholds import (
     DORTENZIO,
     FACTORS,
     N_SCAN,
+    PRUNE,
     REDUCERS,
     from_actions,
+    from_row,
+    origin_in,
     reduced,
     threshold_index,
     to_action,
@@ -46,7 +52,7 @@ class Belief(NamedTuple):
         As `gmr_gym.tuning.thresholds.Thresholds`: its factors hold for the next scan.
     memory : Memory
     recent : ndarray (13,)
-        Of `gmr_gym.tuning.recent.observe_recent`.
+        Of `gmr_gym.tuning.recent.observe_recent_into`.
     """
 
     mixture: Mixture
@@ -122,6 +128,19 @@ class LearnedNScan:
         after = Belief(Mixture(*mixture), history, thresholds, Memory(*memory), recent)
         return after, Report(mean[None], covariance[None], Gates(*gates), after.mixture)
 
+    def trace(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report, Trace]:
+        """What `step` gives, and what became of every hypothesis with the scan."""
+        after, report = self.step(belief, z)
+        told, _, price = self._same
+        hypotheses, *_ = processed(
+            (belief.mixture[:], belief.history), check_scan(z, len(self.model.sensor.H)), told,
+            belief.thresholds, belief.memory[:], belief.recent.copy(), price, True,
+        )  # fmt: skip
+        full = every(hypotheses)
+        history = extended(belief.history, full.parent, full.detection)
+        into = origin_in("n-scan", full.mixture, history, from_row(after.thresholds))
+        return after, report, trace_of(full, into)
+
 
 @kernel
 def _scan(belief, z, told, policy, price):
@@ -134,13 +153,16 @@ def _scan(belief, z, told, policy, price):
     mixture, history, thresholds, memory, recent = belief
     layout, numbers, set_by, rest = policy
     recent = recent.copy()
-    full, gates, features, cost, gated = processed(
+    hypotheses, gates, features, cost, gated = processed(
         (mixture, history), z, told, thresholds, memory, recent, price, True
     )
-    single = features.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
-    thresholds = from_actions(forward(single, layout, numbers), set_by, rest)[0]
-    history = extended(history, full.parent, full.detection)
-    w, m, P = full.mixture
+    for f in range(len(features)):
+        features[f] = np.float32(features[f])  # as in training
+    thresholds = from_actions(forward(features.reshape(1, -1), layout, numbers), set_by, rest)[0]
+    kept = heaviest_mask(hypotheses[0], np.int64(MAX_HYPOTHESES))
+    kept &= above_threshold(hypotheses[0], hypotheses[0], thresholds[PRUNE])
+    w, m, P, parent, detection = selected(hypotheses, kept)
+    history = extended(history, parent, detection)
     w, m, P, mean, covariance, relative_loss, work, history = reduced(
         N_SCAN, w, m, P, history, thresholds, cost, gated
     )
