@@ -196,8 +196,10 @@ def update_by_parent(m, P, predicted_z, parent, detection):
     n, p, d = len(m), z.shape[2], m.shape[1]
     m_out, row, every = np.empty((len(parent), d)), np.empty(len(parent), np.int64), np.empty((2 * n, d, d))
     K, room, conditioned = np.empty((d, p)), _room(p, d), -1
-    every[:n] = P
-    every[n:] = P
+    for i in range(n):
+        for r in range(d):
+            for c in range(d):
+                every[i, r, c] = every[n + i, r, c] = P[i, r, c]
     for at in range(len(parent)):
         i, j = parent[at], detection[at]
         if j >= 0 and i != conditioned:

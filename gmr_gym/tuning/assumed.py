@@ -70,8 +70,10 @@ def selected(hypotheses, kept):
     n, d = len(at), m.shape[1]
     m_out, P_out = np.empty((n, d)), np.empty((n, d, d))
     for i in range(n):
-        m_out[i] = m[at[i]]
-        P_out[i] = P[row[at[i]]]
+        for r in range(d):
+            m_out[i, r] = m[at[i], r]
+            for c in range(d):
+                P_out[i, r, c] = P[row[at[i]], r, c]
     return w[at], m_out, P_out, parent[at], detection[at]
 
 

@@ -219,8 +219,9 @@ def look(e, belief, history, estimate, thresholds, observation, seen):
         observation[f] = features[seen[f]]
     w = hypotheses[0]
     if len(observation) > len(seen):
+        full = selected(hypotheses, w >= 0.0)
         observation[len(seen) :] = hindsight(
-            selected(hypotheses, w >= 0.0)[:3], e.H[:], e.log_weights[0], e.x[t], e.scans - t, e.scans_off, e.lookahead[t]
+            full[:3], e.H[:], e.log_weights[0], e.x[t], e.scans - t, e.scans_off, e.lookahead[t]
         )
     kept = heaviest_mask(w, len(e.w)) & above_threshold(w, w, LEAST)
     w, m, P, parent, detection = selected(hypotheses, kept)
