@@ -51,6 +51,7 @@ def results(folder: Path) -> list[str]:
 def main(
     seeds: Annotated[int, typer.Option(help="policies to train", min=1)] = 5,
     steps: Annotated[int | None, typer.Option(help="of environments for each, as train.py", min=1)] = None,
+    set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006
     candidates: Annotated[int, typer.Option(help="of each family of rivals", min=1)] = 60,
     tracked_candidates: Annotated[int, typer.Option(help="of each family of trackers", min=1)] = 20,
     valid_runs: Annotated[
@@ -70,7 +71,7 @@ def main(
     trained = [out / f"ppo-{seed}" for seed in range(seeds)]
     for seed, run in enumerate(trained):
         _say(f"training, seed {seed}")
-        train.main("ppo", seed=seed, steps=steps, valid_runs=valid_runs, jobs=jobs, out=run)
+        train.main("ppo", seed=seed, steps=steps, set_=set_, valid_runs=valid_runs, jobs=jobs, out=run)
     run, chapter = best_of(trained)
     policy = out / "policy" / f"{run.name}-{chapter}.npz"  # another one is chosen when more is trained
     if not policy.with_suffix(".csv").exists():

@@ -19,7 +19,7 @@ from gmr_gym.models.model import Model, check_one_motion
 from gmr_gym.reduction.n_scan import extended
 from gmr_gym.reduction.pruning import above_threshold, heaviest_mask
 from gmr_gym.tuning.assumed import assumed, every, processed, selected
-from gmr_gym.tuning.features import Memory, at_start
+from gmr_gym.tuning.features import at_start
 from gmr_gym.tuning.network import Network, forward, load
 from gmr_gym.tuning.recent import ALL_FEATURES, at_first
 from gmr_gym.tuning.thresholds import (
@@ -50,7 +50,8 @@ class Belief(NamedTuple):
         Last detections of every hypothesis, see `gmr_gym.reduction.n_scan.extended`.
     thresholds : ndarray (10,)
         As `gmr_gym.tuning.thresholds.Thresholds`: its factors hold for the next scan.
-    memory : Memory
+    memory : tuple
+        The fields of `gmr_gym.tuning.features.Memory`.
     recent : ndarray (13,)
         Of `gmr_gym.tuning.recent.observe_recent_into`.
     """
@@ -58,7 +59,7 @@ class Belief(NamedTuple):
     mixture: Mixture
     history: np.ndarray
     thresholds: np.ndarray
-    memory: Memory
+    memory: tuple[int, float, int]
     recent: np.ndarray
 
 
@@ -106,9 +107,8 @@ class LearnedNScan:
         """Its form for compiled loops; None for another class that inherits from this."""
         if type(self) is not LearnedNScan:
             return None
-        mixture, history, thresholds, memory, recent = self.init()
-        start = mixture[:], history, thresholds, memory[:], recent
-        return CompiledTracker(_compiled_scan, self._same, start)
+        mixture, *rest = self.init()
+        return CompiledTracker(_compiled_scan, self._same, (mixture[:], *rest))
 
     def init(self) -> Belief:
         """Belief one period before the first scan."""
@@ -116,17 +116,15 @@ class LearnedNScan:
         recent = at_first(1 - model.detection_probability * model.gate_probability)
         history = np.zeros((len(model.prior.w), DEPTH), np.int64)
         rest = DORTENZIO._replace(components=self.components)
-        return Belief(model.prior, history, np.array(rest, float), at_start(model), recent)
+        return Belief(model.prior, history, np.array(rest, float), at_start(model)[:], recent)
 
     def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         z = check_scan(z, len(self.model.sensor.H))
-        plain = belief.mixture[:], belief.history, belief.thresholds, belief.memory[:], belief.recent
-        gates, _, mean, covariance, (mixture, history, thresholds, memory, recent) = _scan(
-            plain, z, *self._same
-        )
-        after = Belief(Mixture(*mixture), history, thresholds, Memory(*memory), recent)
-        return after, Report(mean[None], covariance[None], Gates(*gates), after.mixture)
+        mixture, *rest = belief
+        gates, _, mean, covariance, (left, *rest) = _scan((mixture[:], *rest), z, *self._same)
+        mixture = Mixture(*left)
+        return Belief(mixture, *rest), Report(mean, covariance, Gates(*gates), mixture)
 
     def trace(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report, Trace]:
         """What `step` gives, and what became of every hypothesis with the scan."""
@@ -134,7 +132,7 @@ class LearnedNScan:
         told, _, price = self._same
         hypotheses, *_ = processed(
             (belief.mixture[:], belief.history), check_scan(z, len(self.model.sensor.H)), told,
-            belief.thresholds, belief.memory[:], belief.recent.copy(), price, True,
+            belief.thresholds, belief.memory, belief.recent.copy(), price, True,
         )  # fmt: skip
         full = every(hypotheses)
         history = extended(belief.history, full.parent, full.detection)
@@ -144,8 +142,8 @@ class LearnedNScan:
 
 @kernel
 def _scan(belief, z, told, policy, price):
-    """A scan in one call: the fields of the gates, the detections in them, counted in each, the mean (d,) and
-    covariance (d, d) of the result, and the belief, its fields and theirs as plain tuples.
+    """A scan in one call: the fields of the gates, the detections in them, counted in each, the mean (1, d)
+    and covariance (1, d, d) of the result, and the belief, its fields and theirs as plain tuples.
 
     `told` is what `assumed` returns, and `policy` is the packed network, the indices of what it sets, and the
     rest of the thresholds.
@@ -167,19 +165,16 @@ def _scan(belief, z, told, policy, price):
         N_SCAN, w, m, P, history, thresholds, cost, gated
     )
     after = (w, m, P), history, thresholds, (len(w), relative_loss, work), recent
-    return gates, gated, mean, covariance, after
+    d = len(mean)
+    return gates, gated, mean.reshape(1, d), covariance.reshape(1, d, d), after
 
 
 @kernel(inline="always")
 def _compiled_scan(told, belief, z):
     """`LearnedNScan.step`, see `CompiledTracker`."""
     (centres, S, threshold), hits, mean, covariance, after = _scan(belief, z, *told)
-    d = len(mean)
     w, m, P = after[0]
-    report = Report(
-        mean.reshape(1, d), covariance.reshape(1, d, d),
-        Gates(centres, S, threshold), Mixture(w, m, P), True, ONE_MODE,
-    )  # fmt: skip
+    report = Report(mean, covariance, Gates(centres, S, threshold), Mixture(w, m, P), True, ONE_MODE)
     return after, report, hits
 
 

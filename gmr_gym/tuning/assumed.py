@@ -43,7 +43,9 @@ def processed(belief, z, told, thresholds, memory, recent, price, every):
     more = thresholds[COASTING] ** 2 - 1
     for i in range(len(w)):
         if more != 0.0 and history[i, 0] == MISSED:
-            P[i] += more * Q
+            for r in range(len(Q)):
+                for c in range(len(Q)):
+                    P[i, r, c] += more * Q[r, c]
     threshold, log_miss, log_detect = weights_by_odds(weights, probabilities, thresholds[ODDS])
     near = predict_detections(m, P, H, noise, z)
     w, parent, detection, log_density = weigh_associations(w, near, threshold, log_miss, log_detect)
