@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines.mht_of_banks import MhtOfBanks
+from gmr_gym.baselines.mht_of_banks import MhtOfBanks
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.literals import name_and_parameters
 from gmr_gym.models.model import Model

@@ -9,7 +9,7 @@ import plain_crowd
 from rows import MISSING, stone_soup
 from timing import Plan, Row, compared, timed
 
-from baselines.gm_phd import GmPhd
+from gmr_gym.baselines.gm_phd import GmPhd
 from gmr_gym.filters.clutter_estimation import update_estimate
 from gmr_gym.filters.finite_mixture import fit_em
 from gmr_gym.filters.registry import make_tracker

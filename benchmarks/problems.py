@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from baselines.mht import Mht
+from gmr_gym.baselines.mht import Mht
 from gmr_gym.evaluation.loop import play
 from gmr_gym.mixture import Mixture, normalised
 from gmr_gym.reduction.pruning import capping

@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 
 import gmr_gym
-from baselines.learned import SHIPPED
+from gmr_gym.baselines.learned import SHIPPED
 from gmr_gym.envs.registry import MULTI_TARGET, TRACKING
 from gmr_gym.evaluation.montecarlo import run_once
 from gmr_gym.evaluation.multi_target_runs import run_multi_target_once

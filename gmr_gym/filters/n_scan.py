@@ -22,7 +22,7 @@ from gmr_gym.reduction.pruning import above_threshold, entering, heaviest_mask, 
 
 @dataclass(frozen=True)
 class NScanMht:
-    """Gaussian-mixture MHT as `baselines.mht.Mht`, reduced by what its hypotheses share of the last scans.
+    """Gaussian-mixture MHT as `gmr_gym.baselines.mht.Mht`, reduced by what its hypotheses share of the last scans.
 
     Parameters
     ----------

@@ -218,7 +218,7 @@ class SingleTargetTracker(ScanTracker):
 class MhtTracker(SingleTargetTracker):
     """One target by the Gaussian-mixture MHT, reduced by any reduction.
 
-    Parameters as of `SingleTargetTracker`; `parameters` are those of `baselines.mht.mht`: components,
+    Parameters as of `SingleTargetTracker`; `parameters` are those of `gmr_gym.baselines.mht.mht`: components,
     reduction, prune_weight, prune_density.
     """
 

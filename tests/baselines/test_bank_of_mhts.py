@@ -8,16 +8,16 @@ import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baselines.bank_of_mhts import (
+from gmr_gym.baselines.bank_of_mhts import (
     BankOfMhts,
     equivalent_residual,
     imm_of_mhts,
     mmae_of_mhts,
     single_model_mht,
 )
-from baselines.imm_pda import ImmPda
-from baselines.mht import Mht
-from baselines.mht_of_banks import mmae_pda
+from gmr_gym.baselines.imm_pda import ImmPda
+from gmr_gym.baselines.mht import Mht
+from gmr_gym.baselines.mht_of_banks import mmae_pda
 from gmr_gym.filters.association import expand
 from gmr_gym.filters.filter_bank import floored
 from gmr_gym.filters.joint_gating import Limits

@@ -9,8 +9,8 @@ import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baselines.imm_pda import ImmPda
-from baselines.mht_of_banks import MhtOfBanks
+from gmr_gym.baselines.imm_pda import ImmPda
+from gmr_gym.baselines.mht_of_banks import MhtOfBanks
 from gmr_gym.checks import UNLIMITED
 from gmr_gym.evaluation.loop import play
 from gmr_gym.filters.filter_bank import imm_mix, no_interaction

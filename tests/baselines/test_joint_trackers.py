@@ -6,12 +6,12 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from baselines.delta_glmb import delta_glmb
-from baselines.gnn import gnn
-from baselines.jipda import jipda
-from baselines.jpda import jpda
-from baselines.learning_pmb import Pmb, pmb
-from baselines.lmb import lmb
+from gmr_gym.baselines.delta_glmb import delta_glmb
+from gmr_gym.baselines.gnn import gnn
+from gmr_gym.baselines.jipda import jipda
+from gmr_gym.baselines.jpda import jpda
+from gmr_gym.baselines.learning_pmb import Pmb, pmb
+from gmr_gym.baselines.lmb import lmb
 from gmr_gym.filters import multi_bernoulli_mixture as mixtures
 from gmr_gym.filters import track_logic as logic_of
 from gmr_gym.filters.mixture_pmb import MixturePmb

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gmr_gym  # noqa: F401  registers the environments
-from baselines.learned import LearnedThresholds, learned_thresholds
-from baselines.mht import adaptive
+from gmr_gym.baselines.learned import LearnedThresholds, learned_thresholds
+from gmr_gym.baselines.mht import adaptive
 from gmr_gym.evaluation.loop import play
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.dortenzio import turning_target
@@ -80,7 +80,7 @@ def test_torch_is_not_imported(tmp_path):
     code = (
         "import sys, gmr_gym\n"
         "from gmr_gym.scenarios.dortenzio import turning_target\n"
-        "from baselines.learned import learned_thresholds\n"
+        "from gmr_gym.baselines.learned import learned_thresholds\n"
         f"tracker = learned_thresholds(turning_target().model, policy={str(tmp_path / 'p.npz')!r})\n"
         "tracker.step(tracker.init(), [[0.0, 0.0]])\n"
         "assert not {'torch', 'stable_baselines3'} & set(sys.modules)\n"

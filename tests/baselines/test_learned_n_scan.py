@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from baselines.learned_n_scan import LearnedNScan, learned_n_scan
+from gmr_gym.baselines.learned_n_scan import LearnedNScan, learned_n_scan
 from gmr_gym.evaluation.loop import play
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.dortenzio import turning_target
@@ -105,7 +105,7 @@ def test_torch_is_not_imported(policy):
     code = (
         "import sys\n"
         "from gmr_gym.scenarios.dortenzio import turning_target\n"
-        "from baselines.learned_n_scan import learned_n_scan\n"
+        "from gmr_gym.baselines.learned_n_scan import learned_n_scan\n"
         f"learned_n_scan(turning_target().model, policy={str(policy)!r})\n"
         "assert not {'torch', 'stable_baselines3'} & set(sys.modules)\n"
     )

@@ -5,9 +5,9 @@ import pytest
 import reference
 from scipy.stats import multivariate_normal
 
-from baselines.imm_pda import ImmPda
-from baselines.mht import Mht
-from baselines.mht_of_banks import MhtOfBanks, imm_mht, mmae_mht, mmae_pda
+from gmr_gym.baselines.imm_pda import ImmPda
+from gmr_gym.baselines.mht import Mht
+from gmr_gym.baselines.mht_of_banks import MhtOfBanks, imm_mht, mmae_mht, mmae_pda
 from gmr_gym.filters.filter_bank import as_bank, imm_output, no_interaction, restart_and_floor
 from gmr_gym.filters.joint_gating import Limits
 from gmr_gym.mixture import Mixture, moments

@@ -10,12 +10,12 @@ import reference
 from filterpy.kalman import IMMEstimator, KalmanFilter
 from scipy.stats import chi2
 
-from baselines.clairvoyant import Clairvoyant
-from baselines.imm_pda import ImmPda
-from baselines.mht import Mht
-from baselines.mht_of_banks import MhtOfBanks, imm_mht
-from baselines.mmg import Mmg, b_best, gpb1, gpb2, mmg
-from baselines.pda import Pda
+from gmr_gym.baselines.clairvoyant import Clairvoyant
+from gmr_gym.baselines.imm_pda import ImmPda
+from gmr_gym.baselines.mht import Mht
+from gmr_gym.baselines.mht_of_banks import MhtOfBanks, imm_mht
+from gmr_gym.baselines.mmg import Mmg, b_best, gpb1, gpb2, mmg
+from gmr_gym.baselines.pda import Pda
 from gmr_gym.evaluation.loop import play
 from gmr_gym.filters import mode_mixture
 from gmr_gym.filters.filter_bank import FilterBank, as_bank, imm_mix, mmae_weights, no_interaction

@@ -8,10 +8,10 @@ import pytest
 import reference
 from scipy.stats import chi2
 
-from baselines.clairvoyant import Clairvoyant
-from baselines.mht import Mht, runnalls
-from baselines.nearest_neighbour import NearestNeighbour
-from baselines.pda import Pda
+from gmr_gym.baselines.clairvoyant import Clairvoyant
+from gmr_gym.baselines.mht import Mht, runnalls
+from gmr_gym.baselines.nearest_neighbour import NearestNeighbour
+from gmr_gym.baselines.pda import Pda
 from gmr_gym.evaluation.metrics import nees
 from gmr_gym.evaluation.montecarlo import run, run_once
 from gmr_gym.filters.filter_bank import no_interaction

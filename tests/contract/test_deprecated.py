@@ -57,7 +57,7 @@ def former_plugin(tmp_path, monkeypatch):
     installed.mkdir()
     (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: former\nVersion: 0\n")
     (installed / "entry_points.txt").write_text(
-        "[gmr_gym.crowd_trackers]\nformer-phd = baselines.gm_phd:gm_phd\ngm-phd = nowhere:nothing\n"
+        "[gmr_gym.crowd_trackers]\nformer-phd = gmr_gym.baselines.gm_phd:gm_phd\ngm-phd = nowhere:nothing\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
 

@@ -14,9 +14,9 @@ from gymnasium.utils.env_checker import check_env
 from radar_files import given
 
 import gmr_gym  # noqa: F401  registers the environments
-from baselines.learning_pmb import learning_pmb
-from baselines.mht import runnalls
-from baselines.nearest_neighbour import NearestNeighbour
+from gmr_gym.baselines.learning_pmb import learning_pmb
+from gmr_gym.baselines.mht import runnalls
+from gmr_gym.baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.envs.episodic import EXTENT
 from gmr_gym.envs.policy import MultiTargetPolicy, Policy
 from gmr_gym.envs.registry import ENVIRONMENTS, TRACKED, TRACKING

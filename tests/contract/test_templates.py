@@ -13,8 +13,8 @@ import pytest
 import test_every_tracker as contract
 from gymnasium.utils.env_checker import check_env
 
-from baselines.mht import Mht
 from gmr_gym import cli
+from gmr_gym.baselines.mht import Mht
 from gmr_gym.catalogue import reductions
 from gmr_gym.filters.registry import make_tracker, trackers
 from gmr_gym.mixture import mixture, moments

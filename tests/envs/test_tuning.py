@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 
 import gmr_gym  # noqa: F401  registers the environments
 from agents.draw_instances import SEED, SEEN, UNSEEN, drawn, followed
-from baselines.mht import adaptive
+from gmr_gym.baselines.mht import adaptive
 from gmr_gym.envs.lookup import scenario_of
 from gmr_gym.envs.registry import TUNING
 from gmr_gym.envs.tuning import ReductionTuningEnv, ThresholdSchedule

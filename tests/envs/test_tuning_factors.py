@@ -6,9 +6,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import gmr_gym  # noqa: F401  registers the environments
-from baselines.adaptive_noise import adaptive_noise
-from baselines.learned_n_scan import LearnedNScan
-from baselines.mht import cluster, n_scan
+from gmr_gym.baselines.adaptive_noise import adaptive_noise
+from gmr_gym.baselines.learned_n_scan import LearnedNScan
+from gmr_gym.baselines.mht import cluster, n_scan
 from gmr_gym.envs.registry import TUNINGS
 from gmr_gym.evaluation.loop import play
 from gmr_gym.filters.association import log_weights

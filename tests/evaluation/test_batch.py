@@ -6,13 +6,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from baselines.bank_of_mhts import single_model_mht
-from baselines.imm_pda import ImmPda, imm
-from baselines.learned import LearnedThresholds, learned_thresholds
-from baselines.learned_n_scan import learned_n_scan
-from baselines.learning_pmb import pmb
-from baselines.mht import Mht, adaptive, capping, cluster, n_scan, runnalls
-from baselines.pda import Pda
+from gmr_gym.baselines.bank_of_mhts import single_model_mht
+from gmr_gym.baselines.imm_pda import ImmPda, imm
+from gmr_gym.baselines.learned import LearnedThresholds, learned_thresholds
+from gmr_gym.baselines.learned_n_scan import learned_n_scan
+from gmr_gym.baselines.learning_pmb import pmb
+from gmr_gym.baselines.mht import Mht, adaptive, capping, cluster, n_scan, runnalls
+from gmr_gym.baselines.pda import Pda
 from gmr_gym.evaluation import batch, montecarlo
 from gmr_gym.evaluation.montecarlo import BATCH_FROM, BLOCK, Runs, run, run_once
 from gmr_gym.evaluation.summary import summary

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from baselines.gm_phd import gm_phd
-from baselines.mht import runnalls
-from baselines.nearest_neighbour import NearestNeighbour
+from gmr_gym.baselines.gm_phd import gm_phd
+from gmr_gym.baselines.mht import runnalls
+from gmr_gym.baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.evaluation import archive
 from gmr_gym.evaluation.blocks import load, merge, save
 from gmr_gym.evaluation.montecarlo import BLOCK, Runs, run, run_shard

@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from baselines.clairvoyant import Clairvoyant
-from baselines.mht import runnalls
-from baselines.mmg import Mmg
-from baselines.nearest_neighbour import NearestNeighbour
+from gmr_gym.baselines.clairvoyant import Clairvoyant
+from gmr_gym.baselines.mht import runnalls
+from gmr_gym.baselines.mmg import Mmg
+from gmr_gym.baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.evaluation.montecarlo import BLOCK, Runs, run, run_once
 from gmr_gym.evaluation.source import code as code_of
 from gmr_gym.filters.registry import make_tracker

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from baselines.gm_phd import gm_phd
-from baselines.learning_phd import learning_phd
-from baselines.learning_pmb import learning_pmb
+from gmr_gym.baselines.gm_phd import gm_phd
+from gmr_gym.baselines.learning_phd import learning_phd
+from gmr_gym.baselines.learning_pmb import learning_pmb
 from gmr_gym.evaluation.montecarlo import run
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns, density_error, run_multi_target_once
 from gmr_gym.evaluation.multi_target_summary import multi_target_differences, multi_target_summary

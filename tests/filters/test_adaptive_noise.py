@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from baselines.adaptive_noise import adaptive_noise
-from baselines.mht import adaptive
+from gmr_gym.baselines.adaptive_noise import adaptive_noise
+from gmr_gym.baselines.mht import adaptive
 from gmr_gym.filters.adaptive_noise import (
     METHODS,
     Innovations,

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from baselines.fmm import Tracks, fmm_em, fmm_gibbs
-from baselines.pda import Pda
+from gmr_gym.baselines.fmm import Tracks, fmm_em, fmm_gibbs
+from gmr_gym.baselines.pda import Pda
 from gmr_gym.checks import check_whole
 from gmr_gym.evaluation.montecarlo import run
 from gmr_gym.filters.clutter_estimation import responsibilities

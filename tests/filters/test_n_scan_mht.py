@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import reference
 
-from baselines.mht import Mht, n_scan
-from baselines.pda import Pda
+from gmr_gym.baselines.mht import Mht, n_scan
+from gmr_gym.baselines.pda import Pda
 from gmr_gym.evaluation.montecarlo import run_once
 from gmr_gym.filters.histories import parted_belief
 from gmr_gym.filters.mht import predict_and_update

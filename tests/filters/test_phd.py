@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from baselines.fitted_phd import fitted_phd
-from baselines.gm_cphd import CphdBelief, GmCphd, gm_cphd
-from baselines.gm_phd import GmPhd, gm_phd
-from baselines.learning_phd import learning_phd
-from baselines.learning_pmb import learning_pmb
+from gmr_gym.baselines.fitted_phd import fitted_phd
+from gmr_gym.baselines.gm_cphd import CphdBelief, GmCphd, gm_cphd
+from gmr_gym.baselines.gm_phd import GmPhd, gm_phd
+from gmr_gym.baselines.learning_phd import learning_phd
+from gmr_gym.baselines.learning_pmb import learning_pmb
 from gmr_gym.filters import cphd as cardinality
 from gmr_gym.filters import phd
 from gmr_gym.filters.mode_phd import ModePhd

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from baselines.learning_pmb import learning_pmb, pmb
+from gmr_gym.baselines.learning_pmb import learning_pmb, pmb
 from gmr_gym.filters import pmb as multi_bernoulli
 from gmr_gym.filters.pmb import MultiBernoulli
 from gmr_gym.mixture import Mixture, mixture

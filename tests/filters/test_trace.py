@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from baselines.bank_of_mhts import mmae_of_mhts
-from baselines.mht import capping, runnalls
+from gmr_gym.baselines.bank_of_mhts import mmae_of_mhts
+from gmr_gym.baselines.mht import capping, runnalls
 from gmr_gym.filters.registry import make_tracker, trackers
 from gmr_gym.filters.trace import Trace, Tracing
 from gmr_gym.filters.tracker import Report

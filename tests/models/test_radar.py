@@ -6,7 +6,7 @@ import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baselines.pda import Pda
+from gmr_gym.baselines.pda import Pda
 from gmr_gym.filters.association import expand
 from gmr_gym.mixture import Mixture, gaussian
 from gmr_gym.models import radar

@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from baselines.imm_dcm_pda_printed import Printed
+from gmr_gym.baselines.imm_dcm_pda_printed import Printed
 from gmr_gym.filters.association import expand
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.mixture import gaussian, mixture

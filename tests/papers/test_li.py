@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from reference import runs_of
 
-from baselines.imm_dcm_pda_printed import imm_dcm_pda_printed
-from baselines.imm_pda import ImmPda
 from gmr_gym import cli
+from gmr_gym.baselines.imm_dcm_pda_printed import imm_dcm_pda_printed
+from gmr_gym.baselines.imm_pda import ImmPda
 from gmr_gym.evaluation.loop import play
 from gmr_gym.evaluation.summary import Estimate
 from gmr_gym.experiments.evidence import Evidence

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baselines.fitted_phd import fitted_phd
-from baselines.fmm import fmm_em
-from baselines.gm_phd import gm_phd
 from gmr_gym import cli
+from gmr_gym.baselines.fitted_phd import fitted_phd
+from gmr_gym.baselines.fmm import fmm_em
+from gmr_gym.baselines.gm_phd import gm_phd
 from gmr_gym.envs.lookup import scenario_of, tracker_of
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.experiments.evidence import Evidence, measured

@@ -15,7 +15,7 @@ from scipy.stats import norm
 from test_tables_of_papers import catch_drawings
 
 import gmr_gym  # noqa: F401  registers the environments
-from baselines.bank_of_mhts import BankOfMhts
+from gmr_gym.baselines.bank_of_mhts import BankOfMhts
 from gmr_gym.envs.lookup import parsed
 from gmr_gym.evaluation import curves as module
 from gmr_gym.evaluation.summary import Estimate, wilson

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gmr_gym  # noqa: F401  registers the environments
-from baselines.nearest_neighbour import NearestNeighbour
+from gmr_gym.baselines.nearest_neighbour import NearestNeighbour
 from gmr_gym.envs.render import Canvas
 from gmr_gym.replay.film import _single, film, write
 from gmr_gym.scenarios.dortenzio import turning_target

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from baselines.gm_cphd import gm_cphd
-from baselines.gm_phd import gm_phd
-from baselines.learning_pmb import pmb
+from gmr_gym.baselines.gm_cphd import gm_cphd
+from gmr_gym.baselines.gm_phd import gm_phd
+from gmr_gym.baselines.learning_pmb import pmb
 from gmr_gym.scenarios.williams import MIDDLE, meeting_targets
 from gmr_gym.simulation.multi_target import draw
 

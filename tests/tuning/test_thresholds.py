@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import reference
 
-from baselines.mht import adaptive
+from gmr_gym.baselines.mht import adaptive
 from gmr_gym.filters.association import Expansion, expand
 from gmr_gym.filters.mht import (
     ScanUpdate,
