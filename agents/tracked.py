@@ -27,7 +27,9 @@ class Tracked:
     stay: float = 0.9  # probability that the motion stays the same from scan to scan
 
     def tracking(self, model: Model) -> Any:
-        """The tracker for a filter model."""
+        """The tracker for a filter model; of several motions as it is."""
+        if len(model.motions) > 1:
+            return make_tracker(self.tracker, model, **self.options)
         F, Q, offset = model.motion
         motions = tuple(type(model.motion)(F, factor**2 * Q, offset) for factor in self.factors)
         r = len(motions)
@@ -65,7 +67,7 @@ def scans_of(
 def counted(tracker: Any, reduction: str, belief: Any, z: np.ndarray) -> tuple[Any, Any, int]:
     """Belief and report of a scan, and its work: Gaussians updated by a detection, and what the reduction
     looks at to merge those that enter it."""
-    if not hasattr(tracker, "trace"):
+    if hasattr(belief, "work"):  # counts it itself
         belief, report = tracker.step(belief, z)
         return belief, report, belief.work
     belief, report, full = tracker.trace(belief, z)

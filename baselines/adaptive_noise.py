@@ -7,14 +7,16 @@ import numpy as np
 
 from gmr_gym.checks import check_choice
 from gmr_gym.filters.adaptive_noise import Innovations, Noise, NoiseEstimator, Traces, innovations
+from gmr_gym.filters.association import Expansion
 from gmr_gym.filters.mht import expand_scan, gate_and_log_weights
+from gmr_gym.filters.trace import Trace, trace_of
 from gmr_gym.filters.tracker import Report, check_scan
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model
 from gmr_gym.reduction.n_scan import MISSED, extended
-from gmr_gym.tuning.thresholds import DEPTH, DORTENZIO, REDUCERS, Thresholds, reduced, to_action
+from gmr_gym.tuning.thresholds import DEPTH, DORTENZIO, REDUCERS, Thresholds, origin_in, reduced, to_action
 
 
 class Belief(NamedTuple):
@@ -83,19 +85,36 @@ class AdaptiveNoise:
     def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         z = check_scan(z, len(self.model.sensor.H))
-        (w, m, P), history, noise, _ = belief
-        (F, Q, offset), sensor = self.model.motion, self.model.sensor
-        before, motion = (w, m, noise.fading * P), (F, noise.factor * Q, offset)
-        full, gates = expand_scan(before, motion, (sensor.H, sensor.R), z, *gate_and_log_weights(self.model))
-        scan = Innovations(*innovations(before, motion, full, gates, z, sensor.R, self._inverse).tolist())
+        before, motion = self._under_noise(belief)
+        full, gates, history = self._expanded(belief, z)
+        R = self.model.sensor.R
+        scan = Innovations(*innovations(before, motion, full, gates, z, R, self._inverse).tolist())
         gated = int((full.detection >= 0).sum())
-        history = extended(history, full.parent, full.detection)
         w, m, P, mean, covariance, _, work, history = reduced(
             list(REDUCERS).index(self.reducer), *full.mixture, history, np.array(self.thresholds), 0.0, gated
         )
         left = Mixture(w, m, P)
-        after = Belief(left, history, self.estimator.after(noise, scan, self._traces), work)
+        after = Belief(left, history, self.estimator.after(belief.noise, scan, self._traces), work)
         return after, Report(mean[None], covariance[None], Gates(*gates), left)
+
+    def trace(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report, Trace]:
+        """What `step` gives, and what became of every hypothesis with the scan."""
+        full, _, history = self._expanded(belief, check_scan(z, len(self.model.sensor.H)))
+        into = origin_in(self.reducer, full.mixture, history, self.thresholds)
+        return *self.step(belief, z), trace_of(full, into)
+
+    def _under_noise(self, belief: Belief) -> tuple[tuple, tuple]:
+        """Fields of the mixture and of the motion, with the factors of the scan."""
+        (w, m, P), (F, Q, offset), noise = belief.mixture, self.model.motion, belief.noise
+        return (w, m, noise.fading * P), (F, noise.factor * Q, offset)
+
+    def _expanded(self, belief: Belief, z: np.ndarray) -> tuple[Expansion, tuple, np.ndarray]:
+        """The full posterior, the fields of the gates, and the history of the hypotheses."""
+        sensor = self.model.sensor
+        full, gates = expand_scan(
+            *self._under_noise(belief), (sensor.H, sensor.R), z, *gate_and_log_weights(self.model)
+        )
+        return full, gates, extended(belief.history, full.parent, full.detection)
 
 
 def adaptive_noise(

@@ -16,8 +16,9 @@ from gmr_gym.mixture import Mixture
 from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model
+from gmr_gym.reduction.merge_cost import total_cost
 from gmr_gym.reduction.runnalls import Greedy
-from gmr_gym.tuning.features import FEATURES, Memory, at_start, model_features, observe
+from gmr_gym.tuning.features import FEATURES, Memory, at_start, model_features, observe_into
 from gmr_gym.tuning.network import Network, forward, load
 from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, adapt, from_actions, threshold_index, to_action
 
@@ -129,9 +130,13 @@ def _expand_and_set(mixture, memory, z, motion, sensor, weights, known, policy):
     """
     (threshold, log_miss, log_detect), (layout, numbers, set_by, rest) = weights, policy
     full, gates = expand_scan(mixture, motion, sensor, z, threshold, log_miss, log_detect)
-    features, cost, gated = observe(full, gates[1], Sensor(sensor[0], sensor[1]), log_detect, known, memory)
+    (w, m, P), _, detection, log_density = full
+    merged, features = total_cost(w, m, P), np.empty(len(FEATURES))
+    gated = observe_into(
+        features, (w, detection, log_density), merged, gates[1], sensor[:2], log_detect, known, memory
+    )
     single = features.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
-    return full, gates, from_actions(forward(single, layout, numbers), set_by, rest)[0], cost, gated
+    return full, gates, from_actions(forward(single, layout, numbers), set_by, rest)[0], merged[0], gated
 
 
 @kernel(inline="always")

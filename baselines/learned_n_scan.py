@@ -8,6 +8,8 @@ import numpy as np
 
 import gmr_gym
 from gmr_gym.checks import check_count, check_not_negative
+from gmr_gym.filters.mht import MAX_HYPOTHESES
+from gmr_gym.filters.trace import Trace, trace_of
 from gmr_gym.filters.tracker import ONE_MODE, CompiledTracker, Report, check_scan
 from gmr_gym.kernels import kernel
 from gmr_gym.mixture import Mixture
@@ -15,8 +17,9 @@ from gmr_gym.models.gating import Gates
 from gmr_gym.models.kalman import Sensor
 from gmr_gym.models.model import Model, check_one_motion
 from gmr_gym.reduction.n_scan import extended
-from gmr_gym.tuning.assumed import assumed, processed
-from gmr_gym.tuning.features import Memory, at_start
+from gmr_gym.reduction.pruning import above_threshold, heaviest_mask
+from gmr_gym.tuning.assumed import assumed, every, processed, selected
+from gmr_gym.tuning.features import at_start
 from gmr_gym.tuning.network import Network, forward, load
 from gmr_gym.tuning.recent import ALL_FEATURES, at_first
 from gmr_gym.tuning.thresholds import (
@@ -24,8 +27,11 @@ from gmr_gym.tuning.thresholds import (
     DORTENZIO,
     FACTORS,
     N_SCAN,
+    PRUNE,
     REDUCERS,
     from_actions,
+    from_row,
+    origin_in,
     reduced,
     threshold_index,
     to_action,
@@ -44,15 +50,16 @@ class Belief(NamedTuple):
         Last detections of every hypothesis, see `gmr_gym.reduction.n_scan.extended`.
     thresholds : ndarray (10,)
         As `gmr_gym.tuning.thresholds.Thresholds`: its factors hold for the next scan.
-    memory : Memory
+    memory : tuple
+        The fields of `gmr_gym.tuning.features.Memory`.
     recent : ndarray (13,)
-        Of `gmr_gym.tuning.recent.observe_recent`.
+        Of `gmr_gym.tuning.recent.observe_recent_into`.
     """
 
     mixture: Mixture
     history: np.ndarray
     thresholds: np.ndarray
-    memory: Memory
+    memory: tuple[int, float, int]
     recent: np.ndarray
 
 
@@ -100,9 +107,8 @@ class LearnedNScan:
         """Its form for compiled loops; None for another class that inherits from this."""
         if type(self) is not LearnedNScan:
             return None
-        mixture, history, thresholds, memory, recent = self.init()
-        start = mixture[:], history, thresholds, memory[:], recent
-        return CompiledTracker(_compiled_scan, self._same, start)
+        mixture, *rest = self.init()
+        return CompiledTracker(_compiled_scan, self._same, (mixture[:], *rest))
 
     def init(self) -> Belief:
         """Belief one period before the first scan."""
@@ -110,23 +116,34 @@ class LearnedNScan:
         recent = at_first(1 - model.detection_probability * model.gate_probability)
         history = np.zeros((len(model.prior.w), DEPTH), np.int64)
         rest = DORTENZIO._replace(components=self.components)
-        return Belief(model.prior, history, np.array(rest, float), at_start(model), recent)
+        return Belief(model.prior, history, np.array(rest, float), at_start(model)[:], recent)
 
     def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         z = check_scan(z, len(self.model.sensor.H))
-        plain = belief.mixture[:], belief.history, belief.thresholds, belief.memory[:], belief.recent
-        gates, _, mean, covariance, (mixture, history, thresholds, memory, recent) = _scan(
-            plain, z, *self._same
-        )
-        after = Belief(Mixture(*mixture), history, thresholds, Memory(*memory), recent)
-        return after, Report(mean[None], covariance[None], Gates(*gates), after.mixture)
+        mixture, *rest = belief
+        gates, _, mean, covariance, (left, *rest) = _scan((mixture[:], *rest), z, *self._same)
+        mixture = Mixture(*left)
+        return Belief(mixture, *rest), Report(mean, covariance, Gates(*gates), mixture)
+
+    def trace(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report, Trace]:
+        """What `step` gives, and what became of every hypothesis with the scan."""
+        after, report = self.step(belief, z)
+        told, _, price = self._same
+        hypotheses, *_ = processed(
+            (belief.mixture[:], belief.history), check_scan(z, len(self.model.sensor.H)), told,
+            belief.thresholds, belief.memory, belief.recent.copy(), price, True,
+        )  # fmt: skip
+        full = every(hypotheses)
+        history = extended(belief.history, full.parent, full.detection)
+        into = origin_in("n-scan", full.mixture, history, from_row(after.thresholds))
+        return after, report, trace_of(full, into)
 
 
 @kernel
 def _scan(belief, z, told, policy, price):
-    """A scan in one call: the fields of the gates, the detections in them, counted in each, the mean (d,) and
-    covariance (d, d) of the result, and the belief, its fields and theirs as plain tuples.
+    """A scan in one call: the fields of the gates, the detections in them, counted in each, the mean (1, d)
+    and covariance (1, d, d) of the result, and the belief, its fields and theirs as plain tuples.
 
     `told` is what `assumed` returns, and `policy` is the packed network, the indices of what it sets, and the
     rest of the thresholds.
@@ -134,30 +151,30 @@ def _scan(belief, z, told, policy, price):
     mixture, history, thresholds, memory, recent = belief
     layout, numbers, set_by, rest = policy
     recent = recent.copy()
-    full, gates, features, cost, gated = processed(
+    hypotheses, gates, features, cost, gated = processed(
         (mixture, history), z, told, thresholds, memory, recent, price, True
     )
-    single = features.astype(np.float32).astype(np.float64).reshape(1, -1)  # as in training
-    thresholds = from_actions(forward(single, layout, numbers), set_by, rest)[0]
-    history = extended(history, full.parent, full.detection)
-    w, m, P = full.mixture
+    for f in range(len(features)):
+        features[f] = np.float32(features[f])  # as in training
+    thresholds = from_actions(forward(features.reshape(1, -1), layout, numbers), set_by, rest)[0]
+    kept = heaviest_mask(hypotheses[0], np.int64(MAX_HYPOTHESES))
+    kept &= above_threshold(hypotheses[0], hypotheses[0], thresholds[PRUNE])
+    w, m, P, parent, detection = selected(hypotheses, kept)
+    history = extended(history, parent, detection)
     w, m, P, mean, covariance, relative_loss, work, history = reduced(
         N_SCAN, w, m, P, history, thresholds, cost, gated
     )
     after = (w, m, P), history, thresholds, (len(w), relative_loss, work), recent
-    return gates, gated, mean, covariance, after
+    d = len(mean)
+    return gates, gated, mean.reshape(1, d), covariance.reshape(1, d, d), after
 
 
 @kernel(inline="always")
 def _compiled_scan(told, belief, z):
     """`LearnedNScan.step`, see `CompiledTracker`."""
     (centres, S, threshold), hits, mean, covariance, after = _scan(belief, z, *told)
-    d = len(mean)
     w, m, P = after[0]
-    report = Report(
-        mean.reshape(1, d), covariance.reshape(1, d, d),
-        Gates(centres, S, threshold), Mixture(w, m, P), True, ONE_MODE,
-    )  # fmt: skip
+    report = Report(mean, covariance, Gates(centres, S, threshold), Mixture(w, m, P), True, ONE_MODE)
     return after, report, hits
 
 

@@ -14,7 +14,7 @@ from gmr_gym.mixture import Mixture, mean_and_covariance, moments
 from gmr_gym.models.gating import Gates
 from gmr_gym.reduction.n_scan import extended
 from gmr_gym.simulation.single_target import Episode, Scan, Scenario, scan
-from gmr_gym.tuning.assumed import assumed, processed
+from gmr_gym.tuning.assumed import assumed, every, processed
 from gmr_gym.tuning.features import at_start
 from gmr_gym.tuning.instances import SCANS
 from gmr_gym.tuning.recent import at_first
@@ -118,11 +118,11 @@ class TuningCanvas:
         estimate = self._estimates[-1] if self._estimates else moments(scenario.model.prior)[0]
         seen = scan(scenario, episode, len(self._estimates), scenario.centre(estimate))
         model = scenario.model
-        full, gates, *_ = processed(
+        hypotheses, gates, *_ = processed(
             (self._belief[:], self._history), seen.z, assumed(model), self._row, at_start(model)[:],
             at_first(0.0), 0.0, False,
         )  # fmt: skip
-        return seen, ScanUpdate(full, Gates(*gates))
+        return seen, ScanUpdate(every(hypotheses), Gates(*gates))
 
     def _planes(self, scenario: Scenario, episode: Episode) -> None:
         seen, before, after = self._last

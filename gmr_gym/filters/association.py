@@ -164,19 +164,15 @@ def weigh_associations(w, predicted_z, threshold, log_miss, log_detect):
 def update_associated(m, P, predicted_z, parent, detection):
     """Means (N, d) and covariances (N, d, d) of the predicted components `parent` (N,) updated with
     `detection` (N,), -1 for a missed one; fastest where hypotheses of one parent follow each other."""
-    z_hat, S, C, z, R, _, H, noise = predicted_z
+    z_hat, _, _, z, R, _, _, _ = predicted_z
     lists, p, d = len(z), z.shape[2], m.shape[1]
     m_out, P_out = np.empty((len(parent), d)), np.empty((len(parent), d, d))
-    L, K, P_hit, pair = np.zeros((p, p)), np.empty((d, p)), np.empty((d, d)), np.empty((p, p))
-    room = np.empty((p, d)), np.empty((p, p))
+    K, P_hit, room = np.empty((d, p)), np.empty((d, d)), _room(p, d)
     conditioned = -1
     for at in range(len(parent)):
         i, j = parent[at], detection[at]
         if j >= 0 and (len(R) or i != conditioned):
-            _sum_into(pair, S, i, R, j)
-            cholesky_into(L, pair)
-            _sum_into(pair, noise, 0 if len(noise) == 1 else i, R, j)
-            posterior_into(P_hit, K, room, L, P[i], C[i], H[0 if len(H) == 1 else i], pair)
+            _condition_into(P_hit, K, room, P, predicted_z, i, j)
             conditioned = i
         own = i if lists > 1 else 0
         for r in range(d):
@@ -187,6 +183,51 @@ def update_associated(m, P, predicted_z, parent, detection):
             for c in range(d):
                 P_out[at, r, c] = P_hit[r, c] if j >= 0 else P[i, r, c]
     return m_out, P_out
+
+
+@kernel(inline="always")
+def update_by_parent(m, P, predicted_z, parent, detection):
+    """`update_associated` where all detections have the same noise, with each covariance once.
+
+    Returns means (N, d), covariances (2 n, d, d) of the n components missed, then updated with a detection,
+    and the row (N,) among them of each hypothesis.
+    """
+    z_hat, _, _, z, _, _, _, _ = predicted_z
+    n, p, d = len(m), z.shape[2], m.shape[1]
+    m_out, row, every = np.empty((len(parent), d)), np.empty(len(parent), np.int64), np.empty((2 * n, d, d))
+    K, room, conditioned = np.empty((d, p)), _room(p, d), -1
+    for i in range(n):
+        for r in range(d):
+            for c in range(d):
+                every[i, r, c] = every[n + i, r, c] = P[i, r, c]
+    for at in range(len(parent)):
+        i, j = parent[at], detection[at]
+        if j >= 0 and i != conditioned:
+            _condition_into(every[n + i], K, room, P, predicted_z, i, j)
+            conditioned = i
+        row[at] = i if j < 0 else n + i
+        for r in range(d):
+            m_out[at, r] = m[i, r]
+            if j >= 0:
+                for c in range(p):
+                    m_out[at, r] += K[r, c] * (z[0, j, c] - z_hat[i, c])
+    return m_out, every, row
+
+
+@kernel(inline="always")
+def _room(p, d):
+    """Workspace of `_condition_into`."""
+    return np.zeros((p, p)), np.empty((p, p)), (np.empty((p, d)), np.empty((p, p)))
+
+
+@kernel(inline="always")
+def _condition_into(P_out, K, room, P, predicted_z, i, j):
+    """Writes covariance and gain of component i updated with detection j to P_out (d, d) and K (d, p)."""
+    (L, pair, rest), (_, S, C, _, R, _, H, noise) = room, predicted_z
+    _sum_into(pair, S, i, R, j)
+    cholesky_into(L, pair)
+    _sum_into(pair, noise, 0 if len(noise) == 1 else i, R, j)
+    posterior_into(P_out, K, rest, L, P[i], C[i], H[0 if len(H) == 1 else i], pair)
 
 
 @leaf_kernel

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
+from gmr_gym.checks import UNLIMITED
 from gmr_gym.filters.association import Expansion
 from gmr_gym.filters.tracker import Report
 from gmr_gym.mixture import Mixture, rescaled
@@ -80,6 +81,7 @@ def origin_of_reduction(
     prune_weight: float,
     density: float,
     max_hypotheses: int,
+    most: int = UNLIMITED,
 ) -> np.ndarray:
     """Where every hypothesis goes in `gmr_gym.filters.mht.prune_and_reduce`.
 
@@ -93,6 +95,8 @@ def origin_of_reduction(
         gamma and gamma~.
     max_hypotheses : int
         Most hypotheses that enter `reduce`.
+    most : int
+        Most that are left after all of it, the heaviest.
 
     Returns
     -------
@@ -106,5 +110,6 @@ def origin_of_reduction(
         reduced = Mixture(*merged)
     else:
         reduced, origin = reduce(entered)
-    _, left = leaving(reduced._replace(w=rescaled(reduced.w)), density)
-    return through(through(place, origin), left)
+    dense, left = leaving(reduced._replace(w=rescaled(reduced.w)), density)
+    _, kept = entering(dense._replace(w=rescaled(dense.w)), 0.0, most)
+    return through(through(through(place, origin), left), kept)

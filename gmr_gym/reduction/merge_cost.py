@@ -68,6 +68,12 @@ def merge_pair(i, j, w, means, entries, room):
 def total_cost(w, m, P):
     """Cost of merging everything, the sum of the costs B of any sequence of merges down to one, and the
     mean (d,) and covariance (d, d) of that one."""
+    return shared_total_cost(w, m, P, np.arange(len(w)))
+
+
+@kernel
+def shared_total_cost(w, m, P, row):
+    """`total_cost` of components whose covariances are the rows `row` (n,) of P, which they share."""
     n, d = m.shape
     weight, mean, covariance = 0.0, np.zeros(d), np.zeros((d, d))
     for i in range(n):
@@ -76,27 +82,34 @@ def total_cost(w, m, P):
         share = w[i] / weight
         for r in range(d):
             mean[r] += share * m[i, r]
-    A, log_det = np.empty((d * (d + 1) // 2, BLOCK)), np.empty(BLOCK)
-    apart = 0.0
-    for start in range(0, n, BLOCK):
-        stop = min(start + BLOCK, n)
-        for i in range(start, stop):
-            share, q = w[i] / weight, 0
-            for r in range(d):
-                for c in range(r + 1):
-                    A[q, i - start] = P[i, r, c]
-                    covariance[r, c] += share * (P[i, r, c] + (m[i, r] - mean[r]) * (m[i, c] - mean[c]))
-                    q += 1
-        _log_determinants(A, stop - start, log_det)
-        for i in range(start, stop):
-            apart += w[i] * log_det[i - start]
-    q = 0
+    A, log_det, apart = np.empty((d * (d + 1) // 2, BLOCK)), np.empty(len(P)), 0.0
+    for start in range(0, len(P), BLOCK):
+        stop = min(start + BLOCK, len(P))
+        for j in range(start, stop):
+            _triangle_into(A, P[j], j - start)
+        _log_determinants(A, stop - start, log_det[start:])
+    for i in range(n):
+        share, j = w[i] / weight, row[i]
+        apart += w[i] * log_det[j]
+        for r in range(d):
+            for c in range(r + 1):
+                covariance[r, c] += share * (P[j, r, c] + (m[i, r] - mean[r]) * (m[i, c] - mean[c]))
     for r in range(d):
-        for c in range(r + 1):
-            A[q, 0] = covariance[c, r] = covariance[r, c]
-            q += 1
+        for c in range(r):
+            covariance[c, r] = covariance[r, c]
+    _triangle_into(A, covariance, 0)
     _log_determinants(A, ONE, log_det)
     return max(0.0, 0.5 * (weight * log_det[0] - apart)), mean, covariance
+
+
+@leaf_kernel
+def _triangle_into(A, P, j):
+    """Writes the lower triangle of P (d, d), row by row, to column j of A."""
+    q = 0
+    for r in range(len(P)):
+        for c in range(r + 1):
+            A[q, j] = P[r, c]
+            q += 1
 
 
 @kernel

@@ -2,13 +2,16 @@
 
 import numpy as np
 
-from gmr_gym.filters.mht import expand_predicted, gate_and_log_weights
+from gmr_gym.filters.association import Expansion, update_by_parent, weigh_associations
+from gmr_gym.filters.mht import gate_and_log_weights
 from gmr_gym.kernels import kernel
-from gmr_gym.models.kalman import Sensor, predict_all
+from gmr_gym.mixture import Mixture
+from gmr_gym.models.kalman import predict_all, predict_detections
 from gmr_gym.models.model import Model
+from gmr_gym.reduction.merge_cost import shared_total_cost
 from gmr_gym.reduction.n_scan import MISSED
-from gmr_gym.tuning.features import model_features, observe
-from gmr_gym.tuning.recent import observe_recent
+from gmr_gym.tuning.features import FEATURES, model_features, observe_into
+from gmr_gym.tuning.recent import ALL_FEATURES, observe_recent_into
 from gmr_gym.tuning.thresholds import COASTING, FADING, MEASUREMENT, ODDS, PROCESS
 
 
@@ -24,12 +27,13 @@ def assumed(model: Model) -> tuple:
 
 @kernel(inline="always")
 def processed(belief, z, told, thresholds, memory, recent, price, every):
-    """The Expansion of a scan under the factors among `thresholds`, the fields of the gates, its features,
-    the cost of merging it all, and the detections in the gates, counted in each.
+    """The hypotheses of a scan under the factors among `thresholds`, the fields of the gates, its features,
+    the cost of merging all of them, and the detections in the gates, counted in each.
 
     `belief` is that of `expand_scan` and the history of its hypotheses, `told` is what `assumed` returns,
-    and `memory` and `recent` are those of `observe` and `observe_recent`, whose features are left out
-    unless `every`.
+    and `memory` and `recent` are those of `observe_into` and `observe_recent_into`, whose features are left
+    out unless `every`. Of the hypotheses there are weights, means, what they share of covariances and its
+    rows, parents and detections: see `selected`.
     """
     ((w, m, P), history), ((F, Q, offset), (H, R), weights, probabilities, known) = belief, told
     Q, noise = Q * thresholds[PROCESS] ** 2, R * thresholds[MEASUREMENT] ** 2
@@ -39,15 +43,46 @@ def processed(belief, z, told, thresholds, memory, recent, price, every):
     more = thresholds[COASTING] ** 2 - 1
     for i in range(len(w)):
         if more != 0.0 and history[i, 0] == MISSED:
-            P[i] += more * Q
+            for r in range(len(Q)):
+                for c in range(len(Q)):
+                    P[i, r, c] += more * Q[r, c]
     threshold, log_miss, log_detect = weights_by_odds(weights, probabilities, thresholds[ODDS])
-    full, gates = expand_predicted((w, m, P), (H, noise), z, threshold, log_miss, log_detect)
-    features, cost, gated = observe(full, gates[1], Sensor(H, R), log_detect, known, memory)
+    near = predict_detections(m, P, H, noise, z)
+    w, parent, detection, log_density = weigh_associations(w, near, threshold, log_miss, log_detect)
+    m, P, row = update_by_parent(m, P, near, parent, detection)
+    merged, gates = shared_total_cost(w, m, P, row), (near.z_hat, near.S, threshold)
+    features = np.empty(len(ALL_FEATURES) if every else len(FEATURES))
+    gated = observe_into(
+        features, (w, detection, log_density), merged, near.S, (H, R), log_detect, known, memory
+    )
     if every:
         missed = 1 - probabilities[0] * probabilities[1]
-        later = observe_recent(full, gates, z, (H, R), missed, thresholds[PROCESS], price, recent)
-        features = np.concatenate((features, later))
-    return full, gates, features, cost, gated
+        observe_recent_into(
+            features[len(FEATURES) :], (w, parent, detection), gates, z, (H, R), missed,
+            thresholds[PROCESS], price, recent,
+        )  # fmt: skip
+    return (w, m, P, row, parent, detection), gates, features, merged[0], gated
+
+
+@kernel
+def selected(hypotheses, kept):
+    """w, m, P, parent and detection of the hypotheses of `processed` in the mask `kept`."""
+    w, m, P, row, parent, detection = hypotheses
+    at = np.flatnonzero(kept)
+    n, d = len(at), m.shape[1]
+    m_out, P_out = np.empty((n, d)), np.empty((n, d, d))
+    for i in range(n):
+        for r in range(d):
+            m_out[i, r] = m[at[i], r]
+            for c in range(d):
+                P_out[i, r, c] = P[row[at[i]], r, c]
+    return w[at], m_out, P_out, parent[at], detection[at]
+
+
+def every(hypotheses: tuple) -> Expansion:
+    """The Expansion of the hypotheses of `processed`, without densities."""
+    w, m, P, parent, detection = selected(hypotheses, np.ones(len(hypotheses[0]), bool))
+    return Expansion(Mixture(w, m, P), parent, detection, np.full(len(w), np.nan))
 
 
 @kernel

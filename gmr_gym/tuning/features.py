@@ -20,7 +20,6 @@ from gmr_gym.linalg import root_determinants
 from gmr_gym.models.gating import Gates, gate_threshold, volumes
 from gmr_gym.models.kalman import innovation
 from gmr_gym.models.model import Model
-from gmr_gym.reduction.merge_cost import total_cost
 
 # In this order, and scaled so that most lie within [-1, 1] most of the time. n: hypotheses of the
 # full posterior, w: their weights, c: cost of merging them all, S = H P H' + R: innovation covariance,
@@ -90,17 +89,16 @@ def model_features(model: Model) -> np.ndarray:
 
 
 @kernel
-def observe(posterior, S, sensor, log_detect, known, memory):
-    """FEATURES (k,) of a scan's full posterior, the cost of merging all of it, and its detections.
+def observe_into(values, hypotheses, merged, S, sensor, log_detect, known, memory):
+    """Writes FEATURES to the first of `values`; returns the number of hypotheses with a detection.
 
-    Each feature is clipped to +-BOUND, and none depends on the order of the hypotheses. The posterior is an
-    Expansion, S are the covariances of the predicted hypotheses' gates, `sensor` is a linear one,
-    `log_detect` is log(P_D / lambda), `known` is `model_features`, and `memory` a Memory. The last result is
-    the number of hypotheses with a detection.
+    Each feature is clipped to +-BOUND, and none depends on the order of the hypotheses, of which there are
+    weights, detections and log densities as in an Expansion; `merged` is the `total_cost` of them. S are the
+    covariances of the predicted hypotheses' gates, `sensor` has the fields of a linear one, `log_detect` is
+    log(P_D / lambda), `known` is `model_features`, and `memory` a Memory.
     """
-    (w, m, P), _, detection, log_density = posterior
+    (w, detection, log_density), (cost, mean, covariance), (H, R) = hypotheses, merged, sensor
     kept, relative_loss, work = memory
-    R = sensor.R
     entropy, square, first, second, hit, evidence = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     pairs, over_2, over_3, over_4, over_5 = 0, 0, 0, 0, 0
     for i in range(len(w)):
@@ -118,14 +116,12 @@ def observe(posterior, S, sensor, log_detect, known, memory):
             hit += v
             evidence += v * (log_density[i] + log_detect)
             pairs += 1
-    cost, mean, covariance = total_cost(w, m, P)
     d = len(mean)
-    _, whole, _ = innovation(mean.reshape(1, d), covariance.reshape(1, d, d), sensor.H, R)
+    _, whole, _ = innovation(mean.reshape(1, d), covariance.reshape(1, d, d), H, R)
     alone = np.empty((1, *R.shape))
     alone[0] = R
     smallest = root_determinants(alone)[0]
     gates = root_determinants(S) / smallest
-    values = np.empty(len(FEATURES))
     for i, value in enumerate((
         2 * np.log(len(w)) / LOG_MOST - 1,
         2 * entropy / LOG_MOST - 1,
@@ -153,4 +149,4 @@ def observe(posterior, S, sensor, log_detect, known, memory):
         known[2],
     )):  # fmt: skip
         values[i] = min(max(value, -BOUND), BOUND)
-    return values, cost, pairs
+    return pairs

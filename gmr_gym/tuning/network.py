@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmr_gym.evaluation import archive
-from gmr_gym.kernels import kernel
+from gmr_gym.kernels import kernel, leaf_kernel
 
 FORMAT = "gmr_gym thresholds 1"
 ACTIVATIONS = ("tanh", "relu")
@@ -108,33 +108,38 @@ def load(file: Path | str, features: Sequence[str], parameters: Sequence[str]) -
 @kernel
 def forward(features, layout, numbers):
     """Actions (n, j) for features (n, k), of a network given by `Network.packed`."""
-    curved, squashed, sizes = layout[0] > 0, layout[1] > 0, layout[2:]
-    depth, k = len(sizes) - 1, sizes[0]
-    mean, deviation = numbers[1 : 1 + k], numbers[1 + k : 1 + 2 * k]
-    out = np.empty((len(features), sizes[depth]))
-    x, y = np.empty(sizes.max()), np.empty(sizes.max())
+    sizes = layout[2:]
+    out, room = np.empty((len(features), sizes[-1])), np.empty((2, sizes.max()))
     for row in range(len(features)):
-        for c in range(k):
-            x[c] = min(max((features[row, c] - mean[c]) / deviation[c], -numbers[0]), numbers[0])
-        at = 1 + 2 * k
-        for layer in range(depth):
-            width, units = sizes[layer], sizes[layer + 1]
-            for r in range(units):
-                y[r] = numbers[at + r]
-            for c in range(width):
-                # all units at once: the loop over them is vectorised, a sum of one unit is not
-                column, value = numbers[at + (c + 1) * units :], x[c]
-                for r in range(units):
-                    y[r] += column[r] * value
-            for r in range(units):
-                if layer == depth - 1:
-                    y[r] = np.tanh(y[r]) if squashed else min(max(y[r], -1.0), 1.0)
-                else:
-                    y[r] = np.tanh(y[r]) if curved else max(y[r], 0.0)
-            at += units * (width + 1)
-            x, y = y, x
-        out[row] = x[: sizes[depth]]
+        _forward_into(out[row], features[row], layout, numbers, room)
     return out
+
+
+@leaf_kernel
+def _forward_into(out, features, layout, numbers, room):
+    """Writes the actions (j,) for features (k,); room (2, units of the widest layer) is workspace."""
+    curved, squashed, sizes = layout[0] > 0, layout[1] > 0, layout[2:]
+    depth, k, x, y = len(sizes) - 1, sizes[0], room[0], room[1]
+    mean, deviation = numbers[1 : 1 + k], numbers[1 + k : 1 + 2 * k]
+    for c in range(k):
+        x[c] = min(max((features[c] - mean[c]) / deviation[c], -numbers[0]), numbers[0])
+    at = 1 + 2 * k
+    for layer in range(depth):
+        width, units = sizes[layer], sizes[layer + 1]
+        for r in range(units):
+            y[r] = numbers[at + r]
+        for c in range(width):
+            # all units at once: the loop over them is vectorised, a sum of one unit is not
+            column, value = numbers[at + (c + 1) * units :], x[c]
+            for r in range(units):
+                y[r] += column[r] * value
+        for r in range(units):
+            if layer == depth - 1:
+                out[r] = np.tanh(y[r]) if squashed else min(max(y[r], -1.0), 1.0)
+            else:
+                y[r] = np.tanh(y[r]) if curved else max(y[r], 0.0)
+        at += units * (width + 1)
+        x, y = y, x
 
 
 def _checked(

@@ -44,14 +44,14 @@ def at_first(missed: float) -> np.ndarray:
 
 
 @kernel
-def observe_recent(posterior, gates, z, sensor, missed, factor, price, memory):
-    """RECENT (15,), each clipped to +-BOUND, of a scan's full posterior; `memory` (13,) is brought up to it.
+def observe_recent_into(values, hypotheses, gates, z, sensor, missed, factor, price, memory):
+    """Writes RECENT, each clipped to +-BOUND, to `values` (15,); `memory` (13,) is brought up to the scan.
 
-    The posterior is an Expansion, `gates` and `sensor` are as in `expand_scan`, `missed` is the probability
-    of a miss and `factor` that on the process noise under which the scan was predicted.
+    Of the hypotheses there are weights, parents and detections as in an Expansion, `gates` and `sensor` are
+    as in `expand_scan`, `missed` is the probability of a miss and `factor` that on the process noise under
+    which the scan was predicted.
     """
-    (w, _, _), parent, detection, _ = posterior
-    (centres, S, _), p = gates, z.shape[1]
+    (w, parent, detection), (centres, S, _), p = hypotheses, gates, z.shape[1]
     hit, nis, size, coasting = 0.0, 0.0, 0.0, 0.0
     mean, variance = np.zeros(p), np.trace(sensor[1]) / p
     L, y = np.zeros((p, p)), np.empty(p)
@@ -86,7 +86,6 @@ def observe_recent(posterior, gates, z, sensor, missed, factor, price, memory):
     ):  # fmt: skip
         memory[at] += share * (value - memory[at])
     memory[6] = (1 - hit) * (1 + memory[6])
-    values = np.empty(len(RECENT))
     for i, value in enumerate((
         np.log2(0.25 + nis) / 2,
         np.log2(0.25 + memory[0]) / 2,
@@ -105,7 +104,6 @@ def observe_recent(posterior, gates, z, sensor, missed, factor, price, memory):
         (np.log10(max(price, 1e-9)) + 3.5) / 1.5,
     )):  # fmt: skip
         values[i] = min(max(value, -BOUND), BOUND)
-    return values
 
 
 def check_features(names: str | Sequence[str]) -> tuple[str, ...]:

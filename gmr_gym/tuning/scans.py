@@ -10,11 +10,11 @@ import numpy as np
 from gmr_gym.filters.mht import MAX_HYPOTHESES
 from gmr_gym.kernels import kernel, together
 from gmr_gym.reduction.n_scan import extended
-from gmr_gym.reduction.pruning import above_threshold, heaviest_mask, select
+from gmr_gym.reduction.pruning import above_threshold, heaviest_mask
 from gmr_gym.simulation.reward import distance, score
 from gmr_gym.simulation.scans import View, centre_into, scan_into
 from gmr_gym.simulation.single_target import Episode, Scenario, capacity, view_of
-from gmr_gym.tuning.assumed import assumed, processed
+from gmr_gym.tuning.assumed import assumed, processed, selected
 from gmr_gym.tuning.features import FEATURES, Memory
 from gmr_gym.tuning.hindsight import FORESEEN, hindsight, lookahead
 from gmr_gym.tuning.instances import SCANS
@@ -212,20 +212,20 @@ def look(e, belief, history, estimate, thresholds, observation, seen):
         (e.F[:], e.Q[:], e.offset[:]), (e.H[:], e.R[:]), e.log_weights[:], e.assumed[:], e.known[:]
     )  # fmt: skip
     memory, every = Memory(e.kept, e.relative_loss, e.work), seen.max() >= len(FEATURES)
-    full, _, features, e.cost, e.gated = processed(
+    hypotheses, _, features, e.cost, e.gated = processed(
         (belief, history), z[:k], told, thresholds, memory, e.recent[:], e.price, every
     )
-    w, m, P = full.mixture
     for f in range(len(seen)):
         observation[f] = features[seen[f]]
+    w = hypotheses[0]
     if len(observation) > len(seen):
+        full = selected(hypotheses, w >= 0.0)
         observation[len(seen) :] = hindsight(
-            full.mixture, e.H[:], e.log_weights[0], e.x[t], e.scans - t, e.scans_off, e.lookahead[t]
+            full[:3], e.H[:], e.log_weights[0], e.x[t], e.scans - t, e.scans_off, e.lookahead[t]
         )
     kept = heaviest_mask(w, len(e.w)) & above_threshold(w, w, LEAST)
-    if e.reducer == N_SCAN:
-        history = extended(history, full.parent, full.detection)[kept]
-        e.history[: len(history)] = history
-    w, m, P, _ = select(w, m, P, kept)
+    w, m, P, parent, detection = selected(hypotheses, kept)
     e.hypotheses = n = len(w)
+    if e.reducer == N_SCAN:
+        e.history[:n] = extended(history, parent, detection)
     e.w[:n], e.m[:n], e.P[:n] = w, m, P

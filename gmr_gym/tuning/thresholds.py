@@ -1,18 +1,24 @@
 """Thresholds of a reduction, and factors on the filter model: numbers set scan by scan, and actions."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from gmr_gym.checks import check_choice
+from gmr_gym.checks import UNLIMITED, check_choice
 from gmr_gym.filters.mht import MAX_HYPOTHESES, cluster_scan, reduce_scan
 from gmr_gym.filters.n_scan import n_scan_reduce
+from gmr_gym.filters.trace import origin_of_reduction
 from gmr_gym.kernels import kernel
-from gmr_gym.mixture import rescaled
+from gmr_gym.mixture import Mixture, rescaled
 from gmr_gym.points import check_unmasked
+from gmr_gym.reduction.heaviest_first import Clustering
 from gmr_gym.reduction.merge_cost import merge_costs, total_cost
-from gmr_gym.reduction.pruning import heaviest_mask, select
+from gmr_gym.reduction.n_scan import NScan
+from gmr_gym.reduction.protocol import Reduced
+from gmr_gym.reduction.pruning import entering, heaviest_mask, select
+from gmr_gym.reduction.runnalls import Greedy
 
 
 class Thresholds(NamedTuple):
@@ -57,7 +63,8 @@ RANGES = {
     "measurement_noise": (0.5, 2), "detection_odds": (0.125, 8), "fading": (1.0, 2.0),
 }  # fmt: skip
 
-LIMITS, COMPONENTS = np.array(list(RANGES.values()), float), list(RANGES).index("components")
+LIMITS = np.array(list(RANGES.values()), float)
+PRUNE, COMPONENTS = (list(RANGES).index(name) for name in ("prune", "components"))
 HISTORY, DISTANCE, COASTING = (list(RANGES).index(name) for name in ("history", "distance", "coasting_noise"))
 PROCESS, MEASUREMENT, ODDS, FADING = (list(RANGES).index(name) for name in FACTORS)
 ADAPTIVE, N_SCAN, _ = range(len(REDUCERS))
@@ -103,8 +110,13 @@ def from_action(action: np.ndarray, parameters: Sequence[str], rest: Thresholds 
         )
     if not (np.abs(action) <= 1).all():
         raise ValueError(f"action must be finite and within [-1, 1], got {action.tolist()}")
-    row = from_actions(action[None], threshold_index(parameters), np.array(rest, float))[0].tolist()
-    return Thresholds(*(int(value) if whole else value for value, whole in zip(row, WHOLE, strict=True)))
+    return from_row(from_actions(action[None], threshold_index(parameters), np.array(rest, float))[0])
+
+
+def from_row(row: np.ndarray) -> Thresholds:
+    """The thresholds of a row of `from_actions`."""
+    values = zip(row.tolist(), WHOLE, strict=True)
+    return Thresholds(*(int(value) if whole else value for value, whole in values))
 
 
 def check_actions(actions: np.ndarray, n: int, parameters: Sequence[str], used: np.ndarray) -> np.ndarray:
@@ -256,9 +268,41 @@ def reduced(reducer, w, m, P, history, thresholds, cost, gated):
     else:
         w, m, P, work = cluster_scan(w, m, P, prune, most, most, thresholds[DISTANCE], density)
         history = history[: len(w)]
-    kept = heaviest_mask(w, np.int64(thresholds[COMPONENTS]))
-    w, m, P, _ = select(w, m, P, kept)
+    if len(w) > thresholds[COMPONENTS]:
+        kept = heaviest_mask(w, np.int64(thresholds[COMPONENTS]))
+        w, m, P, _ = select(w, m, P, kept)
+        history = history[kept]
     w = rescaled(w)
     after, mean, covariance = total_cost(w, m, P)
     relative_loss = max(0.0, 1 - after / cost) if cost > 0.0 else 0.0
-    return w, m, P, mean, covariance, relative_loss, gated + work, history[kept]
+    return w, m, P, mean, covariance, relative_loss, gated + work, history
+
+
+def origin_in(reducer: str, full: Mixture, history: np.ndarray, thresholds: Thresholds) -> np.ndarray:
+    """Where every hypothesis goes in `reduced`.
+
+    Parameters
+    ----------
+    reducer : str
+        One of `REDUCERS`.
+    full : Mixture
+        Full posterior, N hypotheses.
+    history : ndarray of int, shape (N, DEPTH)
+        Their last detections.
+    thresholds : Thresholds
+
+    Returns
+    -------
+    ndarray of int, shape (N,)
+        Row of the reduced mixture that each went into, -1 where it was pruned.
+    """
+    prune, components = thresholds.prune, thresholds.components
+    reduce: Callable[[Mixture], Reduced]
+    if reducer == "adaptive":
+        reduce, components = Greedy(components, thresholds.alpha), UNLIMITED
+    elif reducer == "n-scan":
+        _, place = entering(full, prune, MAX_HYPOTHESES)
+        reduce = partial(NScan(MAX_HYPOTHESES, thresholds.history), history=history[place >= 0])
+    else:
+        reduce = Clustering(MAX_HYPOTHESES, thresholds.distance)
+    return origin_of_reduction(full, reduce, prune, thresholds.prune_density, MAX_HYPOTHESES, components)

@@ -22,7 +22,7 @@ from gmr_gym.simulation.single_target import draw, scan
 
 SCENARIOS = jump_markov(), turning_target(), airborne_radar()
 PRINTED = "imm-dcm-pda-printed"  # its printed covariance is no posterior's
-NAMES = sorted(set(trackers()) - {PRINTED, "adaptive-noise", "learned-n-scan"})
+NAMES = sorted(set(trackers()) - {PRINTED})
 ONE_CHOICE = {"clairvoyant", "nearest-neighbour"}  # a detection or a miss, never both
 MIXED = "imm-of-mhts"  # its hypotheses are predicted from several
 POOLED = {MIXED, "mmae-of-mhts", "one-motion"}  # one MHT for each motion

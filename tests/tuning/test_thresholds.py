@@ -18,13 +18,13 @@ from gmr_gym.filters.mht import (
 from gmr_gym.mixture import Mixture, mixture, moments, normalised
 from gmr_gym.models.gating import gates
 from gmr_gym.models.kalman import predict
-from gmr_gym.reduction.merge_cost import merge_costs
+from gmr_gym.reduction.merge_cost import merge_costs, total_cost
 from gmr_gym.reduction.pruning import capping, prune, prune_density
 from gmr_gym.reduction.runnalls import adaptive as reduction_adaptive
 from gmr_gym.reduction.runnalls import greedy, total_merge_cost
 from gmr_gym.scenarios.dortenzio import turning_target
 from gmr_gym.simulation.single_target import draw, scan
-from gmr_gym.tuning.features import BOUND, FEATURES, Memory, at_start, model_features, observe
+from gmr_gym.tuning.features import BOUND, FEATURES, Memory, at_start, model_features, observe_into
 from gmr_gym.tuning.policies import ByTable, Constant, Random, Rule, Schedule
 from gmr_gym.tuning.thresholds import (
     DORTENZIO,
@@ -62,8 +62,13 @@ def posterior_of(p, detection=None, log_density=-8.0):
 
 def features(full, memory, model=TOLD, known=KNOWN):
     """What is seen of a posterior."""
-    log_detect = gate_and_log_weights(model)[2]
-    return observe(full.posterior, full.gates.S, model.sensor, log_detect, known, memory)[0]
+    log_detect, values = gate_and_log_weights(model)[2], np.empty(len(FEATURES))
+    (w, m, P), _, detection, log_density = full.posterior
+    observe_into(
+        values, (w, detection, log_density), total_cost(w, m, P), full.gates.S, model.sensor[:2], log_detect,
+        known, memory,
+    )  # fmt: skip
+    return values
 
 
 def spread_out(n, seed=0, scale=20.0):
