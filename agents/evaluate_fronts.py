@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from competitors import Rival, read_fronts
 from drawings import draw_losses
@@ -27,6 +28,7 @@ from gmr_gym.tuning.recent import ALL_FEATURES
 from gmr_gym.tuning.thresholds import Thresholds, to_action
 
 LEARNED, HINDSIGHT = "learned", "by instance, in hindsight"
+REDUCER = "n-scan"  # of policies whose run names none
 NEAR_EXACT = Thresholds(alpha=1e-4, prune=1e-6)
 COSTS = {"work": (30.0, 100.0, 300.0), "work_iqm": (30.0, 100.0, 300.0), "time": (1e-4, 2e-4, 4e-4)}
 COLUMNS = {"hypervolume": ("hypervolume", 1), "behind": ("behind", 1)}
@@ -65,6 +67,26 @@ class Games:
             for price in prices
         ]  # fmt: skip
 
+    def learned(
+        self, files: Sequence[Path], prices: Sequence[float], choosing: int
+    ) -> dict[str, list[Episodes]]:
+        """One front for each reducer that policies were trained with, and that of the reducer which is best
+        at each price: on VALID, in so many episodes of every instance."""
+        by_reducer: dict[str, list[Path]] = {}
+        for file in files:
+            by_reducer.setdefault(env_of(file).get("reducer", REDUCER), []).append(file)
+        if len(by_reducer) == 1:
+            return {LEARNED: self.of_networks(files, prices)}
+        valid = Games("wide-valid", choosing, self.seed, self.jobs, self.folder)
+        reward = [
+            [float(e.reward.mean()) for e in valid.of_networks(group, prices)]
+            for group in by_reducer.values()
+        ]
+        fronts = [self.of_networks(group, prices) for group in by_reducer.values()]
+        best = np.argmax(reward, axis=0)
+        named = {f"{LEARNED}, {reducer}": front for reducer, front in zip(by_reducer, fronts, strict=True)}
+        return {LEARNED: [fronts[k][i] for i, k in enumerate(best)]} | named
+
     def near_exact(self, runs: int) -> dict[str, float]:
         """Where the posterior lies that is hardly reduced: a mark, in fewer episodes."""
         action = to_action(NEAR_EXACT, ("alpha", "prune"))
@@ -81,11 +103,13 @@ class Games:
 
 def record(fronts: Mapping[str, Sequence[Episodes]], reference: str) -> dict[str, Any]:
     """Hypervolumes on every axis, how far the others are behind the reference, its losses at equal cost
-    against the best of them, and where the points of the fronts lie."""
+    against the best of them, and where the points of the fronts lie. What is in hindsight, or learned too, is
+    not among these others."""
+    apart = [name for name in fronts if name == HINDSIGHT or name.startswith(f"{LEARNED}, ")]
     found: dict[str, Any] = {"reference": reference, "volumes": {}, "at": {}}
     for axis in AXES:
-        found["volumes"][axis] = volumes = compared(fronts, reference, axis, [HINDSIGHT])
-        others = [name for name in fronts if name not in (reference, HINDSIGHT)]
+        found["volumes"][axis] = volumes = compared(fronts, reference, axis, apart)
+        others = [name for name in fronts if name not in (reference, *apart)]
         if others:
             best = max(others, key=lambda name: volumes[name]["hypervolume"].value)
             rows = losses_at(fronts[reference], fronts[best], axis, COSTS[axis])
@@ -123,6 +147,10 @@ def main(
             help="the same of the posterior that is hardly reduced, which is slow; 0 for none", min=0
         ),
     ] = 0,
+    choosing_runs: Annotated[
+        int,
+        typer.Option(help="the same of VALID, on which the best reducer is chosen at each price", min=2),
+    ] = 10,
     seed: Annotated[int, typer.Option(help="of the episodes", min=0)] = 1,
     jobs: Annotated[int, typer.Option(help="workers, -1 for all cores")] = -1,
     reference: Annotated[
@@ -138,7 +166,7 @@ def main(
         constants = [e for name, front in fronts.items() if "constants" in name for e in front]
         fronts[HINDSIGHT] = by_instance(constants, PRICES.tolist())
         if policies:
-            fronts = {LEARNED: games.of_networks(policies, PRICES.tolist())} | fronts
+            fronts = games.learned(policies, PRICES.tolist(), choosing_runs) | fronts
         stem = Path(table).stem
         records[stem] = record(fronts, LEARNED if policies else reference)
         if exact_runs:

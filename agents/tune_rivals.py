@@ -28,6 +28,7 @@ PRICES = np.geomspace(1e-5, 10**-1.5, 8)  # of a unit of work, two to a decade
 FIRST, AT_RANDOM = 5, 0.1  # so many candidates, and that share of the others, are drawn anywhere
 STEP = 0.15  # of a range, by which a number is changed
 FINALISTS = 3  # of a price, on VALID
+ANY = "the best family at each price"  # on VALID
 
 
 class Tried(NamedTuple):
@@ -170,6 +171,7 @@ def main(
         Episodes(valid, valid_runs, max(1, valid_runs // 2), seed),
     )
     fronts: dict[str, list[Rival]] = {}
+    best: dict[float, tuple[float, Rival]] = {}  # of all families
 
     def tuned(family: Family) -> list[np.ndarray]:
         """The different points of a family's front, which is written."""
@@ -178,7 +180,11 @@ def main(
         fronts[family.name] = [
             Rival(price, family.policy(np.array(one.numbers)), dict(family.env)) for price, one in points
         ]
-        write_fronts(out / "static.json", fronts)
+        for (price, one), rival in zip(points, fronts[family.name], strict=True):
+            best[price] = max(
+                best.get(price, (-np.inf, rival)), (one.value(price), rival), key=lambda b: b[0]
+            )
+        write_fronts(out / "static.json", fronts | {ANY: [rival for _, rival in best.values()]})
         lost = ", ".join(f"{100 * one.lost:.1f} at {price:.1e}" for price, one in points)
         print(f"{family.name}: lost on {valid} in %, by price, {lost}", flush=True)
         return [np.array(numbers) for numbers in sorted({one.numbers for _, one in points})]

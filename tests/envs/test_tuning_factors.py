@@ -7,7 +7,7 @@ from gymnasium.utils.env_checker import check_env
 
 import gmr_gym  # noqa: F401  registers the environments
 from gmr_gym.baselines.adaptive_noise import adaptive_noise
-from gmr_gym.baselines.learned_n_scan import LearnedNScan
+from gmr_gym.baselines.learned_reduction import LearnedReduction
 from gmr_gym.baselines.mht import cluster, n_scan
 from gmr_gym.envs.registry import TUNINGS
 from gmr_gym.evaluation.loop import play
@@ -235,7 +235,7 @@ def test_the_tracker_does_without_gym_what_its_network_does_in_the_environment()
         errors.append(info["error"])
         kept.append(info["components"])
         over = lost or late
-    wanted, counts = harness(env, LearnedNScan(env._scenario.model, network, 1e-3))
+    wanted, counts = harness(env, LearnedReduction(env._scenario.model, network, 1e-3))
     assert errors == pytest.approx(wanted[: len(errors)], rel=1e-9, abs=1e-9)
     assert kept == counts[: len(kept)]
 

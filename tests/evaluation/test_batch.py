@@ -9,7 +9,7 @@ import pytest
 from gmr_gym.baselines.bank_of_mhts import single_model_mht
 from gmr_gym.baselines.imm_pda import ImmPda, imm
 from gmr_gym.baselines.learned import LearnedThresholds, learned_thresholds
-from gmr_gym.baselines.learned_n_scan import learned_n_scan
+from gmr_gym.baselines.learned_reduction import learned_n_scan
 from gmr_gym.baselines.learning_pmb import pmb
 from gmr_gym.baselines.mht import Mht, adaptive, capping, cluster, n_scan, runnalls
 from gmr_gym.baselines.pda import Pda

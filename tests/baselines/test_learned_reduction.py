@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from gmr_gym.baselines.learned_n_scan import LearnedNScan, learned_n_scan
+from gmr_gym.baselines.learned_reduction import LearnedReduction, learned_n_scan
 from gmr_gym.evaluation.loop import play
 from gmr_gym.filters.registry import make_tracker
 from gmr_gym.scenarios.dortenzio import turning_target
@@ -58,7 +58,7 @@ def test_a_step_leaves_the_belief_before_it_as_it_was(policy):
     one, again = tracker.step(belief, z + 5.0), tracker.step(belief, z + 5.0)
     np.testing.assert_array_equal(one[0].recent, again[0].recent)
     np.testing.assert_array_equal(one[1].x, again[1].x)
-    assert isinstance(tracker, LearnedNScan) and tracker.compiled is not None
+    assert isinstance(tracker, LearnedReduction) and tracker.compiled is not None
 
 
 def test_the_price_may_be_said_as_the_work_that_it_leads_to(policy):
@@ -90,7 +90,7 @@ def test_the_one_that_is_shipped_widens_too_little_assumed_noise_more_than_too_m
     motion, means = WORLD.model.motion, []
     for factor in (0.25, 4.0):
         told = WORLD.model._replace(motions=(motion._replace(Q=factor**2 * motion.Q),))
-        tracker, set_by_scan = LearnedNScan(told, network, 1e-4), []
+        tracker, set_by_scan = LearnedReduction(told, network, 1e-4), []
         for seed in range(3):
             belief, estimate, episode = tracker.init(), told.prior.m[0], draw(WORLD, seed)
             for t in range(WORLD.horizon):
@@ -105,7 +105,7 @@ def test_torch_is_not_imported(policy):
     code = (
         "import sys\n"
         "from gmr_gym.scenarios.dortenzio import turning_target\n"
-        "from gmr_gym.baselines.learned_n_scan import learned_n_scan\n"
+        "from gmr_gym.baselines.learned_reduction import learned_n_scan\n"
         f"learned_n_scan(turning_target().model, policy={str(policy)!r})\n"
         "assert not {'torch', 'stable_baselines3'} & set(sys.modules)\n"
     )

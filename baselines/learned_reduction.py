@@ -1,4 +1,4 @@
-"""The N-scan MHT whose thresholds and assumed noise are set by a trained network at every scan."""
+"""An MHT whose reduction thresholds and assumed noise are set by a trained network at every scan."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import gmr_gym
-from gmr_gym.checks import check_count, check_not_negative
+from gmr_gym.checks import check_choice, check_count, check_not_negative
 from gmr_gym.filters.mht import MAX_HYPOTHESES
 from gmr_gym.filters.trace import Trace, trace_of
 from gmr_gym.filters.tracker import ONE_MODE, CompiledTracker, Report, check_scan
@@ -26,7 +26,6 @@ from gmr_gym.tuning.thresholds import (
     DEPTH,
     DORTENZIO,
     FACTORS,
-    N_SCAN,
     PRUNE,
     REDUCERS,
     from_actions,
@@ -37,7 +36,7 @@ from gmr_gym.tuning.thresholds import (
     to_action,
 )
 
-SHIPPED = Path(gmr_gym.__file__).parent / "data" / "policies" / "n-scan.npz"
+SHIPPED = Path(gmr_gym.__file__).parent / "data" / "policies"  # one for each reducer
 
 
 class Belief(NamedTuple):
@@ -64,8 +63,8 @@ class Belief(NamedTuple):
 
 
 @dataclass(frozen=True)
-class LearnedNScan:
-    """N-scan merging with thresholds, and factors on the assumed noise, that a network computes from the full
+class LearnedReduction:
+    """A reduction with thresholds, and factors on the assumed noise, that a network computes from the full
     posterior of every scan.
 
     Parameters
@@ -76,18 +75,22 @@ class LearnedNScan:
         The policy.
     price : float
         Of a unit of work, which the network is shown.
+    reducer : str
+        One of `gmr_gym.tuning.thresholds.REDUCERS`.
     components : int
-        Most hypotheses after the reduction.
+        Most hypotheses after the reduction, where the network does not set it.
 
     Raises
     ------
     ValueError
-        For a sensor that is not linear, more than one motion, and a limit or price out of range.
+        For a sensor that is not linear, more than one motion, an unknown reducer, and a limit or price out of
+        range.
     """
 
     model: Model
     network: Network
     price: float
+    reducer: str = "n-scan"
     components: int = DORTENZIO.components
     # constant arguments of `_scan`, as plain tuples, which enter compiled code sooner than NamedTuples
     _same: tuple[Any, ...] = field(init=False, repr=False, compare=False)
@@ -97,15 +100,17 @@ class LearnedNScan:
         if not isinstance(self.model.sensor, Sensor):
             raise ValueError("learned thresholds need a linear sensor of positions; the model has a radar")
         price = check_not_negative("price", self.price)
+        check_choice("reducer", self.reducer, tuple(REDUCERS))
         rest = DORTENZIO._replace(components=check_count(self.components))
         to_action(rest, ("components",))  # a limit out of range fails here rather than at a scan
         policy = *self.network.packed(), threshold_index(self.network.parameters), np.array(rest, float)
-        object.__setattr__(self, "_same", (assumed(self.model), policy, price))
+        reducer = tuple(REDUCERS).index(self.reducer)
+        object.__setattr__(self, "_same", (assumed(self.model), policy, price, reducer))
 
     @property
     def compiled(self) -> CompiledTracker | None:
         """Its form for compiled loops; None for another class that inherits from this."""
-        if type(self) is not LearnedNScan:
+        if type(self) is not LearnedReduction:
             return None
         mixture, *rest = self.init()
         return CompiledTracker(_compiled_scan, self._same, (mixture[:], *rest))
@@ -129,24 +134,24 @@ class LearnedNScan:
     def trace(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report, Trace]:
         """What `step` gives, and what became of every hypothesis with the scan."""
         after, report = self.step(belief, z)
-        told, _, price = self._same
+        told, _, price, _ = self._same
         hypotheses, *_ = processed(
             (belief.mixture[:], belief.history), check_scan(z, len(self.model.sensor.H)), told,
             belief.thresholds, belief.memory, belief.recent.copy(), price, True,
         )  # fmt: skip
         full = every(hypotheses)
         history = extended(belief.history, full.parent, full.detection)
-        into = origin_in("n-scan", full.mixture, history, from_row(after.thresholds))
+        into = origin_in(self.reducer, full.mixture, history, from_row(after.thresholds))
         return after, report, trace_of(full, into)
 
 
 @kernel
-def _scan(belief, z, told, policy, price):
+def _scan(belief, z, told, policy, price, reducer):
     """A scan in one call: the fields of the gates, the detections in them, counted in each, the mean (1, d)
     and covariance (1, d, d) of the result, and the belief, its fields and theirs as plain tuples.
 
     `told` is what `assumed` returns, and `policy` is the packed network, the indices of what it sets, and the
-    rest of the thresholds.
+    rest of the thresholds; the reducer is a place among `REDUCERS`.
     """
     mixture, history, thresholds, memory, recent = belief
     layout, numbers, set_by, rest = policy
@@ -162,7 +167,7 @@ def _scan(belief, z, told, policy, price):
     w, m, P, parent, detection = selected(hypotheses, kept)
     history = extended(history, parent, detection)
     w, m, P, mean, covariance, relative_loss, work, history = reduced(
-        N_SCAN, w, m, P, history, thresholds, cost, gated
+        reducer, w, m, P, history, thresholds, cost, gated
     )
     after = (w, m, P), history, thresholds, (len(w), relative_loss, work), recent
     d = len(mean)
@@ -171,7 +176,7 @@ def _scan(belief, z, told, policy, price):
 
 @kernel(inline="always")
 def _compiled_scan(told, belief, z):
-    """`LearnedNScan.step`, see `CompiledTracker`."""
+    """`LearnedReduction.step`, see `CompiledTracker`."""
     (centres, S, threshold), hits, mean, covariance, after = _scan(belief, z, *told)
     w, m, P = after[0]
     report = Report(mean, covariance, Gates(centres, S, threshold), Mixture(w, m, P), True, ONE_MODE)
@@ -203,7 +208,7 @@ def learned_n_scan(
     price: float | None = None,
     work: float | None = None,
     components: int = DORTENZIO.components,
-) -> LearnedNScan:
+) -> LearnedReduction:
     """N-scan MHT whose thresholds and assumed process noise are set by a network, the thriftier the dearer
     work is.
 
@@ -219,11 +224,11 @@ def learned_n_scan(
     work : float, optional
         Of a scan, on average over the instances of VALID: instead of the price that leads there.
     components : int
-        Most hypotheses after the reduction.
+        Most hypotheses after the reduction, where the network does not set it.
 
     Returns
     -------
-    LearnedNScan
+    LearnedReduction
 
     Raises
     ------
@@ -231,10 +236,37 @@ def learned_n_scan(
         For an invalid file, see `gmr_gym.tuning.network.load`, for a model of another kind, and for price and
         work given both.
     """
-    file = SHIPPED if policy is None else Path(policy)
+    return _learned("n-scan", model, policy, price, work, components)
+
+
+def learned_cluster(
+    model: Model,
+    policy: str | Path | None = None,
+    price: float | None = None,
+    work: float | None = None,
+    components: int = DORTENZIO.components,
+) -> LearnedReduction:
+    """MHT reduced by clustering, whose distance, other thresholds and assumed process noise are set by a
+    network.
+
+    Parameters, what is returned and raised are those of `learned_n_scan`; the policy that is shipped was
+    trained with prices of 1e-5 to 3e-2.
+    """
+    return _learned("cluster", model, policy, price, work, components)
+
+
+def _learned(
+    reducer: str,
+    model: Model,
+    policy: str | Path | None,
+    price: float | None,
+    work: float | None,
+    components: int,
+) -> LearnedReduction:
+    file = SHIPPED / f"{reducer}.npz" if policy is None else Path(policy)
     if work is not None:
         if price is not None:
             raise ValueError("give price or work, not both")
         price = price_of(work, file)
-    network = load(file, ALL_FEATURES, (*REDUCERS["n-scan"], *FACTORS))
-    return LearnedNScan(model, network, 1e-4 if price is None else price, components)
+    network = load(file, ALL_FEATURES, (*REDUCERS[reducer], *FACTORS))
+    return LearnedReduction(model, network, 1e-4 if price is None else price, reducer, components)
