@@ -30,7 +30,7 @@ from gmr_gym.tuning.thresholds import Thresholds, to_action
 LEARNED, HINDSIGHT = "learned", "by instance, in hindsight"
 REDUCER = "n-scan"  # of policies whose run names none
 NEAR_EXACT = Thresholds(alpha=1e-4, prune=1e-6)
-COSTS = {"work": (30.0, 100.0, 300.0), "work_iqm": (30.0, 100.0, 300.0), "time": (1e-4, 2e-4, 4e-4)}
+COSTS = {"work": (15.0, 30.0, 100.0), "work_iqm": (10.0, 30.0, 100.0), "time": (1e-4, 2e-4, 4e-4)}
 COLUMNS = {"hypervolume": ("hypervolume", 1), "behind": ("behind", 1)}
 AT = {"lost": ("lost, %", 100), "other": ("the other, %", 100), "ratio": ("ratio", 1)}
 
