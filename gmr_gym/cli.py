@@ -23,6 +23,7 @@ from gmr_gym.envs.registry import ABOUT, RANKED, READY, TRACKING, TUNING
 from gmr_gym.experiments.detection_options import ALL_GROUPS, INPUT_GROUPS, takes
 from gmr_gym.experiments.options import (
     TARGETS,
+    AnyEnvId,
     Backend,
     Compared,
     EnvId,
@@ -540,6 +541,30 @@ def record(
     with waiting("recording"):
         record_episode(scenario, tracker, seed, out, truth)
     _show([f"written to {out}"])
+
+
+@command()
+def episodes(
+    env_id: AnyEnvId,
+    tracker: Annotated[
+        list[str],
+        tracker_option("repeatable; of ReductionTuning the policy: learned, constant:alpha=0.1, random"),
+    ],
+    *,
+    count: Annotated[int, typer.Option("--episodes", min=1, help="of every tracker")] = 100,
+    settings: Settings = [],  # noqa: B006
+    seed: Seed = 0,
+    out: Annotated[
+        Path, typer.Option("--out", help="folder of the data set, its name with a version: turning-pda-v0")
+    ],
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace a data set that is there")] = False,
+) -> None:
+    """Write episodes of trackers or policies as a Minari data set, to learn from offline."""
+    from gmr_gym.experiments.episodes import write_episodes
+
+    with progress("episodes") as report:
+        lines = write_episodes(env_id, settings, tracker, count, seed, out, overwrite, progress=report)
+    _show(lines)
 
 
 @command("track")
