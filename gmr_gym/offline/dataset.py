@@ -27,8 +27,8 @@ NAME = re.compile(r"[-\w]+-v\d+")
 DESCRIPTION = (
     "Episodes of {env_id}, each played by {players}. Scans have a fixed number of rows, zeros after the last "
     "detection, and a mask. Infos have one entry more than steps, that of reset first; where a scan has no "
-    "such entry it is nan, -2 or False. `player` in infos is the place of who played among `gmr_gym.players` "
-    "of this metadata. `reset` with the seed and options of an episode's metadata begins it again."
+    "such entry it is nan, -2 or False. `player` in infos is the place of who played among the `players` of "
+    "these metadata. `reset` with the seed and options of an episode's metadata begins it again."
 )
 
 

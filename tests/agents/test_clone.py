@@ -59,9 +59,8 @@ def test_another_player_is_not_cloned(data):
 @pytest.mark.parametrize(("own", "word"), [(-1.0, "within"), (-9.0, "outside")])
 def test_a_clone_within_the_interval_is_told_from_one_outside(own, word, capsys):
     rng = np.random.default_rng(0)
-    fields = {name: rng.random((1, 2, 50)) for name in clone.Episodes._fields} | {
-        "lost": np.zeros((1, 2, 50))
-    }
-    theirs = clone.Episodes(**fields | {"reward": rng.normal(-1, 1, (1, 2, 50))})
-    clone.shown(theirs, theirs._replace(reward=theirs.reward * 0 + own), "learned")
+    shape = 1, 2, 50
+    fields = {name: rng.random(shape) for name in clone.Episodes._fields}
+    theirs = clone.Episodes(**fields | {"lost": np.zeros(shape), "reward": rng.normal(-1, 1, shape)})
+    clone.shown(theirs, theirs._replace(reward=np.full(shape, own)), "learned")
     assert f"the clone's reward, {own:.2f}, is {word} " in capsys.readouterr().out
