@@ -73,7 +73,8 @@ def played(env: Any, players: Sequence[Player], episodes: int, seed: int) -> Ite
 def _played(env: Any, place: int, player: Player, seed: int, options: dict[str, Any] | None) -> PlayedEpisode:
     policy = player.begin(seed)
     observation, info = env.reset(seed=seed, options=options)
-    observations, infos, steps, over = [observation], [info], [], False
+    observations, infos, over = [observation], [info], False
+    steps: list[tuple[Any, ...]] = []
     while not over:
         action = np.asarray(policy(observation, len(steps)), env.action_space.dtype)
         observation, reward, terminated, truncated, info = env.step(action)

@@ -72,7 +72,7 @@ def _tracker(spec: str, env: Any) -> Player:
 
     def begin(seed: int) -> Callable[[Any, int], np.ndarray]:
         if isinstance(env, MultiTargetEnv):
-            policy: Policy = MultiTargetPolicy(tracker, env.action_space.shape[0], env.labels)
+            policy: Policy = MultiTargetPolicy(tracker, len(env.action_space.low), env.labels)
         else:
             policy = Policy(tracker)
         return lambda observation, t: policy(observation)
