@@ -68,11 +68,11 @@ def players_of(specs: Sequence[str], env: Any) -> list[Player]:
 
 
 def _tracker(spec: str, env: Any) -> Player:
-    tracker = tracker_of(spec, env.scenario)
+    tracker, actions = tracker_of(spec, env.scenario), env.action_space
 
     def begin(seed: int) -> Callable[[Any, int], np.ndarray]:
         if isinstance(env, MultiTargetEnv):
-            policy: Policy = MultiTargetPolicy(tracker, len(env.action_space.low), env.labels)
+            policy: Policy = MultiTargetPolicy(tracker, len(actions.low), env.labels)
         else:
             policy = Policy(tracker)
         return lambda observation, t: policy(observation)
