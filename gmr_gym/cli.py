@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from gmr_gym.experiments.commands.episodes import episodes
 from gmr_gym.experiments.commands.evaluating import evaluate, leaderboard, merge, sweep
 from gmr_gym.experiments.commands.files import inspect, record, track
 from gmr_gym.experiments.commands.installed import list_, warm
@@ -24,7 +25,7 @@ from gmr_gym.version import __version__
 COMMANDS: dict[str, Callable[..., None]] = {  # in the order of the help
     "list": list_, "evaluate": evaluate, "sweep": sweep, "leaderboard": leaderboard,
     "tune": tune, "compare-reductions": compare_reductions, "reproduce": reproduce, "merge": merge,
-    "watch": watch, "reduce": reduce, "record": record, "track": track, "inspect": inspect, "warm": warm,
+    "watch": watch, "reduce": reduce, "record": record, "episodes": episodes, "track": track, "inspect": inspect, "warm": warm,
 }  # fmt: skip
 
 app = typer.Typer(

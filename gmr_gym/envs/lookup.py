@@ -41,12 +41,38 @@ def scenario_of(env_id: str, settings: Mapping[str, Any]) -> Any:
     >>> scenario_of("gmr_gym/TurningTarget-v0", {"horizon": 5}).horizon
     5
     """
+    kept = spec_of(env_id).kwargs.get("scenario")
+    # of the settings only what the scenario of the id takes: no value names code to be imported
+    scenario = make_scenario(kept, settings) if kept else None
+    if not isinstance(scenario, Scenario | MultiTargetScenario):
+        raise ValueError(
+            f"{env_id} is not a tracking environment: no tracker runs in it; choose from {', '.join(TRACKED)}"
+        )
+    return scenario
+
+
+def spec_of(env_id: str) -> gym.envs.registration.EnvSpec:
+    """What is registered under an id.
+
+    Parameters
+    ----------
+    env_id : str
+        An id that is registered, or MODULE:ID, which imports MODULE.
+
+    Returns
+    -------
+    gymnasium.envs.registration.EnvSpec
+
+    Raises
+    ------
+    ValueError
+        For an unknown id, with the nearest known one.
+    """
     module, _, known_as = env_id.rpartition(":")
     bare = {name.partition("/")[2]: name for name in ENVIRONMENTS}
     near = get_close_matches(env_id.partition("/")[2] or env_id, bare, n=1)
     if not module and env_id not in gym.registry and near:
         raise ValueError(f"unknown environment {env_id!r}; did you mean {bare[near[0]]!r}?")
-    # of the settings only what the scenario of the id takes: no value names code to be imported
     if module:
         import_module(module)  # `gym.make` does so, and not `gym.spec`
     elif known_as not in gym.registry:
@@ -54,13 +80,7 @@ def scenario_of(env_id: str, settings: Mapping[str, Any]) -> Any:
             f"unknown environment {env_id!r}; choose from {', '.join(TRACKED)}, or give "
             "one of your own as MODULE:ID"
         )
-    kept = gym.spec(known_as).kwargs.get("scenario")
-    scenario = make_scenario(kept, settings) if kept else None
-    if not isinstance(scenario, Scenario | MultiTargetScenario):
-        raise ValueError(
-            f"{env_id} is not a tracking environment: no tracker runs in it; choose from {', '.join(TRACKED)}"
-        )
-    return scenario
+    return gym.spec(known_as)
 
 
 def parsed(spec: str) -> tuple[str, dict[str, Any]]:

@@ -17,7 +17,7 @@ from gmr_gym.catalogue import (
     described,
     described_reductions,
 )
-from gmr_gym.envs.registry import ABOUT, MULTI_TARGET, RECORDED, TRACKED
+from gmr_gym.envs.registry import ABOUT, MULTI_TARGET, RECORDED, TRACKED, TUNINGS
 from gmr_gym.experiments.figures import ALL_FIGURES
 from gmr_gym.experiments.papers.registry import PAPERS, paper_named
 
@@ -103,6 +103,13 @@ EnvId = Annotated[
     typer.Argument(
         help=f"{', '.join(TRACKED)}; or MODULE:ID for one of your own (imports MODULE)",
         autocompletion=completing({env_id: ABOUT[env_id] for env_id in TRACKED}),
+    ),
+]
+AnyEnvId = Annotated[
+    str,
+    typer.Argument(
+        help=f"{', '.join((*TRACKED, *TUNINGS))}; or MODULE:ID for one of your own (imports MODULE)",
+        autocompletion=completing(ABOUT),
     ),
 ]
 Environments = Annotated[

@@ -30,13 +30,19 @@ RUN = (
     "track",
     "reduce",
     "list",
+    "episodes",
 )  # commands that take a second; the rest have tests of their own
 LONG = re.compile(r"^(STEPS|EPISODES) = [\d_]+", re.M)  # of training and judging: minutes, for a reader
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"\n]+)\")?\n(.*?)^```$", re.M | re.S)
 NUMBER = re.compile(r"(?<!\w)-?\d+(?:\.\d+)?(?:e-?\d+)?")
 TOCTREE = re.compile(r"^```{toctree}\n(.*?)^```$", re.M | re.S)
 INCLUDED = re.compile(r"^```{literalinclude} (\S+)\n:language: (\w+)\n:caption: (\S+)\n```$", re.M)
-NEEDS = {"import PPO": "stable_baselines3", "from gmr_gym.stonesoup": "stonesoup"}  # to run a page
+NEEDS = {
+    "import PPO": "stable_baselines3",
+    "from gmr_gym.stonesoup": "stonesoup",
+    "from gmr_gym.offline": "minari",
+    "from gmr_gym.envs.dacbench": "dacbench",
+}  # to run a page
 FENCED = re.compile(r"^```.*?^```$", re.M | re.S)
 
 
@@ -84,6 +90,8 @@ def execute(language, title, text, namespace):
         for words in commands(text):
             if words[0] in ("evaluate", "sweep"):
                 words = [*without(words, "--runs", "--jobs"), "--runs", "2", "--jobs", "1"]
+            if words[0] == "episodes":
+                words = [*without(words, "--episodes"), "--episodes", "2"]
             app(words, standalone_mode=False)
 
 
