@@ -25,7 +25,8 @@ from gmr_gym.version import __version__
 COMMANDS: dict[str, Callable[..., None]] = {  # in the order of the help
     "list": list_, "evaluate": evaluate, "sweep": sweep, "leaderboard": leaderboard,
     "tune": tune, "compare-reductions": compare_reductions, "reproduce": reproduce, "merge": merge,
-    "watch": watch, "reduce": reduce, "record": record, "episodes": episodes, "track": track, "inspect": inspect, "warm": warm,
+    "watch": watch, "reduce": reduce, "record": record, "episodes": episodes,
+    "track": track, "inspect": inspect, "warm": warm,
 }  # fmt: skip
 
 app = typer.Typer(
