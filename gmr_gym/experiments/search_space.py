@@ -48,7 +48,7 @@ Space = Mapping[str, Interval | Choices]
 
 def usual(spec: str, scenario: Any) -> dict[str, Any]:
     """All that can be tuned of a tracker NAME:key=value,key=value, as it is by default or as it is given: its
-    own parameters, and what its filter model assumes."""
+    own parameters, and what its filter model assumes, that of a scenario or of another tracker."""
     own = complete(spec, scenario)
     return {key: value for key, value in own.items() if not key.startswith(PREFIX)} | {
         key: own.get(key, value) for key, value in assumptions(scenario.model).items()
@@ -77,7 +77,7 @@ def space_of(texts: Iterable[str], spec: str, known: Mapping[str, Any], fixed: I
         raise ValueError(
             f"nothing is tuned: give --over parameter=low:high or parameter=one|another; {spec} has {there}"
         )
-    return found
+    return dict(sorted(found.items()))
 
 
 def _short(value: Any) -> str:

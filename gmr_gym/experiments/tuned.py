@@ -74,7 +74,7 @@ def tune(job: Job, out: Path, copy: Path | None) -> Iterator[Any]:
     yield comparison(PAIRED, tables[1], [name for name in metrics if name in tables[1]["rows"][0]["metrics"]])
     yield from legend(metrics)
     yield from remarks
-    yield f"{_verdict(difference)}: {shown(first, difference)} on episodes that it was not tuned on"
+    yield f"{verdict(difference)}: {shown(first, difference)} on episodes that it was not tuned on"
     yield f"tuned: {tuned}"
     yield f"compare them again: {use}"
     yield f"written to {out}"
@@ -128,7 +128,8 @@ def trials_said(found: Sequence[trials.Tried]) -> Iterator[str]:
     yield line
 
 
-def _verdict(difference: Estimate) -> str:
+def verdict(difference: Estimate) -> str:
+    """What a paired difference says, where less is better."""
     if difference.high < 0:
         return "better"
     return "worse" if difference.low > 0 else "no difference shown"
