@@ -50,7 +50,7 @@ def log_likelihood(model: Model, report: Report, before: np.ndarray, z: np.ndarr
     >>> z = np.array([[10.0, -10.0]])
     >>> _, report = tracker.step(tracker.init(), z)
     >>> round(log_likelihood(tracker.model, report, np.ones(1), z, volume=1e4), 2)
-    -9.17
+    -7.96
     """
     n, density = len(report.gates.z), model.clutter_density
     if n == 1:

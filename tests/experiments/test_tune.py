@@ -293,3 +293,53 @@ def test_without_optuna_the_command_that_installs_it_is_shown(call, monkeypatch)
     monkeypatch.setitem(sys.modules, "optuna", None)
     code, _, error = call(*NEAREST, "--over", "assumed_clutter=1:2")
     assert code == 2 and "tune needs the extra `tune`: pip install 'gmr-gym[tune]'" in error
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """Files of a target at constant velocity, detected with a deviation of 5 m, and of its truth."""
+    rng, times = np.random.default_rng(4), np.arange(1.0, 41.0)
+    truth = np.column_stack([10 * times, -5 * times])
+    for name, positions in (("d.csv", truth + 5 * rng.normal(size=(40, 2))), ("t.csv", truth)):
+        rows = (f"{time},{x},{y}" for time, (x, y) in zip(times, positions, strict=True))
+        (tmp_path / name).write_text("\n".join(["time,x,y", *rows]))
+    return (
+        "tune-recording", "d.csv", "--tracker", "pda", "--sensor-deviation", "50", "--clutter-density",
+        "1e-9", "--acceleration-deviation", "0.5", "--prior", "0,0,10,-5", "--prior-deviations", "50,50,5,5",
+        "--jobs", "1", "--parts", "5",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("truth", "best"),
+    [([], 0.1), (["--truth-file", "t.csv"], 10)],
+    ids=["as large as it is, by the likelihood", "the more the better on a straight path, by the error"],
+)
+def test_a_recording_says_what_noise_to_assume(call, recording, truth, best):
+    words = *recording, *truth, "--over", "assumed_measurement_noise=0.1|1|10", "--budget", "6", "--out", "o"
+    code, printed, error = call(*words)
+    assert code == 0, error
+    assert "better: -" in printed and f"--tracker pda:assumed_measurement_noise={best}\n" in printed
+    with Path("o/trials.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 6 and {row["runs"] for row in rows} == {"5"}
+    assert rows[0]["assumed_measurement_noise"] == "1"  # as it was
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--parts", "11"], "--parts 11 to tune on and as many held out need 44 scans, got 40"),
+        (["--truth-file", "late.csv"], "the truth has no time between scans 1 and 4"),
+        (["--truth-file", "wide.csv"], "--truth-file wide.csv must have a time and 2 positions a row"),
+        (["--cutoff", "0"], "--cutoff must be positive and finite, got 0.0"),
+        (["--prior", ""], "give --prior and --prior-deviations together"),
+        (["--tracker", "imm-pda:assumed_stay=0.5"], "the filter model has no assumed_stay"),
+    ],
+)
+def test_what_a_recording_does_not_allow_is_refused_in_a_line(call, recording, words, said):
+    Path("late.csv").write_text("time,x,y\n30,0,0\n40,0,0\n")
+    Path("wide.csv").write_text("time,x,y,z\n1,0,0,0\n40,0,0,0\n")
+    plain = [word for i, word in enumerate(recording) if not {word, recording[i - 1]} & {*words[:1]}]
+    code, _, error = call(*plain, *words, "--over", "assumed_measurement_noise=0.1:1")
+    assert code == 2 and error.startswith("error: ") and said in error
