@@ -157,6 +157,8 @@ def test_ranges_are_read_as_they_are_typed():
         "c": Interval(1, 50, False, True), "d": Choices(("exact", "bp", None, 2)),
     }  # fmt: skip
     assert space["b"].rounded(1.234567) == 1.235 and space["b"].rounded(3.99999) == 4.0
+    likely = Interval(0.5, 1.0, False, False)
+    assert (likely.rounded(0.99999631), likely.rounded(0.93333333)) == (0.9999963, 0.9333)
     assert 3 in space["a"] and 2.5 not in space["a"] and "three" not in space["a"] and 2.5 in space["b"]
 
 

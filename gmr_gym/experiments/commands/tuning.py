@@ -78,7 +78,8 @@ def tune(
     specs.check_writable(out / "tune.json", out / "trials.csv", json_file)
     again = records.command(
         "tune", env_id, tracker=[tracker], over=over, objective=[problem.objective],
-        price=[price] if price else [], set=settings, budget=[budget], runs=[runs], seed=[seed],
+        price=[price] if price else [], set=settings, budget=[budget], runs=[runs], held_out=[held_out],
+        seed=[seed],
     )  # fmt: skip
     kept = Path("results/evaluate") / sweeps.BLOCKS  # `evaluate` finds what is run of held-out episodes
     job = tuned.Job(asked, problem, space, default, plan, held_out, settings, kept, again)
