@@ -4,8 +4,8 @@ which version, when and from which code, and pages include it.
 `python docs/results.py check` names those that are older than the code they depend on; `write NAME ...` runs
 their commands again. A new one begins as a file with `command`, `needs` and what is shown in its head:
 
-- `table`, `columns`: tables of the record that `gmr-gym evaluate`, `leaderboard`, `sweep`, `reproduce` or
-  `compare-reductions` leaves, and metrics
+- `table`, `columns`: tables of the record that `gmr-gym evaluate`, `leaderboard`, `sweep`, `tune`,
+  `reproduce` or `compare-reductions` leaves, and metrics
 - `across`: the record's claims, those of a `table` or of runs where one is named; a column for each `table`,
   each of the `runs`, or each `measure`
 - `left`: a file that the command leaves, with `figure` a drawing, and what it is called in docs/images, or a
@@ -178,7 +178,7 @@ def ran(command: str) -> tuple[str, dict[str, Any]]:
     name, *words = shlex.split(command)
     with TemporaryDirectory() as folder:
         record = Path(folder, "record.json")
-        if words[0] in ("compare-reductions", "evaluate", "leaderboard", "reproduce", "sweep"):
+        if words[0] in ("compare-reductions", "evaluate", "leaderboard", "reproduce", "sweep", "tune"):
             words += ["--json", str(record)]
         if name == "gmr-gym":
             words = ["-c", "from gmr_gym.cli import main; main()", *words]

@@ -16,7 +16,7 @@ from gmr_gym.experiments.commands.files import inspect, record, track
 from gmr_gym.experiments.commands.installed import list_, warm
 from gmr_gym.experiments.commands.reductions import compare_reductions, reduce
 from gmr_gym.experiments.commands.reproducing import reproduce
-from gmr_gym.experiments.commands.tuning import tune
+from gmr_gym.experiments.commands.tuning import tune, tune_recording
 from gmr_gym.experiments.commands.watching import watch
 from gmr_gym.experiments.options import Once
 from gmr_gym.experiments.screen import spell_out
@@ -24,9 +24,9 @@ from gmr_gym.version import __version__
 
 COMMANDS: dict[str, Callable[..., None]] = {  # in the order of the help
     "list": list_, "evaluate": evaluate, "sweep": sweep, "leaderboard": leaderboard,
-    "tune": tune, "compare-reductions": compare_reductions, "reproduce": reproduce, "merge": merge,
-    "watch": watch, "reduce": reduce, "record": record, "episodes": episodes,
-    "track": track, "inspect": inspect, "warm": warm,
+    "tune": tune, "tune-recording": tune_recording, "compare-reductions": compare_reductions,
+    "reproduce": reproduce, "merge": merge, "watch": watch, "reduce": reduce, "record": record,
+    "episodes": episodes, "track": track, "inspect": inspect, "warm": warm,
 }  # fmt: skip
 
 app = typer.Typer(

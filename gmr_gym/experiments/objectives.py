@@ -93,6 +93,11 @@ class Tuned(NamedTuple):
         found = objectives_of(self.scenario)[self.objective].of(self.scenario, runs)
         return found + self.price * _work(self.scenario, runs) if self.price else found
 
+    @property
+    def figure_name(self) -> str:
+        """What the figure is called in records."""
+        return "objective" if self.price else METRIC[self.objective]
+
     def tracker(self, parameters: Mapping[str, Any]) -> Any:
         """The tracker with these parameters."""
         name, fixed = parsed(self.spec)

@@ -34,7 +34,10 @@ def named(question: dict[str, Any]) -> str:
 def command(*words: str, **options: Iterable[Any]) -> str:
     """A command as it is typed, with each value of an option under it."""
     further = (
-        word for option, values in options.items() for value in values for word in (f"--{option}", str(value))
+        word
+        for option, values in options.items()
+        for value in values
+        for word in (f"--{option.replace('_', '-')}", str(value))
     )
     return shlex.join(["gmr-gym", *words, *further])
 

@@ -3,7 +3,7 @@ parameter=one|another."""
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
-from math import isfinite
+from math import floor, isfinite, log10
 from typing import Any, NamedTuple
 
 from gmr_gym.experiments.specs import complete
@@ -26,8 +26,11 @@ class Interval(NamedTuple):
         return number and self.low <= value <= self.high and (value % 1 == 0 or not self.whole)
 
     def rounded(self, value: float) -> float:
-        """The number as it is typed, within the interval."""
-        return value if self.whole else min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high)
+        """The number as it is typed, within the interval; one below 1, a probability, stays there."""
+        if self.whole:
+            return value
+        digits = max(DIGITS, 1 - floor(log10(1 - value))) if 0 < value < 1 else DIGITS
+        return min(max(float(f"{value:.{digits}g}"), self.low), self.high)
 
 
 class Choices(NamedTuple):
@@ -48,7 +51,7 @@ Space = Mapping[str, Interval | Choices]
 
 def usual(spec: str, scenario: Any) -> dict[str, Any]:
     """All that can be tuned of a tracker NAME:key=value,key=value, as it is by default or as it is given: its
-    own parameters, and what its filter model assumes."""
+    own parameters, and what its filter model assumes, that of a scenario or of another tracker."""
     own = complete(spec, scenario)
     return {key: value for key, value in own.items() if not key.startswith(PREFIX)} | {
         key: own.get(key, value) for key, value in assumptions(scenario.model).items()
@@ -77,7 +80,7 @@ def space_of(texts: Iterable[str], spec: str, known: Mapping[str, Any], fixed: I
         raise ValueError(
             f"nothing is tuned: give --over parameter=low:high or parameter=one|another; {spec} has {there}"
         )
-    return found
+    return dict(sorted(found.items()))
 
 
 def _short(value: Any) -> str:

@@ -62,10 +62,10 @@ def complete(spec: str, scenario: Scenario | MultiTargetScenario) -> dict[str, A
 
 
 def usual_and_given(
-    spec: str, scenario: Scenario | MultiTargetScenario
+    spec: str, scenario: Scenario | MultiTargetScenario | None
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Parameters of the tracker NAME:key=value,key=value: as they are by default, and those that are given,
-    a number at the end of the name too."""
+    """Parameters of the tracker NAME:key=value,key=value, of one target without a scenario: as they are by
+    default, and those that are given, a number at the end of the name too."""
     name, given = parsed(spec)
     known = tracker_entry_points(MULTI_TARGET_GROUP if isinstance(scenario, MultiTargetScenario) else GROUP)
     base, _, number = name.rpartition("-")

@@ -53,6 +53,11 @@ def _check(given: Mapping[str, Any], own: Mapping[str, Any]) -> None:
     for name in said_by(given, OUTPUT, TARGET, TRACKS):
         if name not in SHARED:
             raise ValueError(f"--{name.replace('_', '-')} is of many targets; give --targets many")
+    check_start(own)
+
+
+def check_start(own: Mapping[str, Any]) -> None:
+    """ValueError for a prior or a speed that is none."""
     if bool(own["prior"]) != bool(own["prior_deviations"]):
         raise ValueError("give --prior and --prior-deviations together, or neither")
     if not 0 < own["speed"] < float("inf"):
@@ -69,25 +74,33 @@ def _tracked(
     """The track through the scans of a file, to `smooth` also the smoothed one, and the names of its state,
     from the prior that was typed, its mean and standard deviations, or from the first scan; `assumed` is the
     rest of the filter model."""
-    prior, period = (own["prior"], own["prior_deviations"]), own["period"]
-    axes = len(scans.coordinates)
-    if prior[0]:
-        start, prior_time = _prior_typed(prior, axes), None
-    else:
-        scans = recordings.from_first_detection(scans)
-        start = prior_from_first_scan(scans.z[0], assumed["sensor_deviation"], own["speed"])
-        prior_time = scans.times[0]
-    if len(scans.times) == 1 and not (prior[0] and period):
-        raise ValueError(
-            f"{file} holds one scan to start from and none after it: give --prior with --prior-deviations, "
-            "and --period, or a file with another scan"
-        )
-    build = _builder(own["tracker"], start, axes, assumed)
+    scans, start, prior_time = started(file, scans, own, assumed)
+    build, period = builder(own["tracker"], start, len(scans.coordinates), assumed), own["period"]
     if smooth:
         found = [*smoothed_track(scans, build, period, prior_time)]
     else:
         found = [recordings.track(scans, build, period, prior_time)]
     return found, [*scans.coordinates, *(f"{name}_velocity" for name in scans.coordinates)]
+
+
+def started(
+    file: Path, scans: recordings.Scans, own: Mapping[str, Any], assumed: Mapping[str, Any]
+) -> tuple[recordings.Scans, Mixture, float | None]:
+    """The scans from which on the target of a file is tracked, its prior, and the time of that where it is of
+    the first scan."""
+    prior = own["prior"], own["prior_deviations"]
+    if prior[0]:
+        start, prior_time = _prior_typed(prior, len(scans.coordinates)), None
+    else:
+        scans = recordings.from_first_detection(scans)
+        start = prior_from_first_scan(scans.z[0], assumed["sensor_deviation"], own["speed"])
+        prior_time = scans.times[0]
+    if len(scans.times) == 1 and not (prior[0] and own["period"]):
+        raise ValueError(
+            f"{file} holds one scan to start from and none after it: give --prior with --prior-deviations, "
+            "and --period, or a file with another scan"
+        )
+    return scans, start, prior_time
 
 
 def _prior_typed(prior: tuple[str, str], axes: int) -> Mixture:
@@ -100,7 +113,11 @@ def _prior_typed(prior: tuple[str, str], axes: int) -> Mixture:
     return prior_given(*state)
 
 
-def _builder(tracker: str, start: Mixture, axes: int, assumed: dict[str, Any]) -> Callable[[float], Tracker]:
+def builder(
+    tracker: str, start: Mixture, axes: int, assumed: Mapping[str, Any]
+) -> Callable[[float], Tracker]:
+    """Makes the tracker NAME:key=value,key=value for an interval, s."""
+
     def build(interval: float) -> Tracker:
         model = constant_velocity_model(interval, start, axes=axes, **assumed)
         name, parameters = parsed(tracker)

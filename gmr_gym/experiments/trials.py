@@ -121,9 +121,14 @@ def opened(file: Path, space: Space, default: Mapping[str, Any], asked: Mapping[
             f"{file} has the trials of another call ({'; '.join(other)}); choose another folder with --out, "
             "or delete it"
         )
-    if not study.get_trials(deepcopy=False) and all(default[name] in space[name] for name in space):
+    if not study.get_trials(deepcopy=False) and begins_with(default, space):
         study.enqueue_trial({name: default[name] for name in space})
     return study
+
+
+def begins_with(default: Mapping[str, Any], space: Space) -> bool:
+    """Whether the first trial is the default: where that lies within the space."""
+    return all(default[name] in space[name] for name in space)
 
 
 def search(

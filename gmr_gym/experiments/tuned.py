@@ -12,7 +12,7 @@ from gmr_gym.experiments.claims import plain
 from gmr_gym.experiments.evaluating import judged
 from gmr_gym.experiments.figures import legend
 from gmr_gym.experiments.objectives import METRIC, Tuned, paired, shown_with
-from gmr_gym.experiments.output import run_rows, write_json, write_rows
+from gmr_gym.experiments.output import write_json, write_rows, write_runs
 from gmr_gym.experiments.records import answered, command
 from gmr_gym.experiments.screen import progress
 from gmr_gym.experiments.search_space import Space
@@ -45,39 +45,38 @@ def tune(job: Job, out: Path, copy: Path | None) -> Iterator[Any]:
         found = trials.search(study, job.space, job.problem, job.plan, report)
     write_trials(out / "trials.csv", found, job.space)
     best = trials.best(found)
-    spec, tuned = job.problem.spec, spec_with(job.problem.spec, best.parameters)
     known = {"best": best.parameters, "trials": len(found), "command": job.again}
-    if all(best.parameters[name] == job.default[name] for name in job.space):
+    yield from trials_said(found)
+    if best.number == 0 and trials.begins_with(job.default, job.space):
         write_records(answered(job.asked, [], **known), out, copy)
-        yield from trials_said(found)
-        yield f"none of them was better than {spec} as it is"
-        yield f"written to {out}"
-        return
-    trackers = {spec: job.problem.tracker({}), tuned: job.problem.tracker(best.parameters)}
-    seed = job.plan.seed + 1  # of the held-out episodes
+        yield f"none of them was better than {job.problem.spec} as it is"
+    else:
+        yield from _judged(job, best, known, out, copy)
+    yield f"written to {out}"
+
+
+def _judged(
+    job: Job, best: trials.Tried, known: Mapping[str, Any], out: Path, copy: Path | None
+) -> Iterator[Any]:
+    """The best trial and the default on held-out episodes."""
+    problem, env_id, seed = job.problem, job.asked["env"], job.plan.seed + 1
+    spec, tuned = problem.spec, spec_with(problem.spec, best.parameters)
+    trackers = {spec: problem.tracker({}), tuned: problem.tracker(best.parameters)}
     sweep = Sweep(job.held_out, seed, job.plan.jobs, "loky", None, None, job.blocks, job.again)
-    env_id, settings = job.asked["env"], job.asked["settings"]
-    (results,) = runs_shown("held-out runs", [(job.problem.scenario, trackers)], sweep)
-    values = [job.problem.figure(runs) for runs in results.values()]
-    tables, remarks = judged((HELD_OUT, PAIRED), settings, job.problem.scenario, results)
-    difference = with_objective(job.problem, tables, values)
+    (results,) = runs_shown("held-out runs", [(problem.scenario, trackers)], sweep)
+    tables, remarks = judged((HELD_OUT, PAIRED), job.asked["settings"], problem.scenario, results)
+    difference = with_objective(problem, tables, [problem.figure(runs) for runs in results.values()])
     use = command("evaluate", env_id, tracker=[spec, tuned], set=job.typed, runs=[job.held_out], seed=[seed])
     write_records(answered(job.asked, tables, notes=remarks, use=use, **known), out, copy)
-    header, *rows = run_rows(job.problem.scenario, results)
-    write_rows(out / "held-out.csv", header, rows)
-    yield from trials_said(found)
-    metric, usual = METRIC[job.problem.objective], shown_with(job.problem.scenario)
-    first = "objective" if job.problem.price else metric
-    title = f"{env_id}: {job.held_out} {HELD_OUT} (seed {seed})"
-    metrics = [*dict.fromkeys((first, metric, *usual))]
-    yield comparison(title, tables[0], metrics)
+    write_runs(out / "held-out.csv", problem.scenario, results)
+    first = problem.figure_name
+    metrics = [*dict.fromkeys((first, METRIC[problem.objective], *shown_with(problem.scenario)))]
+    yield comparison(f"{env_id}: {job.held_out} {HELD_OUT} (seed {seed})", tables[0], metrics)
     yield comparison(PAIRED, tables[1], [name for name in metrics if name in tables[1]["rows"][0]["metrics"]])
-    yield from legend(metrics)
-    yield from remarks
-    yield f"{_verdict(difference)}: {shown(first, difference)} on episodes that it was not tuned on"
+    yield from (*legend(metrics), *remarks)
+    yield f"{verdict(difference)}: {shown(first, difference)} on episodes that it was not tuned on"
     yield f"tuned: {tuned}"
     yield f"compare them again: {use}"
-    yield f"written to {out}"
 
 
 def spec_with(spec: str, parameters: Mapping[str, Any]) -> str:
@@ -92,11 +91,10 @@ def with_objective(
 ) -> Estimate:
     """Adds the objective to the first figures of the tables of held-out runs and of their paired difference,
     which it gives back."""
-    name = "objective" if problem.price else METRIC[problem.objective]
     difference = paired(problem.objective, problem.price, values[1] - values[0])
     rows = [*tables[0]["rows"], *tables[1]["rows"]]
     for row, figure in zip(rows, [*map(bootstrap_mean, values), difference], strict=True):
-        row["metrics"] = {name: plain(figure)} | row["metrics"]
+        row["metrics"] = {problem.figure_name: plain(figure)} | row["metrics"]
     return difference
 
 
@@ -128,7 +126,8 @@ def trials_said(found: Sequence[trials.Tried]) -> Iterator[str]:
     yield line
 
 
-def _verdict(difference: Estimate) -> str:
+def verdict(difference: Estimate) -> str:
+    """What a paired difference says, where less is better."""
     if difference.high < 0:
         return "better"
     return "worse" if difference.low > 0 else "no difference shown"
