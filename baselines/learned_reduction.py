@@ -112,8 +112,8 @@ class LearnedReduction:
         """Its form for compiled loops; None for another class that inherits from this."""
         if type(self) is not LearnedReduction:
             return None
-        mixture, *rest = self.init()
-        return CompiledTracker(_compiled_scan, self._same, (mixture[:], *rest))
+        start = self.init()
+        return CompiledTracker(_compiled_scan, self._same, (start.mixture[:], *start[1:]))
 
     def init(self) -> Belief:
         """Belief one period before the first scan."""
@@ -126,8 +126,8 @@ class LearnedReduction:
     def step(self, belief: Belief, z: np.ndarray) -> tuple[Belief, Report]:
         """Belief after the scan `z` (k, p) one period later, and its report."""
         z = check_scan(z, len(self.model.sensor.H))
-        mixture, *rest = belief
-        gates, _, mean, covariance, (left, *rest) = _scan((mixture[:], *rest), z, *self._same)
+        plain = belief.mixture[:], *belief[1:]
+        gates, _, mean, covariance, (left, *rest) = _scan(plain, z, *self._same)
         mixture = Mixture(*left)
         return Belief(mixture, *rest), Report(mean, covariance, Gates(*gates), mixture)
 
