@@ -36,22 +36,23 @@ TRACKERS: dict[str, dict[str, float]] = {
     PMBM: {}, "mbm": {}, "delta-glmb": {}, TOMHT: FAINT,
 }  # fmt: skip
 # most hypotheses of a track, and which reduction decides on them
-BUDGETS: dict[str, tuple[tuple[str, int], ...]] = {
+Budget = tuple[str, int]
+BUDGETS: dict[str, tuple[Budget, ...]] = {
     PMBM: (("runnalls", 1), ("runnalls", 3), ("runnalls", 10), ("west", 3), ("capping", 3), ("ise", 3)),
     TOMHT: (("runnalls", 1), ("runnalls", 3), ("runnalls", 10), ("capping", 3)),
     JIPDA: (("runnalls", 10), ("capping", 10)),
 }
 
 
-def reduced(tracker: str, reduction: str, components: int) -> str:
-    """The tracker with up to so many hypotheses in every track, by a reduction."""
-    return f"{tracker}:components={components},reduction={reduction}"
+def reduced(tracker: str, budget: Budget | None) -> str:
+    """The tracker with up to so many hypotheses in every track, by a reduction; None for all of them."""
+    return tracker if budget is None else f"{tracker}:components={budget[1]},reduction={budget[0]}"
 
 
 REDUCED = {
-    spec: TRACKERS[tracker]
+    reduced(tracker, budget): TRACKERS[tracker]
     for tracker, budgets in BUDGETS.items()
-    for spec in (tracker, *(reduced(tracker, *budget) for budget in budgets))
+    for budget in (None, *budgets)
 }
 # scans, from 0, in which a target is within a few deviations of another, and those before and after
 PHASES = {"before": slice(10, 35), "meeting": slice(35, 46), "after": slice(46, 81)}
@@ -147,16 +148,16 @@ CLAIMS = (
 )  # fmt: skip
 ONE, FEW, MANY = (("runnalls", components) for components in (1, 3, 10))
 CAPPED, LEAST_SQUARES = ("capping", 3), ("ise", 3)
-# which budget is said to be better than which, None for all hypotheses
-OF_REDUCTIONS = (
+# which budget is said to be better than which
+OF_REDUCTIONS: tuple[tuple[str, Budget | None, Budget | None], ...] = (
     (PMBM, None, FEW), (PMBM, FEW, ONE), (PMBM, FEW, CAPPED), (PMBM, FEW, ("west", 3)),
     (PMBM, LEAST_SQUARES, FEW), (PMBM, None, MANY),
     (TOMHT, None, FEW), (TOMHT, FEW, ONE), (TOMHT, FEW, CAPPED), (TOMHT, None, MANY),
     (JIPDA, MANY, None), (JIPDA, ("capping", 10), MANY),
 )  # fmt: skip
 REDUCTION_CLAIMS = tuple(
-    _better(*(reduced(tracker, *budget) if budget else tracker for budget in pair), phase, where)
-    for tracker, *pair in OF_REDUCTIONS
+    _better(reduced(tracker, own), reduced(tracker, rival), phase, where)
+    for tracker, own, rival in OF_REDUCTIONS
     for phase, where in (("all", ""), ("meeting", " where they meet"))
 )
 ASKED = (
