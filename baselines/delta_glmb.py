@@ -46,7 +46,7 @@ def delta_glmb(
         How association events are found: "gibbs" draws them, "murty" has those of most weight.
     estimator : {"cardinality", "hypothesis", "marginal"}
         Which targets are declared: "cardinality", the most likely number of them, from the most likely
-        hypothesis; the others as of `pmbm`.
+        hypothesis; the others as of `pmbm`, "marginal" with births at detections alone.
     report_threshold : float
         Probability of existence above which a target is declared, where the estimator is not "cardinality".
     seed : int
@@ -63,6 +63,9 @@ def delta_glmb(
 
     Notes
     -----
+    Where P_D and P_S are 1, a certain target that a scan does not detect has gone: no hypothesis explains the
+    scan then, and those without the target are nearest to one.
+
     Departs: the papers have no clusters, births of the filter model, and no undetected targets. With births
     at detections the undetected are a Poisson intensity, and whether a target is one is decided one scan
     after its first detection.

@@ -37,7 +37,7 @@ def mbm(
         Most tracks.
     report_threshold : float
         Probability of existence above which a target is declared.
-    estimator : {"hypothesis", "cardinality", "marginal"}
+    estimator : {"hypothesis", "cardinality"}
         As of `pmbm`.
     memory : int, optional
         Leaves of a track that have had the same detections in so many scans are merged; by default none are.
@@ -58,6 +58,14 @@ def mbm(
     ------
     ValueError
         Naming the parameter that is out of range.
+
+    Notes
+    -----
+    Tracks that are born alike are exchangeable: n targets among m such tracks are m! / (m - n)! hypotheses,
+    all of one weight. There have to be many `hypotheses` until the targets are told apart: in the first ten
+    scans of MeetingTargets RMS GOSPA is 11.4, 10.1 and 8.9 m with 50, 200 and 1000 of them, and 5.8 m by
+    `pmbm`, whose tracks begin with detections; after the meeting they are equal. Declared by their marginal
+    probabilities, as those of `pmbm` may be, all of these tracks would be at one target.
 
     References
     ----------

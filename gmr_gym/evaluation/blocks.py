@@ -13,7 +13,9 @@ from gmr_gym.evaluation import archive
 
 # digest of scenario, tracker, source and seed; the block's first run and the one after its last
 NAME = re.compile(r"[0-9a-f]{32}-(\d+)-(\d+)\.npz")
-AXES = {"truth": 3, "x": 3, "P": 4, "modes": 3}  # of all other fields two, runs and scans
+AXES = {  # of all other fields two, runs and scans
+    "truth": 3, "x": 3, "P": 4, "modes": 3, "binned": 3, "binned_found": 3, "binned_existence": 3,
+}  # fmt: skip
 TYPES = {"off_target": "?", "components": "i8", "targets": "i8", "named": "i8"}  # of all others f8
 
 

@@ -39,6 +39,7 @@ class MultiTargetRuns(NamedTuple):
     trajectory_false: np.ndarray
     trajectory_switches: np.ndarray
     switches: np.ndarray
+    kept: np.ndarray
     fragments: np.ndarray
     appeared: np.ndarray
     unfound: np.ndarray
@@ -47,6 +48,10 @@ class MultiTargetRuns(NamedTuple):
     squared_surprise: np.ndarray
     nees: np.ndarray
     believed: np.ndarray
+    # (runs, T, b) each, by bin of existence
+    binned: np.ndarray
+    binned_found: np.ndarray
+    binned_existence: np.ndarray
     seconds: np.ndarray  # (runs, T), time of the tracker alone
 
 

@@ -11,8 +11,8 @@ from gmr_gym.simulation.multi_target import MultiTargetScenario
 
 TRAJECTORY_PARTS = "trajectory_localisation", "trajectory_missed", "trajectory_false", "trajectory_switches"
 TRACK_FIGURES = (
-    "trajectory_gospa", *TRAJECTORY_PARTS, "switches", "fragments", "time_to_find", "existence_bias",
-    "existence_brier", "anees",
+    "trajectory_gospa", *TRAJECTORY_PARTS, "switches", "labels_kept", "fragments", "time_to_find",
+    "existence_bias", "existence_brier", "anees",
 )  # fmt: skip
 
 
@@ -64,11 +64,12 @@ def track_figures(scenario: MultiTargetScenario, runs: MultiTargetRuns) -> dict[
     dict of str to ndarray (runs,)
         trajectory_gospa (m), the root of the mean over scans of what it is the sum of, and these means,
         trajectory_localisation, trajectory_missed, trajectory_false and trajectory_switches (m^2 with order
-        2); switches and fragments in all scans; time_to_find (s), from the first scan of a target to the
-        first at which it is found, or its last; existence_bias, the mean existence of declared targets less
-        the share that is real, existence_brier, the mean square of the difference of each; anees, the
-        normalised squared error of the states of found targets over the number of states. nan where there is
-        nothing to tell, as of labels where no declared target has one.
+        2); switches and fragments in all scans; labels_kept, the share of the scans of targets at which they
+        are found by the label by which they were found first; time_to_find (s), from the first scan of a
+        target to the first at which it is found, or its last; existence_bias, the mean existence of declared
+        targets less the share that is real, existence_brier, the mean square of the difference of each;
+        anees, the normalised squared error of the states of found targets over the number of states. nan
+        where there is nothing to tell, as of labels where no declared target has one.
     """
     parts = {field: getattr(runs, field).mean(axis=1) for field in TRAJECTORY_PARTS}
 
@@ -79,11 +80,34 @@ def track_figures(scenario: MultiTargetScenario, runs: MultiTargetRuns) -> dict[
     d = scenario.sensor.H.shape[1]
     return dict(zip(TRACK_FIGURES, (
         sum(parts.values()) ** (1 / scenario.order), *parts.values(),
-        runs.switches.sum(axis=1), runs.fragments.sum(axis=1),
+        runs.switches.sum(axis=1), per(runs.kept, runs.targets), runs.fragments.sum(axis=1),
         scenario.period * per(runs.unfound, runs.appeared),
         per(runs.existence - runs.found, runs.named), per(runs.squared_surprise, runs.named),
         per(runs.nees, runs.believed) / d,
     ), strict=True))  # fmt: skip
+
+
+def reliability(runs: MultiTargetRuns) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How far probabilities of existence are to be believed.
+
+    Parameters
+    ----------
+    runs : MultiTargetRuns
+
+    Returns
+    -------
+    existence : ndarray (b,)
+        Mean reported probability of the declared targets of each bin of existence; nan where there are none.
+    real : ndarray (b,)
+        Share of them that are near a true target, paired off.
+    number : ndarray (b,)
+        How many they are, of all runs and scans.
+    """
+    number, real, existence = (
+        each.sum(axis=(0, 1)) for each in (runs.binned, runs.binned_found, runs.binned_existence)
+    )
+    some = np.where(number > 0, number, np.nan)
+    return existence / some, real / some, number
 
 
 def multi_target_differences(

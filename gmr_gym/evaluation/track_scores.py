@@ -13,10 +13,12 @@ from gmr_gym.evaluation.trajectory_metrics import by_label, trajectory_costs
 from gmr_gym.filters.tracker import MultiTargetReport
 
 SWITCHING = 0.1  # of the cutoff: what trajectory GOSPA charges for a switched label
+EXISTENCE = 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99  # between the bins of existence
 
 
 class TrackScores(NamedTuple):
-    """Scores of one run by scan, (T,); nan where they need labels and no declared target has one."""
+    """Scores of one run by scan, (T,), the last three by bin of existence too, (T, b); nan where they need
+    labels and no declared target has one."""
 
     # parts of trajectory GOSPA, m^order
     trajectory_localisation: np.ndarray
@@ -24,6 +26,7 @@ class TrackScores(NamedTuple):
     trajectory_false: np.ndarray
     trajectory_switches: np.ndarray
     switches: np.ndarray  # targets whose label is another than when it was found last
+    kept: np.ndarray  # targets that are found by the label by which they were found first
     fragments: np.ndarray  # targets that are found again after a scan at which they were not
     appeared: np.ndarray  # targets that are there for the first time
     unfound: np.ndarray  # targets that are there and were not found yet
@@ -32,6 +35,9 @@ class TrackScores(NamedTuple):
     squared_surprise: np.ndarray  # sum over declared targets of (existence - whether it is found)^2
     nees: np.ndarray  # sum over found targets of the normalised squared error of the state
     believed: np.ndarray  # found targets whose covariance is known
+    binned: np.ndarray  # declared targets,
+    binned_found: np.ndarray  # those of them that are near a true one, paired off,
+    binned_existence: np.ndarray  # and the sum of their reported probabilities
 
 
 class Declared(NamedTuple):
@@ -84,7 +90,8 @@ def track_scores(
     """
     position = list(position)
     last = np.full(truth.shape[1], -1)  # label by which each target was found last
-    own = last.copy()  # the same, -1 where another target was found by it since
+    first = last.copy()  # by which it was found first
+    own = last.copy()  # by which it was found last, -1 where another target was found by it since
     before = np.zeros(truth.shape[1], bool)  # whether it was found at the scan before
     ever, seen = before.copy(), before.copy()
     rows = []
@@ -93,10 +100,11 @@ def track_scores(
         row = _paired(of, states[:, position], own, position, cutoff)
         now, label = row >= 0, np.append(of.label, -1)[row]
         switched = (label >= 0) & (last >= 0) & (label != last)
+        first = np.where(first < 0, label, first)
         rows.append((
-            switched.sum(), (now & ever & ~before).sum(), (there & ~seen).sum(),
-            (there & ~(ever | now)).sum(), now.sum(), of.existence.sum(), _surprise(of, row[now]),
-            *_errors(of, states, row),
+            switched.sum(), ((label >= 0) & (label == first)).sum(), (now & ever & ~before).sum(),
+            (there & ~seen).sum(), (there & ~(ever | now)).sum(), now.sum(), of.existence.sum(),
+            _surprise(of, row[now]), *_errors(of, states, row), *_binned(of, row[now]),
         ))  # fmt: skip
         last = np.where(label >= 0, label, last)
         own = np.where(label >= 0, label, np.where(np.isin(own, label), -1, own))
@@ -106,7 +114,7 @@ def track_scores(
     if labelled:
         costs = _trajectory_costs(found, truth, position, cutoff, order)
     else:
-        costs, counts[0] = np.full((4, len(truth)), np.nan), np.full(len(truth), np.nan)
+        costs, counts[:2] = np.full((4, len(truth)), np.nan), np.full((2, len(truth)), np.nan)
     return TrackScores(*costs, *counts)
 
 
@@ -147,6 +155,13 @@ def _surprise(of: Declared, found: np.ndarray) -> float:
     real = np.zeros(len(of.x))
     real[found] = 1.0
     return float(((of.existence - real) ** 2).sum())
+
+
+def _binned(of: Declared, found: np.ndarray) -> list[np.ndarray]:
+    """By bin of existence the declared targets, the found ones among them, and the sum of their existence."""
+    bins, into = len(EXISTENCE) + 1, np.digitize(of.existence, EXISTENCE)
+    weights = np.ones(len(into)), np.bincount(found, minlength=len(into)), of.existence
+    return [np.bincount(into, weight, bins) for weight in weights]
 
 
 def _errors(of: Declared, states: np.ndarray, row: np.ndarray) -> tuple[float, int]:

@@ -40,6 +40,8 @@ METRICS = {
     **{f"trajectory_{part}": Metric(f"T-GOSPA {part}", "m^2")
        for part in ("localisation", "missed", "false", "switches")},
     "switches": Metric("switches"), "fragments": Metric("fragments"),
+    **{f"labels_kept{key}": Metric(f"labels kept{words}", *SHARE)
+       for key, words in (("", ""), ("_before", " before"), ("_after", " after"))},
     "time_to_find": Metric("time to find", "s"), "existence_bias": Metric("existence bias"),
     "existence_brier": Metric("Brier score"), "anees": Metric("ANEES"),
     "cardinality_bias": Metric("cardinality bias"), "cardinality_error": Metric("cardinality error"),
@@ -87,7 +89,7 @@ MULTI_TARGET = Evaluated(
      "density_error", "components", "trajectory_gospa", "switches", "fragments", "time_to_find",
      "time_per_scan"),
     ("wasserstein", "wasserstein_undefined", "trajectory_localisation", "trajectory_missed",
-     "trajectory_false", "trajectory_switches", "existence_bias", "existence_brier", "anees"),
+     "trajectory_false", "trajectory_switches", "labels_kept", "existence_bias", "existence_brier", "anees"),
     ("gospa", "cardinality_error", "components", "time_per_scan"),
 )  # fmt: skip
 ALL_FIGURES = {

@@ -80,6 +80,12 @@ class MixtureTracker(KnownClutterTracker):
         check_limits(self.prune_weight, self.tracks)
         check_probability("report_threshold", self.report_threshold)
         check_choice("estimator", self.estimator, tuple(ESTIMATORS))
+        if self.estimator == "marginal" and not self.undetected:
+            # tracks born alike are exchangeable: the most likely leaves of all of them are of one target
+            raise ValueError(
+                "estimator must be 'hypothesis' or 'cardinality' where tracks begin with births, got "
+                "'marginal'"
+            )
         for name in ("memory", "components"):
             if getattr(self, name) is not None:
                 check_count(getattr(self, name), name)

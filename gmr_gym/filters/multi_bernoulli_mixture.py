@@ -203,9 +203,7 @@ def update(
     log_psi = pairs.log_likelihood + np.log(hit[pairs.row]) - new.log_free[pairs.detection]
     rows = pairs.row, pairs.detection, log_psi
     hypotheses = associate(predicted.hypotheses, np.log(miss), log_absent, rows, len(z), options, rng)
-    exists = np.concatenate(
-        [np.ones(len(r)) if certain else missed / miss, np.ones(len(log_psi)), new.existence]
-    )
+    exists = np.concatenate([missed > 0 if certain else missed / miss, np.ones(len(log_psi)), new.existence])
     posterior = _grown(predicted, pairs, new, hypotheses, np.where(exists >= least, exists, 0.0))
     free = leaf_weights(hypotheses, len(exists))[len(r) + len(log_psi) :]
     rest = undetected_targets.missed(predicted.undetected, model)

@@ -61,7 +61,7 @@ def track_logic(
     hits: int = 3,
     window: int = 4,
     misses: int = 5,
-    false_confirmation: float = 1e-3,
+    false_confirmation: float = 0.1,
     missed_confirmation: float = 1e-2,
 ) -> TrackLogic:
     """Checked TrackLogic.

@@ -70,6 +70,20 @@ def test_of_two_equal_motions_each_is_as_likely_and_the_targets_are_the_same(nam
         np.testing.assert_allclose(np.sort(a.x[:, 0]), np.sort(b.x[:, 0]), atol=1e-3)
 
 
+@each
+def test_a_target_sure_to_survive_and_to_be_detected_that_is_not_has_gone(name):
+    told, rng = meeting_targets(1.0).model, np.random.default_rng(0)
+    told = told._replace(survival_probability=1.0)
+    *_, seen, empty = played(make_tracker(name, told), [around(rng, 1, 0.5)] * 12 + [np.empty((0, 2))])
+    assert len(seen.x) == 1 and len(empty.x) == 0 and empty.expected_targets < 1e-2
+
+
+@pytest.mark.parametrize(("name", "option"), [("mbm", {}), ("delta-glmb", {"births": "model"})])
+def test_tracks_born_alike_are_not_declared_by_marginals(name, option):
+    with pytest.raises(ValueError, match="estimator"):
+        make_tracker(name, meeting_targets().model, estimator="marginal", **option)
+
+
 @pytest.mark.parametrize(
     ("name", "option", "value"),
     [

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns, run_multi_target_once
-from gmr_gym.evaluation.multi_target_summary import TRACK_FIGURES, track_figures
+from gmr_gym.evaluation.multi_target_summary import TRACK_FIGURES, reliability, track_figures
 from gmr_gym.evaluation.track_scores import Declared, track_scores
 from gmr_gym.evaluation.trajectory_metrics import trajectory_costs, trajectory_gospa
 from gmr_gym.filters.registry import make_tracker
@@ -108,6 +108,29 @@ def test_existence_is_compared_with_the_share_that_is_real():
     scores = scored([said(ghost, [1, 2], existence=0.8)] * SCANS, truth)
     np.testing.assert_allclose(scores.existence, 1.6)
     np.testing.assert_allclose(scores.squared_surprise, 0.2**2 + 0.8**2)
+
+
+def test_bins_of_existence_hold_what_is_declared_and_what_of_it_is_real():
+    truth, world = still(0.0), meeting_targets(horizon=SCANS)
+    states = np.array([[0.0, 0, 0, 0], [90.0, 0, 0, 0], [60.0, 0, 0, 0]])
+    found = Declared(states, np.full((3, 4, 4), np.nan), np.array([0.93, 0.91, 0.4]), np.arange(3))
+    runs = run_multi_target_once(world, make_tracker("gnn", world.model), 0)
+    scores = scored([found] * SCANS, truth)
+    runs = runs._replace(**scores._asdict())
+    existence, real, number = reliability(MultiTargetRuns(*(field[None] for field in runs)))
+    assert number.tolist() == [SCANS, 0, 0, 0, 0, 2 * SCANS, 0, 0]
+    np.testing.assert_allclose(existence[[0, 5]], [0.4, 0.92])
+    np.testing.assert_allclose(real[[0, 5]], [0.0, 0.5])
+    assert np.isnan(existence[[1, 2, 3, 4, 6, 7]]).all()
+
+
+def test_a_label_is_kept_while_it_is_that_of_the_first_find():
+    truth = still(0.0)
+    labels = [7, 7, 3, 3, 7] + [9] * (SCANS - 5)
+    scores = scored([said(truth[t], [labels[t]]) for t in range(SCANS)], truth)
+    assert scores.kept.tolist() == [1, 1, 0, 0, 1] + [0] * (SCANS - 5) and scores.switches.sum() == 3
+    nameless = scored([said(truth[t], [-1]) for t in range(SCANS)], truth)
+    assert np.isnan(nameless.kept).all()
 
 
 def test_errors_as_large_as_the_covariance_says_have_an_anees_of_one():

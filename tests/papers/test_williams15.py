@@ -9,7 +9,17 @@ import pytest
 from gmr_gym import cli
 from gmr_gym.evaluation.multi_target_runs import MultiTargetRuns
 from gmr_gym.experiments.papers import williams15
-from gmr_gym.experiments.papers.williams15 import CLAIMS, PAPER, PHASES, PMB, PMBM, TABLES, TRACKERS
+from gmr_gym.experiments.papers.williams15 import (
+    CLAIMS,
+    PAPER,
+    PHASES,
+    PMB,
+    PMBM,
+    REDUCED,
+    REDUCTION_CLAIMS,
+    TABLES,
+    TRACKERS,
+)
 from gmr_gym.scenarios.williams import FIRST, MIDDLE, SCANS, meeting_targets
 
 WORLD = meeting_targets(truth_seed=0)
@@ -48,8 +58,18 @@ def test_a_claim_of_a_phase_holds_where_its_tracker_is_better_there_and_fails_wh
 
 
 def test_every_claim_is_about_trackers_of_the_tables():
-    for claim in CLAIMS:
-        assert {claim.of, claim.against} <= set(TRACKERS)
+    for claims, trackers in ((CLAIMS, TRACKERS), (REDUCTION_CLAIMS, REDUCED)):
+        assert all({claim.of, claim.against} <= set(trackers) for claim in claims)
+
+
+def test_labels_are_kept_by_the_share_of_targets_there_in_the_last_ten_scans():
+    scans, four = np.arange(SCANS), np.where(np.arange(SCANS) < MIDDLE - 1, 4.0, 3.0)
+    runs = runs_with(np.ones(SCANS))._replace(
+        kept=np.tile(np.where(scans < 75, 2.0, 1.0), (30, 1)), targets=np.tile(four, (30, 1))
+    )
+    (row,) = williams15._rows(WORLD, {"one": runs}).values()
+    assert row["labels_kept_before"].value == pytest.approx(0.5)
+    assert row["labels_kept_after"].value == pytest.approx((4 * 2 + 6) / 30)
 
 
 def test_tables_are_run_drawn_and_written_by_the_command(tmp_path, monkeypatch):
@@ -60,6 +80,6 @@ def test_tables_are_run_drawn_and_written_by_the_command(tmp_path, monkeypatch):
     cli.app(arguments, standalone_mode=False)
     record = json.loads((tmp_path / "williams15.json").read_text())
     assert [row["tracker"] for row in record["tables"][0]["rows"]] == ["gm-phd", PMB]
-    assert (tmp_path / "by-scan-staggered.png").exists()
+    assert all((tmp_path / f"{name}-staggered.png").exists() for name in ("by-scan", "existence"))
     header = (tmp_path / "runs-staggered.csv").read_text().splitlines()[0].split(",")
     assert {"gospa", "trajectory_gospa", "switches", "anees"} <= set(header)
