@@ -8,6 +8,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from radar_files import given
+from same_bits import assert_same
 
 import gmr_gym  # noqa: F401  registers the environments
 from gmr_gym.envs.registry import TRACKED
@@ -20,20 +21,6 @@ MARKOV, SET = ("truth", "mode", "scans_off"), ("truth", "present")
 
 def twin(env_id, **kwargs):
     return gym.make(env_id, observe="truth", **given(env_id), **kwargs).unwrapped
-
-
-def assert_same(a, b):
-    """Arrays, or dicts of them, with the same keys, types and bits."""
-    if isinstance(a, dict):
-        assert a.keys() == b.keys()
-        for key in a:
-            assert_same(a[key], b[key])
-    elif getattr(a, "dtype", None) == object:
-        for one, other in zip(a, b, strict=True):
-            assert_same(one, other)
-    else:
-        assert np.asarray(a).dtype == np.asarray(b).dtype
-        np.testing.assert_array_equal(a, b)
 
 
 @pytest.mark.parametrize("env_id", sorted(TRACKED))
@@ -108,5 +95,5 @@ def test_an_observation_may_be_written_to():
 @pytest.mark.parametrize("env_id", [TURNING, CLUTTER])
 def test_anything_else_to_observe_is_refused(env_id):
     for make in (gym.make, gym.make_vec):
-        with pytest.raises(ValueError, match="^observe must be one of detections, truth, got 'all'$"):
+        with pytest.raises(ValueError, match=r"^observe must be one of detections, truth, got 'all'$"):
             make(env_id, observe="all")
