@@ -188,7 +188,7 @@ class MultiTargetEnv(EpisodicEnv):
     def nothing_more(self) -> dict[str, np.ndarray]:
         """The observation past the last scan."""
         end = (self.scenario.horizon + 1) * self.scenario.period
-        seen = {
+        seen: dict[str, np.ndarray] = {
             "scan": np.zeros(self.shape),
             "mask": np.zeros(self._capacity, np.int8),
             "time": np.array([end]),

@@ -1,9 +1,8 @@
 """One environment for every single-target scenario."""
 
-from collections.abc import Sequence
-
 import gymnasium as gym
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gmr_gym.envs.episodic import EXTENT, ORIGIN, EpisodicEnv
 from gmr_gym.kernels import leaf_kernel
@@ -185,7 +184,7 @@ class TrackingEnv(EpisodicEnv):
         return Canvas(self.scenario, on_screen)
 
 
-def state_of(x: np.ndarray, mode: Sequence[int], scans_off: Sequence[int]) -> dict[str, np.ndarray]:
+def state_of(x: np.ndarray, mode: ArrayLike, scans_off: ArrayLike) -> dict[str, np.ndarray]:
     """What an observation has besides, with observe="truth", of true states (..., d)."""
     return {"truth": x.copy(), "mode": np.array(mode, np.int8), "scans_off": np.array(scans_off, np.int8)}
 

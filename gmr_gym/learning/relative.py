@@ -1,5 +1,6 @@
 """Wrappers for agents that track by themselves: detections about their predictions, and answers likewise."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -17,7 +18,7 @@ NEAREST = 8  # detections that an agent sees, unless it is given another number
 
 
 class RelativeTracking(gym.Wrapper, RecordConstructorArgs):
-    """A tracking environment of one target in the agent's own frame: everything in [-1, 1], about a prediction.
+    """A tracking environment of one target in the agent's frame: everything in [-1, 1], about a prediction.
 
     ## Description
     The prediction is a Kalman filter's with the first of the scenario's motion models, from the agent's own
@@ -54,13 +55,15 @@ class RelativeTracking(gym.Wrapper, RecordConstructorArgs):
         self._frame = Frame(env.unwrapped, 1, nearest, reach)
         self.observation_space, self.action_space = self._frame.spaces
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         """Begin a new episode, as `TrackingEnv.reset` does."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._frame.begin(np.ones(1, bool))
         return self._seen(observation), info
 
-    def step(self, action):
+    def step(self, action: Any) -> tuple[dict[str, np.ndarray], Any, bool, bool, dict[str, Any]]:
         """Submit the position of the target about the prediction, and see the next scan.
 
         Parameters
@@ -79,13 +82,13 @@ class RelativeTracking(gym.Wrapper, RecordConstructorArgs):
         ValueError
             For another shape, or a number outside [-1, 1].
         """
-        action = checked_actions("action", action, self.action_space.shape)
+        action = checked_actions("action", action, (self._frame.p,))
         estimates = self._frame.estimates(action[None])
-        observation, reward, *ended, info = self.env.step(estimates[0])
+        observation, reward, terminated, truncated, info = self.env.step(estimates[0])
         self._frame.move_on(estimates)
-        return self._seen(observation), reward / self._frame.cutoff, *ended, info
+        return self._seen(observation), float(reward) / self._frame.cutoff, terminated, truncated, info
 
-    def _seen(self, observation):
+    def _seen(self, observation: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         several = {key: part[None] for key, part in observation.items()}
         return {key: part[0] for key, part in self._frame.seen(several).items()}
 
@@ -107,13 +110,16 @@ class RelativeTrackingVector(gym.vector.VectorWrapper):
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
         self.action_space = batch_space(self.single_action_space, env.num_envs)
 
-    def reset(self, *, seed=None, options=None):
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         """Begin new episodes, as `TrackingVectorEnv.reset` does."""
-        observation, infos = self.env.reset(seed=seed, options=options)
+        envs: Any = self.env  # which takes a seed of each
+        observation, infos = envs.reset(seed=seed, options=options)
         self._frame.begin(np.array((options or {}).get("reset_mask", np.ones(self.num_envs, bool))))
         return self._frame.seen(observation), infos
 
-    def step(self, actions):
+    def step(self, actions: Any) -> tuple[dict[str, np.ndarray], Any, Any, Any, dict[str, Any]]:
         """Submit positions about the predictions, and see the next scans.
 
         Parameters
@@ -132,14 +138,14 @@ class RelativeTrackingVector(gym.vector.VectorWrapper):
         ValueError
             For another shape, or a number outside [-1, 1].
         """
-        estimates = self._frame.estimates(checked_actions("actions", actions, self.action_space.shape))
-        observation, rewards, *ended, infos = self.env.step(estimates)
+        estimates = self._frame.estimates(checked_actions("actions", actions, (self.num_envs, self._frame.p)))
+        observation, rewards, terminated, truncated, infos = self.env.step(estimates)
         self._frame.move_on(estimates)
         self._frame.begin(observation["time"][:, 0] == self._frame.first)
         if "final_obs" in infos:
             for i in np.flatnonzero(infos["_final_obs"]):
-                infos["final_obs"][i] = self._frame.nothing()
-        return self._frame.seen(observation), rewards / self._frame.cutoff, *ended, infos
+                infos["final_obs"][i] = {key: part.copy() for key, part in self._frame.nothing.items()}
+        return self._frame.seen(observation), rewards / self._frame.cutoff, terminated, truncated, infos
 
 
 class Frame:
@@ -160,20 +166,21 @@ class Frame:
         scenario = env.scenario
         self.reach = scenario.cutoff if reach is None else reach
         _check_positive(reach=self.reach)
-        capacity, p = env.shape
+        (capacity, p), self.p = env.shape, env.shape[1]
         self.rows = capacity if nearest is None else check_count(nearest, "nearest")
         self.cutoff, self.first = scenario.cutoff, scenario.period
         self._end = scenario.horizon * scenario.period
         self._sensor = scenario.model.sensor
         mean, covariance = env.prior
         self._prediction = Prediction(scenario.model, mean, covariance.reshape(len(mean), -1), n)
-        seen: dict[str, gym.Space] = {
+        spaces: dict[str, gym.Space] = {
             "detections": gym.spaces.Box(-1.0, 1.0, (self.rows, p), np.float32),
             "mask": gym.spaces.Box(0, 1, (self.rows,), np.int8),
         }
         if env.shows_truth:
-            seen["truth"] = gym.spaces.Box(-1.0, 1.0, (p,), np.float32)
-        self.spaces = gym.spaces.Dict(seen), gym.spaces.Box(-1.0, 1.0, (p,), np.float32)
+            spaces["truth"] = gym.spaces.Box(-1.0, 1.0, (p,), np.float32)
+        self.nothing = {key: np.zeros(space.shape or (), space.dtype) for key, space in spaces.items()}
+        self.spaces = gym.spaces.Dict(spaces), gym.spaces.Box(-1.0, 1.0, (p,), np.float32)
         self.begin, self.move_on = self._prediction.begin, self._prediction.move_on
 
     def estimates(self, actions: np.ndarray) -> np.ndarray:
@@ -192,16 +199,12 @@ class Frame:
         mask[:, : order.shape[1]] = kept = np.take_along_axis(within, order, axis=1)
         nearest = np.take_along_axis(away, order[:, :, None], axis=1)
         detections[:, : order.shape[1]] = np.where(kept[:, :, None], nearest, 0.0)
-        seen = {"detections": detections, "mask": mask}
+        seen: dict[str, np.ndarray] = {"detections": detections, "mask": mask}
         if "truth" in observation:
             away = (observation["truth"] @ self._sensor.H.T - at[:, 0]) / self.reach
             over = observation["time"] > self._end
             seen["truth"] = np.where(over, 0.0, away.clip(-1, 1)).astype(np.float32)
         return seen
-
-    def nothing(self) -> dict[str, np.ndarray]:
-        """What an agent sees past the last scan."""
-        return {key: np.zeros(space.shape, space.dtype) for key, space in self.spaces[0].items()}
 
 
 def checked_actions(name: str, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
