@@ -24,11 +24,10 @@ FRAME = {"nearest": 4, "reach": 50.0}  # what an agent sees and says, of `Relati
 HELD_OUT = range(1_000_000, 1_000_100)  # seeds that training does not meet
 
 
-def vector(n: int, **world) -> RelativeTrackingVector:
-    """So many quiet environments in the agent's frame, each begun anew in the step that ends an episode."""
-    return RelativeTrackingVector(
-        gym.make_vec(ENV_ID, n, autoreset_mode="SameStep", threads=1, **QUIET | world), **FRAME
-    )
+def vector(n: int, autoreset_mode: str = "SameStep", **world) -> RelativeTrackingVector:
+    """So many quiet environments in the agent's frame."""
+    envs = gym.make_vec(ENV_ID, n, autoreset_mode=autoreset_mode, threads=1, **QUIET | world)
+    return RelativeTrackingVector(envs, **FRAME)
 
 
 def errors(act: Callable, seeds: Sequence[int] = HELD_OUT, **world) -> np.ndarray:

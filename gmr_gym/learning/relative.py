@@ -105,6 +105,7 @@ class RelativeTrackingVector(gym.vector.VectorWrapper):
         if not isinstance(env.unwrapped, TrackingVectorEnv):
             raise ValueError(f"env must be vector environments of one target, got {env.unwrapped}")
         super().__init__(env)
+        self.autoreset_mode = env.unwrapped.autoreset_mode  # where Gymnasium's own have it
         self._frame = Frame(env.unwrapped._single, env.num_envs, nearest, reach)
         self.single_observation_space, self.single_action_space = self._frame.spaces
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
