@@ -30,7 +30,15 @@ add_function_parentheses = False
 add_module_names = False
 toc_object_entries_show_parents = "hide"
 autodoc_default_options = {"members": True, "member-order": "bysource"}
-autodoc_mock_imports = ["ConfigSpace", "dacbench", "jsbsim", "optuna", "stonesoup"]  # of extras
+autodoc_mock_imports = [  # of extras
+    "ConfigSpace",
+    "dacbench",
+    "jsbsim",
+    "optuna",
+    "stable_baselines3",
+    "stonesoup",
+    "torch",
+]
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 python_use_unqualified_type_names = True

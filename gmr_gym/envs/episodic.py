@@ -11,10 +11,12 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from gmr_gym.checks import check_choice
 from gmr_gym.points import check_unmasked
 from gmr_gym.simulation.single_target import Scan
 
 ORIGIN = np.int16  # of the indices of targets in info
+OBSERVED = "detections", "truth"
 EXTENT = 1e7  # m and m/s: no coordinate, velocity or estimate in any scenario comes near
 
 
@@ -81,8 +83,10 @@ class EpisodicEnv(DrawnEnv):
     A subclass declares the spaces, scores actions, and defines its episodes by the methods at the end.
     """
 
-    def __init__(self, scenario: str, render_mode: str | None, arguments: dict[str, Any]):
+    def __init__(self, scenario: str, render_mode: str | None, observe: str, arguments: dict[str, Any]):
         super().__init__(render_mode)
+        check_choice("observe", observe, OBSERVED)
+        self.shows_truth = observe == "truth"
         check_keywords(arguments, [*settings(scenario), *keywords(type(self))])
         self.scenario: Any = make_scenario(scenario, arguments)
         self._position = list(self.scenario.position)
@@ -128,7 +132,8 @@ class EpisodicEnv(DrawnEnv):
             info = self._truth(t) | {"origin": origin}
         if self.render_mode == "human":
             self.render()
-        return {"scan": z, "mask": mask, "time": np.array([(t + 1) * self.scenario.period])}, info
+        observation = {"scan": z, "mask": mask, "time": np.array([(t + 1) * self.scenario.period])}
+        return observation | (self._state(t) if self.shows_truth else {}), info
 
     def _checked(self, action) -> np.ndarray:
         """The action as floats; RuntimeError where no episode is running, ValueError for a wrong shape."""
@@ -155,6 +160,10 @@ class EpisodicEnv(DrawnEnv):
 
     def _truth(self, t: int) -> dict[str, Any]:
         """What info contains of the targets at scan t."""
+        raise NotImplementedError
+
+    def _state(self, t: int) -> dict[str, np.ndarray]:
+        """What an observation of scan t has besides, with observe="truth"; zeros past the last."""
         raise NotImplementedError
 
     def _has_begun(self) -> bool:

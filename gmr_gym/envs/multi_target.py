@@ -71,8 +71,9 @@ class MultiTargetEnv(EpisodicEnv):
     ## Arguments
     `scenario`: "module:function" that returns a MultiTargetScenario; `targets`: rows of an action; `metric`:
     "gospa", "ospa" or "trajectory-gospa"; `labels`: whether actions have them; `switching`: what trajectory
-    GOSPA charges for a switched label, m, by default a tenth of the cutoff; every other keyword goes to the
-    function.
+    GOSPA charges for a switched label, m, by default a tenth of the cutoff; `observe`: "detections", or
+    "truth" for the fully observed twin, whose observation has `truth` and `present` (int8) of info too; every
+    other keyword goes to the function.
     """
 
     scenario: MultiTargetScenario
@@ -89,6 +90,7 @@ class MultiTargetEnv(EpisodicEnv):
         labels: bool = False,
         switching: float | None = None,
         render_mode: str | None = None,
+        observe: str = "detections",
         **arguments,
     ):
         check_choice("metric", metric, (*COLUMN, TRAJECTORY))
@@ -99,18 +101,24 @@ class MultiTargetEnv(EpisodicEnv):
             _check_positive(switching=switching)
         if isinstance(targets, bool) or not (isinstance(targets, Integral) and 1 <= targets <= 1000):
             raise ValueError(f"targets must be a whole number of rows between 1 and 1000, got {targets!r}")
-        super().__init__(scenario, render_mode, arguments)
+        super().__init__(scenario, render_mode, observe, arguments)
         self.metric, self.labels = metric, labels
         self.switching = self.scenario.cutoff / 10 if switching is None else switching
         p, d = self.scenario.sensor.H.shape
         self._capacity = self.scenario.most_in_scan
         self.shape = self._capacity, p
         end = (self.scenario.horizon + 1) * self.scenario.period
-        self.observation_space = gym.spaces.Dict({
+        spaces: dict[str, gym.Space] = {
             "scan": gym.spaces.Box(-EXTENT, EXTENT, self.shape, np.float64),
             "mask": gym.spaces.Box(0, 1, (self._capacity,), np.int8),
             "time": gym.spaces.Box(0.0, end, (1,), np.float64),
-        })  # fmt: skip
+        }  # fmt: skip
+        if self.shows_truth:
+            spaces |= {
+                "truth": gym.spaces.Box(-EXTENT, EXTENT, (self.scenario.targets, d), np.float64),
+                "present": gym.spaces.Box(0, 1, (self.scenario.targets,), np.int8),
+            }
+        self.observation_space = gym.spaces.Dict(spaces)
         low, high = np.full((2, targets, 1 + d + labels), EXTENT)
         low *= -1
         low[:, 0], high[:, 0] = 0.0, 1.0
@@ -170,14 +178,22 @@ class MultiTargetEnv(EpisodicEnv):
         # zeros, as nan is not equal to nan where two copies are compared
         return {"truth": np.where(present[:, None], x, 0.0), "present": present}
 
+    def _state(self, t: int):
+        if t < self.scenario.horizon:
+            x, present = self._truth(t).values()
+            return {"truth": x, "present": present.astype(np.int8)}
+        m, d = self.scenario.targets, self.scenario.sensor.H.shape[1]
+        return {"truth": np.zeros((m, d)), "present": np.zeros(m, np.int8)}
+
     def nothing_more(self) -> dict[str, np.ndarray]:
         """The observation past the last scan."""
         end = (self.scenario.horizon + 1) * self.scenario.period
-        return {
+        seen: dict[str, np.ndarray] = {
             "scan": np.zeros(self.shape),
             "mask": np.zeros(self._capacity, np.int8),
             "time": np.array([end]),
         }
+        return seen | (self._state(self.scenario.horizon) if self.shows_truth else {})
 
     def _checked(self, action) -> np.ndarray:
         if (hidden := absent(action)) is not None:

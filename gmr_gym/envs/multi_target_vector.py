@@ -43,7 +43,8 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
     for bit, on any number of threads.
 
     ## Arguments
-    `scenario`, `targets`, `metric`, `labels`, `switching` and other keywords: as for `MultiTargetEnv`.
+    `scenario`, `targets`, `metric`, `labels`, `switching`, `observe` and other keywords: as for
+    `MultiTargetEnv`.
     `autoreset_mode`, `copy`, `threads` and `render_mode`: as for `TrackingVectorEnv`.
     """
 
@@ -60,11 +61,12 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
         copy: bool = True,
         threads: int | None = None,
         render_mode: None = None,
+        observe: str = "detections",
         **arguments,
     ):
         check_not_drawn(render_mode)
         check_keywords(arguments, [*settings(scenario), *keywords(type(self))])
-        single = MultiTargetEnv(scenario, targets, metric, labels, switching, **arguments)
+        single = MultiTargetEnv(scenario, targets, metric, labels, switching, observe=observe, **arguments)
         super().__init__(single, num_envs, autoreset_mode, copy, threads)
         self._rule = rule_of(self.scenario.cutoff, self.scenario.order)
         n, scans, m = self.num_envs, self.scenario.horizon, self.scenario.targets
@@ -147,18 +149,29 @@ class MultiTargetVectorEnv(EpisodicVectorEnv):
         now, horizon = self._episodes, self.scenario.horizon
         together(show_into, [(*share, self._emitted, now) for share in self._shares], self._threads)
         observation = {"scan": z, "mask": mask, "time": (now.t[:, None] + 1) * self.scenario.period}
+        if self._single.shows_truth:
+            x, present = self._targets_of(now.t < horizon)
+            observation |= {"truth": x, "present": present.astype(np.int8)}
         wanted = wanted & (now.t < horizon)
         if not wanted.any():
             return observation, {}
-        # rows taken by one index, which is faster than by two
-        at = np.arange(self.num_envs) * horizon + np.where(wanted, now.t, 0)
-        truth = now.x.reshape(-1, *now.x.shape[2:]).take(at, axis=0)
-        present = ~np.isnan(truth).any(axis=2) & wanted[:, None]
-        truth[~present], origin[~wanted] = 0.0, 0
+        truth, present = self._targets_of(wanted)
+        origin[~wanted] = 0
         return observation, {
             "truth": truth, "present": present, "origin": origin,
             "_truth": wanted, "_present": wanted.copy(), "_origin": wanted.copy(),
         }  # fmt: skip
+
+    def _targets_of(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States (n, m, d) of the targets at the scans shown and whether they exist (n, m), zeros where they
+        do not or are not `wanted` (n,)."""
+        now, horizon = self._episodes, self.scenario.horizon
+        # rows taken by one index, which is faster than by two
+        at = np.arange(self.num_envs) * horizon + np.where(wanted, now.t, 0)
+        truth = now.x.reshape(-1, *now.x.shape[2:]).take(at, axis=0)
+        present = ~np.isnan(truth).any(axis=2) & wanted[:, None]
+        truth[~present] = 0.0
+        return truth, present
 
 
 @kernel(nogil=True)

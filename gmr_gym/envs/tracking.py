@@ -2,11 +2,12 @@
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gmr_gym.envs.episodic import EXTENT, ORIGIN, EpisodicEnv
 from gmr_gym.kernels import leaf_kernel
 from gmr_gym.mixture import moments
-from gmr_gym.simulation.reward import distance, score
+from gmr_gym.simulation.reward import SCANS_OFF, distance, score
 from gmr_gym.simulation.scans import label_into
 from gmr_gym.simulation.single_target import Episode, Scan, Scenario, capacity, draw, make_scan, scan, view_of
 
@@ -55,17 +56,27 @@ class TrackingEnv(EpisodicEnv):
 
     ## Arguments
     `scenario`: "module:function" that returns a Scenario; every other keyword goes to it.
+    `observe`: "detections", or "truth" for the fully observed twin: the same episodes, scans and rewards,
+    and an observation that has `truth` and `mode` of info too, and `scans_off` (1,), the scans in a row
+    beyond the cutoff so far. With `time` they decide all that follows but chance, where the target moves by
+    the scenario's model or on a given path: no memory is of use.
     """
 
     scenario: Scenario
 
-    def __init__(self, scenario: str, render_mode: str | None = None, **arguments):
-        super().__init__(scenario, render_mode, arguments)
+    def __init__(
+        self,
+        scenario: str,
+        render_mode: str | None = None,
+        observe: str = "detections",
+        **arguments,
+    ):
+        super().__init__(scenario, render_mode, observe, arguments)
         p, d = self.scenario.model.sensor.H.shape
         reach = 2 * EXTENT * (1 + max(1.0, self.scenario.period))
         self._capacity = capacity(self.scenario.clutter_rate)
         self.shape = self._capacity, p
-        self.observation_space = gym.spaces.Dict({
+        spaces: dict[str, gym.Space] = {
             # wider than the action: a window may be centred on an estimate predicted one period ahead, and a
             # range is up to the root of three times longer than a coordinate
             "scan": gym.spaces.Box(-reach, reach, (self._capacity, p), np.float64),
@@ -73,7 +84,14 @@ class TrackingEnv(EpisodicEnv):
             "time": gym.spaces.Box(0.0, (self.scenario.horizon + 1) * self.scenario.period, (1,), np.float64),
             "prior_mean": gym.spaces.Box(-EXTENT, EXTENT, (d,), np.float64),
             "prior_covariance": gym.spaces.Box(-EXTENT**2, EXTENT**2, (d * d,), np.float64),
-        })  # fmt: skip
+        }  # fmt: skip
+        if self.shows_truth:
+            spaces |= {
+                "truth": gym.spaces.Box(-EXTENT, EXTENT, (d,), np.float64),
+                "mode": gym.spaces.Box(-1, len(self.scenario.model.motions) - 1, (1,), np.int8),
+                "scans_off": gym.spaces.Box(0, SCANS_OFF, (1,), np.int8),
+            }
+        self.observation_space = gym.spaces.Dict(spaces)
         self.action_space = gym.spaces.Box(-EXTENT, EXTENT, (d,), np.float64)
         mean, covariance = moments(self.scenario.model.prior)
         self.prior = mean, covariance.ravel()
@@ -124,7 +142,8 @@ class TrackingEnv(EpisodicEnv):
 
     def nothing_more(self) -> dict[str, np.ndarray]:
         """The observation past the last scan."""
-        return self._observed(np.zeros(self.shape), np.zeros(self._capacity, np.int8), self.scenario.horizon)
+        seen = self._observed(np.zeros(self.shape), np.zeros(self._capacity, np.int8), self.scenario.horizon)
+        return seen | (state_of(np.zeros(len(self.prior[0])), [-1], [0]) if self.shows_truth else {})
 
     def _observed(self, z, mask, t):
         mean, covariance = self.prior
@@ -147,6 +166,8 @@ class TrackingEnv(EpisodicEnv):
             label_into(z, mask, origin, *made)
             x, mode = self._episode.x[t].copy(), int(self._episode.mode[t])
             observation, info = self._observed(z, mask, t), {"truth": x, "mode": mode, "origin": origin}
+            if self.shows_truth:
+                observation |= state_of(x, [mode], [self._scans_off])
         if self.render_mode == "human":
             self.render()
         return observation, info
@@ -161,6 +182,11 @@ class TrackingEnv(EpisodicEnv):
         from gmr_gym.envs.render import Canvas
 
         return Canvas(self.scenario, on_screen)
+
+
+def state_of(x: np.ndarray, mode: ArrayLike, scans_off: ArrayLike) -> dict[str, np.ndarray]:
+    """What an observation has besides, with observe="truth", of true states (..., d)."""
+    return {"truth": x.copy(), "mode": np.array(mode, np.int8), "scans_off": np.array(scans_off, np.int8)}
 
 
 def blank(shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode
 
 from gmr_gym.envs.episodic import EXTENT, check_keywords, keywords, settings
 from gmr_gym.envs.episodic_vector import EpisodicVectorEnv, check_not_drawn
-from gmr_gym.envs.tracking import TrackingEnv, first_beyond, score_into
+from gmr_gym.envs.tracking import TrackingEnv, first_beyond, score_into, state_of
 from gmr_gym.kernels import together
 from gmr_gym.simulation.scans import Running, label_into, scans_into
 from gmr_gym.simulation.seeds import keys_of
@@ -29,7 +29,7 @@ class TrackingVectorEnv(EpisodicVectorEnv):
     for bit, on any number of threads.
 
     ## Arguments
-    `scenario` and other keywords: as for `TrackingEnv`.
+    `scenario`, `observe` and other keywords: as for `TrackingEnv`.
     `autoreset_mode`: what happens after an episode's end. The next step begins another ("NextStep"); the
     same step does, with the last observation in info["final_obs"] and the last info in info["final_info"]
     ("SameStep"); or it waits for `reset(options={"reset_mask": ...})` ("Disabled").
@@ -47,11 +47,13 @@ class TrackingVectorEnv(EpisodicVectorEnv):
         copy: bool = True,
         threads: int | None = None,
         render_mode: None = None,
+        observe: str = "detections",
         **arguments,
     ):
         check_not_drawn(render_mode)
         check_keywords(arguments, [*settings(scenario), *keywords(type(self))])
-        super().__init__(TrackingEnv(scenario, **arguments), num_envs, autoreset_mode, copy, threads)
+        single = TrackingEnv(scenario, observe=observe, **arguments)
+        super().__init__(single, num_envs, autoreset_mode, copy, threads)
         self._scene = scene_of(self.scenario)
         self._linear = self._scene.window_motion is not None
         num_envs = self.num_envs
@@ -125,18 +127,27 @@ class TrackingVectorEnv(EpisodicVectorEnv):
             "prior_mean": mean,
             "prior_covariance": covariance,
         }
+        if self._single.shows_truth:
+            truth, mode = self._states_of(shown)
+            truth[~shown], mode[~shown] = 0, -1
+            scans_off = np.where(shown, self._scans_off, 0)
+            observation |= state_of(truth, mode[:, None], scans_off[:, None])
         wanted = wanted & shown
         if not wanted.any():
             return observation, {}
-        # rows taken by one index: two indices are slower than many scans
-        at = now.of * self.scenario.horizon + np.where(wanted, now.t, 0)
-        truth, mode = self._x.reshape(-1, self._x.shape[2]).take(at, axis=0), self._mode.take(at)
+        truth, mode = self._states_of(wanted)
         if not wanted.all():
             truth[~wanted], mode[~wanted], origin[~wanted] = 0, 0, 0
         return observation, {
             "truth": truth, "mode": mode, "origin": origin,
             "_truth": wanted, "_mode": wanted.copy(), "_origin": wanted.copy(),
         }  # fmt: skip
+
+    def _states_of(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """True states (n, d) and modes (n,) at the scans shown, where `wanted` (n,)."""
+        # rows taken by one index: two indices are slower than many scans
+        at = self._running.of * self.scenario.horizon + np.where(wanted, self._running.t, 0)
+        return self._x.reshape(-1, self._x.shape[2]).take(at, axis=0), self._mode.take(at)
 
     def _scans_in_turn(self, shown: np.ndarray) -> None:
         """The scans of a sensor that is not linear."""

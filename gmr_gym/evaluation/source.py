@@ -13,7 +13,7 @@ PACKAGE = "gmr_gym"
 # of the package's source, what only reads finished runs; and the trackers, each hashed by itself
 NOT_HASHED = (
     "baselines", "cli.py", "envs", "evaluation/curves.py", "evaluation/multi_target_summary.py",
-    "evaluation/summary.py", "experiments", "offline", "recorded", "replay",
+    "evaluation/summary.py", "experiments", "learning", "offline", "recorded", "replay",
 )  # fmt: skip
 
 

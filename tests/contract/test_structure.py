@@ -20,7 +20,7 @@ ORDER = (
     ("linalg",), ("mixture",),
     ("reduction", "models"),
     ("filters", "simulation"), ("scenarios", "evaluation"), ("recorded",), ("stonesoup", "tuning"), ("envs",),
-    ("replay", "offline"),
+    ("learning", "offline", "replay"),
     ("__init__",), ("experiments",), ("cli",),
 )  # fmt: skip
 LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
