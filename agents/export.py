@@ -1,8 +1,9 @@
 """From a trained model to a file of plain arrays, which baselines/learned.py reads without torch:
 `python agents/export.py RUN --chapter N policy.npz`."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import torch
@@ -56,10 +57,12 @@ def normalisation(venv) -> tuple[np.ndarray, np.ndarray, float]:
     return np.array(venv.obs_rms.mean[:k], float), deviation, float(venv.clip_obs)
 
 
-def works(network: Network, runs: int) -> list[tuple[float, float]]:
-    """Prices of work, and the mean work of a scan at each, on VALID."""
+def works(network: Network, env: Mapping[str, Any], runs: int) -> list[tuple[float, float]]:
+    """Prices of work, and the mean work of a scan at each, on VALID, in the environment that it was trained
+    in."""
+    same = {name: value for name, value in env.items() if name != "instances"}
     found = (
-        played({"": ByNetwork(network)}, "wide-valid", runs, env={"price": price}, jobs=1)[""]
+        played({"": ByNetwork(network)}, "wide-valid", runs, env={**same, "price": price}, jobs=1)[""]
         for price in PRICES
     )
     return [(price, float(one.work.mean())) for price, one in zip(PRICES, found, strict=True)]
@@ -78,7 +81,7 @@ def main(
     venv = environments(settings)
     network = network_of(restored(run, last if chapter is None else chapter, settings, venv), venv)
     save(out, network)
-    write_rows(out.with_suffix(".csv"), ("price", "work"), works(network, runs))
+    write_rows(out.with_suffix(".csv"), ("price", "work"), works(network, settings.env, runs))
     print(f"written to {out}")
 
 
