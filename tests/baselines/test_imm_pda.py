@@ -28,7 +28,8 @@ ONE_MOTION = {
     "adaptive", "capping", "cluster", "ise", "mht", "n-scan", "nearest-neighbour", "pda", "runnalls",
     "salmond", "west",
 }  # fmt: skip
-OF_A_RADAR = sorted(set(trackers()) - {"adaptive-noise", "learned-n-scan", "learned-thresholds"})
+LINEAR = {"adaptive-noise", "learned-cluster", "learned-n-scan", "learned-thresholds"}  # of positions alone
+OF_A_RADAR = sorted(set(trackers()) - LINEAR)
 
 
 def general(told, give_up_ratio=20.0):

@@ -39,14 +39,14 @@ SWITCHING = TOLD._replace(
     mode_prior=np.array([0.5, 0.3, 0.2]),
 )
 KNOW_ONE_MOTION = {
-    "adaptive", "adaptive-noise", "capping", "cluster", "ise", "learned-n-scan", "learned-thresholds",
-    "mht", "n-scan", "nearest-neighbour", "pda", "runnalls", "salmond", "west",
+    "adaptive", "adaptive-noise", "capping", "cluster", "ise", "learned-cluster", "learned-n-scan",
+    "learned-thresholds", "mht", "n-scan", "nearest-neighbour", "pda", "runnalls", "salmond", "west",
 }  # fmt: skip
 
 
 OF_A_RADAR = {"imm-dcm-pda", "imm-dcm-pda-printed", "imm-ekf-pda"}
 OF_ANY_SENSOR = set(trackers()) - OF_A_RADAR
-SET_THE_NOISE = {"adaptive-noise", "learned-n-scan"}  # other process noise than the filter model's
+SET_THE_NOISE = {"adaptive-noise", "learned-cluster", "learned-n-scan"}  # other than the filter model's
 
 
 def knows_origin(tracker):

@@ -168,7 +168,7 @@ def test_side_by_side_it_is_the_same():
         observation, info = single.reset(seed=7 + i)
         np.testing.assert_array_equal(observations[i], observation)
         assert infos["price"][i] == info["price"]
-    actions = np.full((3, 5), 0.25)
+    actions = np.full((3, 6), 0.25)
     for _ in range(4):
         observations, rewards, _, _, infos = envs.step(actions)
         observation, reward, _, _, info = single.step(actions[2])
@@ -220,14 +220,18 @@ def test_what_is_observed_may_be_chosen():
     np.testing.assert_array_equal(few, seen[[ALL_FEATURES.index(name) for name in names]])
 
 
-def test_the_tracker_does_without_gym_what_its_network_does_in_the_environment():
+@pytest.mark.parametrize(("reducer", "parameters"), [
+    ("n-scan", ("history", "prune", "process_noise", "coasting_noise")),
+    ("cluster", ("distance", "prune", "process_noise", "fading")),
+    ("adaptive", ("alpha", "prune", "process_noise", "fading")),
+])  # fmt: skip
+def test_the_tracker_does_without_gym_what_its_network_does_in_the_environment(reducer, parameters):
     rng, k = np.random.default_rng(0), len(ALL_FEATURES)
-    parameters = ("history", "prune", "process_noise", "coasting_noise")
     network = Network(
         ALL_FEATURES, parameters, np.zeros(k), np.ones(k), 5.0, "tanh", False,
         (rng.normal(0, 0.3, (8, k)), rng.normal(0, 0.3, (4, 8))), (np.zeros(8), np.array([0, 0.5, 0.2, 0])),
     )  # fmt: skip
-    env = made(parameters)
+    env = made(parameters, reducer=reducer)
     observation, _ = env.reset(seed=4, options={"instance_id": NAME})
     errors, kept, over = [], [], False
     while not over:
@@ -235,7 +239,7 @@ def test_the_tracker_does_without_gym_what_its_network_does_in_the_environment()
         errors.append(info["error"])
         kept.append(info["components"])
         over = lost or late
-    wanted, counts = harness(env, LearnedReduction(env._scenario.model, network, 1e-3))
+    wanted, counts = harness(env, LearnedReduction(env._scenario.model, network, 1e-3, reducer))
     assert errors == pytest.approx(wanted[: len(errors)], rel=1e-9, abs=1e-9)
     assert kept == counts[: len(kept)]
 

@@ -9,7 +9,7 @@ import pytest
 from gmr_gym.baselines.bank_of_mhts import single_model_mht
 from gmr_gym.baselines.imm_pda import ImmPda, imm
 from gmr_gym.baselines.learned import LearnedThresholds, learned_thresholds
-from gmr_gym.baselines.learned_reduction import learned_n_scan
+from gmr_gym.baselines.learned_reduction import learned_cluster, learned_n_scan
 from gmr_gym.baselines.learning_pmb import pmb
 from gmr_gym.baselines.mht import Mht, adaptive, capping, cluster, n_scan, runnalls
 from gmr_gym.baselines.pda import Pda
@@ -57,6 +57,7 @@ TRACKERS = {
     "imm of one motion": ImmPda,
     "learned": learned_thresholds,
     "learned n-scan": learned_n_scan,
+    "learned cluster": learned_cluster,
 }
 JUMPING = jump_markov("1")
 POSSIBLE = np.array([1.0, 0.0, 1.0, 1.0, 1.0])  # the second motion can neither be at the start nor come about
