@@ -1,4 +1,4 @@
-"""Trials of parameters, by Optuna: all on the same runs, given up after a block of runs where hopeless, and
+"""Trials of parameters, by Optuna: all on the same runs, given up after a block of runs where poor, and
 kept in a file from which the same call goes on.
 
 Trials are made in batches of a fixed size, each before any of it is run, with random numbers that depend on
@@ -72,10 +72,10 @@ class PairedPruner(optuna.pruners.BasePruner):
         found, best = values_of(trial), best_values(study)
         if len(found) < 2 or not len(best):
             return False
-        return is_hopeless(found - best[: len(found)])
+        return is_worse(found - best[: len(found)])
 
 
-def is_hopeless(difference: np.ndarray) -> bool:
+def is_worse(difference: np.ndarray) -> bool:
     """Whether the mean of the differences (k,) is above 0 by `ERRORS` standard errors."""
     mean, error = difference.mean(), difference.std(ddof=1) / len(difference) ** 0.5
     return bool(mean > 0 and mean >= ERRORS * error)
@@ -237,10 +237,10 @@ def _run(
 def _given_up(study: optuna.Study, trial: Trial, stop: int) -> bool:
     """Whether the pruner gives a trial up after this number of runs; then it is over. One that was stopped
     later has been kept already."""
-    hopeless = len(trial.user_attrs[VALUES]) == stop and trial.should_prune()
-    if hopeless:
+    worse = len(trial.user_attrs[VALUES]) == stop and trial.should_prune()
+    if worse:
         study.tell(trial, state=TrialState.PRUNED)
-    return hopeless
+    return worse
 
 
 def _values(

@@ -14,7 +14,7 @@ optuna = pytest.importorskip("optuna")
 from gmr_gym.cli import main  # noqa: E402
 from gmr_gym.experiments import trials  # noqa: E402
 from gmr_gym.experiments.search_space import Choices, Interval, space_of, usual  # noqa: E402
-from gmr_gym.experiments.trials import Plan, best, check_plan, is_hopeless, opened, search  # noqa: E402
+from gmr_gym.experiments.trials import Plan, best, check_plan, is_worse, opened, search  # noqa: E402
 from gmr_gym.filters.registry import make_tracker  # noqa: E402
 from gmr_gym.scenarios.dortenzio import turning_target  # noqa: E402
 from gmr_gym.scenarios.zhang import jump_markov  # noqa: E402
@@ -62,7 +62,7 @@ def whole(tmp_path_factory):
     return searched(tmp_path_factory.mktemp("whole") / "trials.log", Plan(2000, 60, 0))
 
 
-def test_the_optimum_of_a_bowl_is_found_and_hopeless_trials_are_given_up(whole):
+def test_the_optimum_of_a_bowl_is_found_and_poor_trials_are_given_up(whole):
     found = best(whole)
     assert found.parameters["x"] == pytest.approx(0.3, abs=0.15)
     assert found.parameters["n"] in (3, 4, 5) and found.parameters["how"] == "quick"
@@ -76,7 +76,7 @@ def test_the_optimum_of_a_bowl_is_found_and_hopeless_trials_are_given_up(whole):
         if one.state == "pruned":
             batch = 1 + (one.number - 1) // trials.BATCH * trials.BATCH
             before = best(whole[:batch]).values[: len(one.values)]
-            assert is_hopeless(one.values - before)
+            assert is_worse(one.values - before)
 
 
 def test_the_same_seed_makes_the_same_trials_in_whatever_order_workers_end(whole, tmp_path, monkeypatch):
@@ -134,11 +134,11 @@ def test_an_objective_that_is_no_number_is_a_failure(tmp_path):
     }
 
 
-def test_a_trial_is_hopeless_where_its_mean_difference_is_two_standard_errors_above_zero():
+def test_a_trial_is_worse_where_its_mean_difference_is_two_standard_errors_above_zero():
     sure, unsure = np.array([1.0, 2.0, 3.0, 2.0]), np.array([1.0, -2.0, 3.0, -1.0])
-    assert sure.mean() > 2 * sure.std(ddof=1) / 2 and is_hopeless(sure)
-    assert unsure.mean() < 2 * unsure.std(ddof=1) / 2 and not is_hopeless(unsure)
-    assert not is_hopeless(-sure) and not is_hopeless(np.zeros(5))
+    assert sure.mean() > 2 * sure.std(ddof=1) / 2 and is_worse(sure)
+    assert unsure.mean() < 2 * unsure.std(ddof=1) / 2 and not is_worse(unsure)
+    assert not is_worse(-sure) and not is_worse(np.zeros(5))
 
 
 def test_another_call_is_not_continued(tmp_path):
