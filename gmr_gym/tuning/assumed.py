@@ -58,8 +58,8 @@ def processed(belief, z, told, thresholds, memory, recent, price, every):
     if every:
         missed = 1 - probabilities[0] * probabilities[1]
         observe_recent_into(
-            features[len(FEATURES) :], (w, parent, detection), gates, z, (H, R), missed,
-            thresholds[PROCESS], price, recent,
+            features[len(FEATURES) :], (w, parent, detection), gates, z, (H, R),
+            (missed, thresholds[PROCESS], price), recent,
         )  # fmt: skip
     return (w, m, P, row, parent, detection), gates, features, merged[0], gated
 
