@@ -49,6 +49,7 @@ def results(folder: Path) -> list[str]:
 
 
 def main(
+    *,
     seeds: Annotated[int, typer.Option(help="policies to train", min=1)] = 5,
     steps: Annotated[int | None, typer.Option(help="of environments for each, as train.py", min=1)] = None,
     set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006

@@ -58,8 +58,8 @@ def processed(belief, z, told, thresholds, memory, recent, price, every):
     if every:
         missed = 1 - probabilities[0] * probabilities[1]
         observe_recent_into(
-            features[len(FEATURES) :], (w, parent, detection), gates, z, (H, R), missed,
-            thresholds[PROCESS], price, recent,
+            features[len(FEATURES) :], (w, parent, detection), gates, z, (H, R),
+            (missed, thresholds[PROCESS], price), recent,
         )  # fmt: skip
     return (w, m, P, row, parent, detection), gates, features, merged[0], gated
 
@@ -68,15 +68,18 @@ def processed(belief, z, told, thresholds, memory, recent, price, every):
 def selected(hypotheses, kept):
     """w, m, P, parent and detection of the hypotheses of `processed` in the mask `kept`."""
     w, m, P, row, parent, detection = hypotheses
-    at = np.flatnonzero(kept)
-    n, d = len(at), m.shape[1]
-    m_out, P_out = np.empty((n, d)), np.empty((n, d, d))
-    for i in range(n):
-        for r in range(d):
-            m_out[i, r] = m[at[i], r]
-            for c in range(d):
-                P_out[i, r, c] = P[row[at[i]], r, c]
-    return w[at], m_out, P_out, parent[at], detection[at]
+    n, d = kept.sum(), m.shape[1]
+    w_out, m_out, P_out = np.empty(n), np.empty((n, d)), np.empty((n, d, d))
+    parent_out, detection_out, at = np.empty(n, np.int64), np.empty(n, np.int64), 0
+    for i in range(len(w)):
+        if kept[i]:
+            w_out[at], parent_out[at], detection_out[at] = w[i], parent[i], detection[i]
+            for r in range(d):
+                m_out[at, r] = m[i, r]
+                for c in range(d):
+                    P_out[at, r, c] = P[row[i], r, c]
+            at += 1
+    return w_out, m_out, P_out, parent_out, detection_out
 
 
 def every(hypotheses: tuple) -> Expansion:

@@ -44,13 +44,14 @@ def at_first(missed: float) -> np.ndarray:
 
 
 @kernel
-def observe_recent_into(values, hypotheses, gates, z, sensor, missed, factor, price, memory):
+def observe_recent_into(values, hypotheses, gates, z, sensor, set_to, memory):
     """Writes RECENT, each clipped to +-BOUND, to `values` (15,); `memory` (13,) is brought up to the scan.
 
     Of the hypotheses there are weights, parents and detections as in an Expansion, `gates` and `sensor` are
-    as in `expand_scan`, `missed` is the probability of a miss and `factor` that on the process noise under
-    which the scan was predicted.
+    as in `expand_scan`; `set_to` are the probability of a miss, the factor on the process noise under which
+    the scan was predicted, and the price of work.
     """
+    missed, factor, price = set_to
     (w, parent, detection), (centres, S, _), p = hypotheses, gates, z.shape[1]
     hit, nis, size, coasting = 0.0, 0.0, 0.0, 0.0
     mean, variance = np.zeros(p), np.trace(sensor[1]) / p
