@@ -47,6 +47,15 @@ def test_labels_are_never_reused(name):
     assert all(len(s) == 1 for s in seen) and len(set().union(*seen)) == 3
 
 
+@each
+def test_labels_go_on_beyond_32_bits(name):
+    tracker, rng = make_tracker(name, meeting_targets().model), np.random.default_rng(2)
+    belief = tracker.init()._replace(next_label=2**31)
+    for _ in range(8):
+        belief, report = tracker.step(belief, around(rng, 1, 0.5))
+    assert len(report.label) == 1 and 2**31 <= report.label[0] < belief.next_label
+
+
 @pytest.mark.parametrize("name", ["pmbm", "delta-glmb", "tomht"])
 def test_four_targets_are_tracked_through_their_meeting(name):
     world = meeting_targets(truth_seed=1)

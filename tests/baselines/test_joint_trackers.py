@@ -126,6 +126,15 @@ def test_labels_are_never_used_again(make):
     assert first and later and not first & later
 
 
+@pytest.mark.parametrize("make", [gnn, jpda, jipda, lmb, partial(pmb, components=3)])
+def test_labels_go_on_beyond_32_bits(make):
+    tracker = make(told())
+    belief = tracker.init()._replace(next_label=2**31)
+    for z in two_walks(8, 3):
+        belief, report = tracker.step(belief, z)
+    assert len(report.label) == 2 and (report.label >= 2**31).all()
+
+
 @pytest.mark.parametrize("make", TRACKERS)
 def test_the_probability_of_a_false_alarm_is_that_of_no_target(make):
     tracker, scans = make(told()), two_walks(12, 5)
