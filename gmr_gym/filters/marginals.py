@@ -9,7 +9,8 @@ tracks, form a cluster; clusters are independent.
 import numpy as np
 
 from gmr_gym.filters.belief_propagation import grouped, propagate
-from gmr_gym.filters.event_sums import MOST_STEPS, sum_events, without, workspace
+from gmr_gym.filters.detection_sets import MOST_STEPS
+from gmr_gym.filters.event_sums import sum_events, without, workspace
 from gmr_gym.filters.intensity_update import log_sum
 from gmr_gym.filters.track_trees import Graph
 from gmr_gym.kernels import kernel
