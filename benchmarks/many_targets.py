@@ -23,10 +23,10 @@ from gmr_gym.scenarios.dense import dense_targets
 from gmr_gym.scenarios.williams import meeting_targets
 from gmr_gym.simulation.multi_target import MultiTargetScenario, draw, scan
 
-SCANS, SEED = 30, 1
-ENOUGH, SECONDS = 0.5, 5.0  # s of repeats, and of a ratio
+SCANS, SEED = 20, 1
+ENOUGH, SECONDS = 0.2, 3.0  # s of repeats, and of a ratio
 TRACKERS = "jpda", "pmb", "pmbm", "delta-glmb", "lmb", "tomht"
-TARGETS, CLUTTER = (5, 10, 20, 40, 80), (10, 30, 100, 300)
+TARGETS, CLUTTER = (5, 10, 20, 40), (10, 30, 100, 300)
 FEW, SPARSE = 20, 50  # targets beside growing clutter, and false alarms beside growing targets
 
 
