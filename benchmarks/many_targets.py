@@ -23,7 +23,7 @@ from gmr_gym.scenarios.dense import dense_targets
 from gmr_gym.scenarios.williams import meeting_targets
 from gmr_gym.simulation.multi_target import MultiTargetScenario, draw, scan
 
-SCANS, SEED = 20, 1
+SCANS, SEED = 15, 1
 ENOUGH, SECONDS = 0.2, 3.0  # s of repeats, and of a ratio
 TRACKERS = "jpda", "pmb", "pmbm", "delta-glmb", "lmb", "tomht"
 TARGETS, CLUTTER = (5, 10, 20, 40), (10, 30, 100, 300)
@@ -104,7 +104,7 @@ def ratio_rows() -> Iterator[list[str]]:
         tracker, theirs, given = make_tracker("jpda", scenario.model), stone_soup.Jpda(scenario.model), []
         belief = tracker.init()
         for t, z in enumerate(scans(scenario)):
-            if t >= SCANS and t % 10 == 0:
+            if t >= SCANS and t % 6 == 0:
                 given.append((belief, z))
             belief, _ = tracker.step(belief, z)
         ready = [theirs.prepared(before.tracks.densities, before.history.confirmed, z) for before, z in given]
