@@ -177,14 +177,14 @@ def test_a_set_holds_62_detections():
     assert marginals(track, detection, np.zeros(len(track)), *psi.shape)[3].all()
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_branches_of_one_track_are_exact(seed):
-    # a track may have a detection of each of six others, or one that two of them share as well
+    # a track may have a detection of each of four others, or one that two of them share as well
     rng = np.random.default_rng(seed)
-    psi = np.zeros((7, 7))
+    psi = np.zeros((5, 5))
     psi[0] = 1.0
-    psi[np.arange(1, 7), np.arange(6)] = 1.0
-    psi[[1, 4], 6] = 1.0
+    psi[np.arange(1, 5), np.arange(4)] = 1.0
+    psi[[1, 4], 4] = 1.0
     psi *= 10 ** rng.uniform(-3, 3, psi.shape)
     assert_close(of_table(marginals, psi), enumerated(psi), 0.0, ROUNDED)
 
