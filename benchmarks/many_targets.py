@@ -61,9 +61,9 @@ def main() -> None:
         ratios = list(ratio_rows())
         curves = list(growth())
     drawing(curves).savefig(file, dpi=120)
-    print(f"- load: {before:.1f} before, {os.getloadavg()[0]:.1f} after\n")
-    print(markdown(["a scan", "of", "asked, ms", "measured, ms"], figures), "")
-    print(markdown(["a scan", "ours", "against", "theirs", "ratio, 95 %", "note"], ratios), "")
+    print(f"- load: {before:.1f} before, {os.getloadavg()[0]:.1f} after", end="\n\n")
+    print(markdown(["a scan", "of", "asked, ms", "measured, ms"], figures), end="\n\n")
+    print(markdown(["a scan", "ours", "against", "theirs", "ratio, 95 %", "note"], ratios), end="\n\n")
     print(markdown(["grows with", *TRACKERS], growth_rows(curves)))
 
 
@@ -174,7 +174,7 @@ def drawing(curves: Sequence[tuple]) -> Figure:
         axis.minorticks_off()
         axis.grid(alpha=0.3)
     axes[0].set_ylabel("a scan, ms of processor time")
-    axes[0].legend(fontsize=8)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right", fontsize=8)
     return figure
 
 

@@ -47,11 +47,7 @@ def search(begin, end, graph, tree, sets):
             return False
         sets.step[i], one = used, tree.branch[i]
         while one >= 0:
-            options = 1
-            for a in own:
-                options += tree.below[a] == one
-            size = power_of_two(2 * states * options)
-            made = _lead(i, one, made, sets.found[:size], own, span, graph, tree, sets)
+            made = _lead(i, one, made, own, span, graph, tree, sets)
             one = tree.sibling[one]
         for o in range(len(own)):
             slot = sets.slot[graph.detection[own[o]]]
@@ -64,10 +60,14 @@ def search(begin, end, graph, tree, sets):
 
 
 @leaf_kernel
-def _lead(i, one, made, found, own, span, graph, tree, sets):
+def _lead(i, one, made, own, span, graph, tree, sets):
     """Where the sets of a track lead in one of its branches; how many sets there are then."""
     mask, first, states = _mask(one, tree, sets), sets.first[i], sets.end[i] - sets.first[i]
-    found[:], sets.first[one] = -1, made
+    options, sets.first[one] = 1, made
+    for a in own:
+        options += tree.below[a] == one
+    found = sets.found[: power_of_two(2 * states * options)]
+    found[:] = -1
     for s in range(states):
         taken, at = sets.sets[first + s], sets.step[i] + s * span
         to = _place(taken & mask, found, sets.sets, made)
