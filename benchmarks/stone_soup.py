@@ -4,7 +4,7 @@ constant matrices, which is faster than the tutorials' and leaves the estimates 
 from datetime import datetime, timedelta
 
 import numpy as np
-from stonesoup.dataassociator.probability import PDA
+from stonesoup.dataassociator.probability import PDA, JPDAwithEHM2
 from stonesoup.functions import gm_reduce_single
 from stonesoup.hypothesiser.distance import DistanceHypothesiser
 from stonesoup.hypothesiser.gaussianmixture import GaussianMixtureHypothesiser
@@ -27,6 +27,7 @@ from stonesoup.types.update import GaussianStateUpdate
 from stonesoup.updater.kalman import KalmanUpdater
 from stonesoup.updater.pointprocess import PHDUpdater
 
+from gmr_gym.filters.target_densities import Densities
 from gmr_gym.mixture import Mixture
 from gmr_gym.models.kalman import Motion, Sensor
 from gmr_gym.models.model import Model
@@ -34,6 +35,7 @@ from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.simulation.single_target import Scenario
 
 START = datetime(2000, 1, 1)
+WIDE = 1 - 1e-9  # probability of a gate, where ours has none but what is negligible
 MERGE = 5  # squared Mahalanobis distance, as in the Gaussian-mixture PHD tutorial
 
 
@@ -94,6 +96,46 @@ class Pda:
     def estimate(track: Track) -> tuple[np.ndarray, int]:
         """Mean (d,) and number of components."""
         return np.asarray(track.state_vector, float).ravel(), 1
+
+
+class Jpda:
+    """Joint probabilistic data association of given tracks, with its efficient enumeration over a tree."""
+
+    def __init__(self, told: MultiTargetModel):
+        predictor, self.updater = _kalman(told.motion, told.sensor)
+        hypothesiser = PDAHypothesiser(
+            predictor,
+            self.updater,
+            clutter_spatial_density=told.clutter.density(np.zeros((1, 2)))[0],
+            prob_detect=told.detection_probability,
+            prob_gate=WIDE,
+        )
+        self.associator = JPDAwithEHM2(hypothesiser=hypothesiser)
+
+    @staticmethod
+    def prepared(densities: Densities, chosen: np.ndarray, z: np.ndarray) -> tuple[list[Track], tuple]:
+        """Tracks of the densities that are chosen (n,), of one motion, and the scan that comes next."""
+        m, P = densities.m[chosen, 0], densities.P[chosen, 0]
+        tracks = [
+            Track([GaussianState(mean[:, None], own, timestamp=START)])
+            for mean, own in zip(m, P, strict=True)
+        ]
+        return tracks, detections([z])[0]
+
+    def step(self, tracks: list[Track], scan) -> np.ndarray:
+        """Estimates (n, d) after the scan; the tracks stay as they are."""
+        time, found = scan
+        associated = self.associator.associate(set(tracks), found, time)
+        out = []
+        for track in tracks:
+            states = [self.updater.update(h) if h else h.prediction for h in associated[track]]
+            mean, _ = gm_reduce_single(
+                StateVectors([state.state_vector for state in states]),
+                np.stack([state.covar for state in states], axis=2),
+                np.asarray([h.probability for h in associated[track]]),
+            )
+            out.append(np.asarray(mean, float).ravel())
+        return np.array(out)
 
 
 class MultipleHypotheses:

@@ -28,7 +28,6 @@ from gmr_gym.reduction.registry import reducer
 
 Reduction = Callable[[Mixture], Reduced]
 FREE = 0.5  # probability of belonging to no track, above which a detection is left to others
-IMPROBABLE = float(np.log(1e-5))  # a pair of less weight has a marginal probability of less
 NEGLIGIBLE = 1e-15  # probability of a pair that no posterior is formed for
 
 
@@ -281,19 +280,11 @@ Marginals = tuple[np.ndarray, np.ndarray, np.ndarray, int]
 def _marginals(
     track: np.ndarray, detection: np.ndarray, log_psi: np.ndarray, association: str, n: int, k: int
 ) -> Marginals:
-    """Marginal probabilities of pairs, missed tracks and unassigned detections; approximated clusters.
-
-    A cluster that is too large is taken without its improbable pairs, and approximated where it still is.
-    """
+    """Marginal probabilities of pairs, missed tracks and unassigned detections; approximated clusters."""
     if association != "exact":
         return *propagate(track, detection, log_psi, n, k), 0
     assigned, missed, unassigned, approximate = marginals(track, detection, log_psi, n, k)
-    if approximate.any():
-        kept = np.flatnonzero(~approximate[track] | (log_psi > IMPROBABLE))
-        assigned = np.zeros(len(track))
-        track, detection = track[kept], detection[kept]
-        assigned[kept], missed, unassigned, approximate = marginals(track, detection, log_psi[kept], n, k)
-    return assigned, missed, unassigned, clusters_of(approximate, track, detection, k)
+    return assigned, missed, unassigned, clusters_of(approximate, track, detection, log_psi, k)
 
 
 def _in_turn(
@@ -341,20 +332,28 @@ def reduce(tracks: MixtureTracks, reduction: Reduction | None, prune_weight: flo
     if reduction is None:
         densities = merge(tracks.densities, tracks.weight, tracks.track, n)
         return tracks._replace(densities=densities, weight=np.ones(n), track=np.arange(n))
+    top = np.zeros(n)
+    np.maximum.at(top, tracks.track, tracks.weight)
     order = np.argsort(tracks.track, kind="stable")
-    first = np.searchsorted(tracks.track[order], np.arange(n + 1))
-    parts, weights = [], []
-    for i in range(n):
-        rows = order[first[i] : first[i + 1]]
-        weight = tracks.weight[rows]
-        kept = weight >= min(prune_weight, weight.max())
-        w, density = _reduced(weight[kept], take_densities(tracks.densities, rows[kept]), reduction)
+    rows = order[(tracks.weight >= np.minimum(prune_weight, top)[tracks.track])[order]]
+    first = np.searchsorted(tracks.track[rows], np.arange(n + 1))
+    several = np.flatnonzero(np.diff(first) > 1)
+    alone = rows[first[np.flatnonzero(np.diff(first) == 1)]]
+    parts, weights, track = (
+        [take_densities(tracks.densities, alone)],
+        [np.ones(len(alone))],
+        [tracks.track[alone]],
+    )
+    for i in several:
+        own = rows[first[i] : first[i + 1]]
+        w, density = _reduced(tracks.weight[own], take_densities(tracks.densities, own), reduction)
         parts.append(density)
         weights.append(w)
-    if n == 0:
-        return tracks
-    track = np.repeat(np.arange(n), [len(w) for w in weights])
-    return tracks._replace(densities=joined(parts), weight=np.concatenate(weights), track=track)
+        track.append(np.full(len(w), i))
+    of = np.concatenate(track)
+    order = np.argsort(of, kind="stable")
+    densities = take_densities(joined(parts), order)
+    return tracks._replace(densities=densities, weight=np.concatenate(weights)[order], track=of[order])
 
 
 def _reduced(weight: np.ndarray, densities: Densities, reduction: Reduction) -> tuple[np.ndarray, Densities]:

@@ -173,7 +173,7 @@ def update(
     pairs, approximated = (track, detection, log_psi, len(tracks.w), len(z)), 0
     if association == "exact":
         assigned, missed, unassigned, too_large = marginals(*pairs)
-        approximated = clusters_of(too_large, track, detection, len(z))
+        approximated = clusters_of(too_large, track, detection, log_psi, len(z))
     else:
         assigned, missed, unassigned = propagate(*pairs)
     found = np.zeros(seen.shape)

@@ -5,9 +5,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from gmr_gym.filters import marginals as exact
 from gmr_gym.filters.belief_propagation import propagate
 from gmr_gym.filters.marginals import marginals
+from gmr_gym.filters.track_trees import BITS
 
 ROUNDED = 1e-11  # sums of a few hundred products of doubles
 CONVERGED = 1e-5  # belief propagation stops when its messages change by a millionth
@@ -146,9 +146,9 @@ def test_the_order_of_tracks_and_of_detections_does_not_matter():
 
 
 def test_a_cluster_beyond_the_limit_is_propagated_and_the_others_are_exact():
-    # 30 tracks that share all of 33 detections, and two tracks far from them
+    # 30 tracks that share all of 33 detections, no pair improbable, and two tracks far from them
     psi = np.zeros((32, 35))
-    psi[:30, :33], psi[30:, 33:] = crossing(30), 1000.0 * np.array([[1.0, 0.9], [0.9, 1.0]])
+    psi[:30, :33], psi[30:, 33:] = np.maximum(crossing(30), 1e-4), 1000.0 * np.array([[1.0, 0.9], [0.9, 1.0]])
     track, detection = np.nonzero(psi)
     log_psi = np.log(psi[track, detection])
     assigned, missed, unassigned, approximated = marginals(track, detection, log_psi, *psi.shape)
@@ -172,6 +172,68 @@ def test_a_long_chain_of_clusters_is_exact():
 
 def test_a_set_holds_62_detections():
     # two tracks share 70 detections: more than a set holds at once
-    psi = np.ones((2, exact.BITS + 8))
+    psi = np.ones((2, BITS + 8))
     track, detection = np.nonzero(psi)
     assert marginals(track, detection, np.zeros(len(track)), *psi.shape)[3].all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_branches_of_one_track_are_exact(seed):
+    # a track may have a detection of each of four others, or one that two of them share as well
+    rng = np.random.default_rng(seed)
+    psi = np.zeros((5, 5))
+    psi[0] = 1.0
+    psi[np.arange(1, 5), np.arange(4)] = 1.0
+    psi[[1, 4], 4] = 1.0
+    psi *= 10 ** rng.uniform(-3, 3, psi.shape)
+    assert_close(of_table(marginals, psi), enumerated(psi), 0.0, ROUNDED)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e60])
+def test_many_branches_with_loops_are_exact(scale):
+    # track 0 may have one detection of each of twelve groups of three tracks, who share all of three: given
+    # which it has, the groups are independent
+    groups, rng = 12, np.random.default_rng(0)
+    psi = np.zeros((1 + 3 * groups, 3 * groups))
+    parts = [scale * np.exp(2 * rng.standard_normal((3, 3))) for _ in range(groups)]
+    for g, part in enumerate(parts):
+        psi[1 + 3 * g : 4 + 3 * g, 3 * g : 3 * g + 3] = part
+    psi[0, ::3] = scale * np.exp(2 * rng.standard_normal(groups))
+
+    def weight(part):
+        """Sum over the events of a group, and of those that leave its first detection free."""
+        _, _, free = enumerated(part)
+        total = sum(
+            np.prod([part[i, j] for i, j in enumerate(has) if j >= 0])
+            for has in product(range(-1, 3), repeat=3)
+            if len({j for j in has if j >= 0}) == sum(j >= 0 for j in has)
+        )
+        return total, total * free[0]
+
+    whole, free = np.transpose([weight(part) for part in parts])
+    odds = psi[0, ::3] * free / whole
+    assigned, missed, _ = of_table(marginals, psi)
+    np.testing.assert_allclose(assigned[0, ::3], odds / (1 + odds.sum()), rtol=ROUNDED)
+    assert missed[0] == pytest.approx(1 / (1 + odds.sum()), rel=ROUNDED)
+
+
+def test_a_binary_tree_of_tracks_is_exact():
+    # track i shares a detection with each of tracks 2 i + 1 and 2 i + 2
+    n = 127
+    track, detection = np.append(np.arange(n), (np.arange(1, n) - 1) // 2), np.arange(n)
+    detection = np.append(detection, np.arange(1, n))
+    log_psi = np.random.default_rng(0).normal(1.0, 2.0, len(track))
+    found = marginals(track, detection, log_psi, n, n)
+    assert not found[3].any()
+    assert_close(found[:3], propagate(track, detection, log_psi, n, n), CONVERGED)
+
+
+def test_improbable_pairs_do_not_make_a_cluster_too_large():
+    # 30 tracks that share all of 30 detections, each pair but their own of weight 1e-7
+    psi = np.full((30, 30), 1e-7)
+    np.fill_diagonal(psi, 2.0)
+    track, detection = np.nonzero(psi)
+    assigned, missed, _, approximated = marginals(track, detection, np.log(psi[track, detection]), 30, 30)
+    assert not approximated.any()
+    np.testing.assert_allclose(assigned[track == detection], 2 / 3)
+    np.testing.assert_allclose(missed, 1 / 3)

@@ -272,7 +272,8 @@ def test_a_large_cluster_falls_apart_without_its_improbable_pairs():
         psi[6 * b : 6 * b + 6, 9 * b : 9 * b + 9] = np.exp(2 * rng.standard_normal((6, 9)))
     track, detection = np.nonzero(psi)
     log_psi = np.log(psi[track, detection])
-    assert exact(track, detection, log_psi, *psi.shape)[3].all()
+    likelier = np.maximum(log_psi, np.log(1e-4))
+    assert exact(track, detection, likelier, *psi.shape)[3].all()
     assigned, missed, _, approximated = mixture_tracks._marginals(
         track, detection, log_psi, "exact", *psi.shape
     )
