@@ -67,20 +67,19 @@ def draw(rows: list[dict[str, str]], picture: Path) -> None:
     """Errors against steps, and the trackers' as lines."""
     figure, axes = pyplot.subplots(figsize=(7, 4), layout="constrained")
     agents = [row for row in rows if row["agent"] == "ppo"]
-    seeds = sorted({row["seed"] for row in agents})
-    for seed in seeds:
+    for seed in sorted({row["seed"] for row in agents}):
         steps, error = np.array([
             (float(row["steps"]) / 1e6, float(row["error_m"])) for row in agents if row["seed"] == seed
         ]).T  # fmt: skip
-        axes.plot(
-            steps, error, color="#c5221f", lw=1.2, label="agent, three trainings" if seed == "0" else None
-        )
+        axes.plot(steps, error, color="#c5221f", lw=1.2, label="agent" if seed == "0" else None)
     for row in rows:
         if row["agent"] in TRACKERS:
             axes.axhline(float(row["error_m"]), color=TRACKERS[row["agent"]], label=row["agent"])
     pda = next(float(row["error_m"]) for row in rows if row["agent"] == "pda")
     axes.axhline(LIMIT * pda, color=TRACKERS["pda"], ls=":", label=f"{LIMIT:g} times pda")
     axes.set(xlabel="steps, millions", ylabel="mean error a scan, m", yscale="log", xlim=(0, None))
+    axes.set_yticks([7, 10, 20, 50, 100], ["7", "10", "20", "50", "100"], minor=False)
+    axes.minorticks_off()
     axes.legend(frameon=False)
     picture.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(picture, dpi=120)

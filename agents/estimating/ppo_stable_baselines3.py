@@ -14,11 +14,12 @@ from gmr_gym.learning.set_features import SetFeatures
 
 def train(steps: int, envs: int = 8, rollout: int = 512, pool: str = "attention", **world) -> PPO:
     """The agent after so many steps of all environments together."""
-    envs = make_vec_env(lambda: RelativeTracking(gym.make(ENV_ID, **QUIET | world), **FRAME), envs, seed=0)
+    made = make_vec_env(lambda: RelativeTracking(gym.make(ENV_ID, **QUIET | world), **FRAME), envs, seed=0)
     features = {"features_extractor_class": SetFeatures, "features_extractor_kwargs": {"pool": pool}}
     agent = PPO(
-        "MultiInputPolicy", envs, n_steps=rollout, batch_size=512, n_epochs=4, gamma=0.9, gae_lambda=0.9,
-        learning_rate=1e-3, policy_kwargs=features | {"log_std_init": -2.5}, seed=0, device="cpu",
+        "MultiInputPolicy", made, n_steps=rollout, batch_size=min(512, envs * rollout), n_epochs=4,
+        gamma=0.9, gae_lambda=0.9, learning_rate=1e-3, policy_kwargs=features | {"log_std_init": -2.5},
+        seed=0, device="cpu",
     )  # fmt: skip
     return agent.learn(steps)
 
