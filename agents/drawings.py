@@ -46,14 +46,21 @@ def draw_fronts(
     _save(figure, file)
 
 
-def draw_losses(file: Path, fronts: Mapping[str, Sequence[Mapping[str, float]]]) -> None:
-    """Losses against work, its interquartile mean, and time, by places of `scores.place`, front by front."""
+def draw_losses(
+    file: Path, fronts: Mapping[str, Sequence[Mapping[str, float]]], named: Sequence[str]
+) -> None:
+    """Losses against work, its interquartile mean, and time, by places of `scores.place`, front by front:
+    those that are not named in grey."""
     figure = Figure(figsize=(14, 7), layout="constrained")
     for ax, cost in zip(figure.subplots(1, 3), ("work", "work_iqm", "time"), strict=True):
-        for i, (name, places) in enumerate(fronts.items()):
-            points = _points(places, "track_loss", cost)
-            corners = points[front(points)]
-            ax.plot(*corners.T, f"-{MARKERS[i % len(MARKERS)]}", label=name, markersize=5, linewidth=1)
+        for name in (*(fronts.keys() - set(named)), *named):
+            points = _points(fronts[name], "track_loss", cost)
+            corners = points[front(points)].T
+            if name in named:
+                i = named.index(name)
+                ax.plot(*corners, f"C{i % 10}-{MARKERS[i % len(MARKERS)]}", label=name, markersize=6)
+            else:
+                ax.plot(*corners, ".-", color="0.8", linewidth=1)
         ax.set(xscale="log", xlabel=LABELS[cost], ylabel=LABELS["track_loss"])
         ax.grid(alpha=0.3)
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)

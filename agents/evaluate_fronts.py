@@ -16,7 +16,7 @@ from judge import Episodes, played
 from report import plain, table_of
 from rivals import env_of as rivals_env
 from scores import place, together
-from tune_rivals import PRICES
+from tune_rivals import ANY, PRICES
 
 from gmr_gym.evaluation.writing import whole
 from gmr_gym.experiments.output import write_json
@@ -27,7 +27,8 @@ from gmr_gym.tuning.policies import ByNetwork, Constant
 from gmr_gym.tuning.recent import ALL_FEATURES
 from gmr_gym.tuning.thresholds import Thresholds, to_action
 
-LEARNED, HINDSIGHT = "learned", "by instance, in hindsight"
+LEARNED, HINDSIGHT, EXACT = "learned", "by instance, in hindsight", "near exact"
+OTHERS = 5  # of the others, that are named in a figure
 REDUCER = "n-scan"  # of policies whose run names none
 NEAR_EXACT = Thresholds(alpha=1e-4, prune=1e-6)
 COSTS = {"work": (15.0, 30.0, 100.0), "work_iqm": (10.0, 30.0, 100.0), "time": (1e-4, 2e-4, 4e-4)}
@@ -91,7 +92,7 @@ class Games:
         """Where the posterior lies that is hardly reduced: a mark, in fewer episodes."""
         action = to_action(NEAR_EXACT, ("alpha", "prune"))
         few = Games(self.table, runs, self.seed, self.jobs, self.folder)
-        return place_of(together([few._played("near exact", Constant(action), rivals_env("adaptive"), 0.0)]))
+        return place_of(together([few._played(EXACT, Constant(action), rivals_env("adaptive"), 0.0)]))
 
     def _played(self, label: str, policy: Any, env: Mapping[str, Any], price: float) -> Episodes:
         with progress(f"{self.table}, {label}") as tell:
@@ -123,6 +124,15 @@ def record(fronts: Mapping[str, Sequence[Episodes]], reference: str) -> dict[str
 def place_of(episodes: Episodes) -> dict[str, float]:
     """Where episodes lie in a plot, with the time of a scan."""
     return place(episodes) | {"time": float(episodes.seconds.mean())}
+
+
+def shown(found: Mapping[str, Any]) -> list[str]:
+    """What is learned, what bounds it, and the best of the others by the hypervolume below 10^3 of work."""
+    volumes = found["volumes"]["work"]
+    marks = [name for name in found["points"] if name.startswith(LEARNED) or name in (ANY, HINDSIGHT, EXACT)]
+    others = [name for name in found["points"] if name not in marks]
+    others.sort(key=lambda name: volumes[name]["hypervolume"].value, reverse=True)
+    return marks + others[:OTHERS]
 
 
 def markdown(title: str, found: Mapping[str, Any]) -> str:
@@ -170,9 +180,9 @@ def main(
         stem = Path(table).stem
         records[stem] = record(fronts, LEARNED if policies else reference)
         if exact_runs:
-            records[stem]["points"]["near exact"] = [games.near_exact(exact_runs)]
+            records[stem]["points"][EXACT] = [games.near_exact(exact_runs)]
         text.append(markdown(stem, records[stem]))
-        draw_losses(out / f"fronts-{stem}.png", records[stem]["points"])
+        draw_losses(out / f"fronts-{stem}.png", records[stem]["points"], shown(records[stem]))
         write_json(out / "fronts.json", question(seed=seed, runs=runs) | {"tables": plain(records)})
         with whole(out / "fronts.md") as partial:
             partial.write_text("\n\n".join(text) + "\n", encoding="utf-8")
