@@ -32,7 +32,10 @@ OTHERS = 5  # of the others, that are named in a figure
 REDUCER = "n-scan"  # of policies whose run names none
 NEAR_EXACT = Thresholds(alpha=1e-4, prune=1e-6)
 COSTS = {"work": (15.0, 30.0, 100.0), "work_iqm": (10.0, 30.0, 100.0), "time": (1e-4, 2e-4, 4e-4)}
-COLUMNS = {"hypervolume": ("hypervolume", 1), "behind": ("behind", 1)}
+AXES_NAMED = {"work": "work", "work_iqm": "interquartile mean of work", "time": "seconds a scan"}
+BEHIND = {"hypervolume": ("hypervolume", 1)} | {
+    axis: (f"behind, {name}", 1) for axis, name in AXES_NAMED.items()
+}
 AT = {"lost": ("lost, %", 100), "other": ("the other, %", 100), "ratio": ("ratio", 1)}
 
 
@@ -136,13 +139,20 @@ def shown(found: Mapping[str, Any]) -> list[str]:
 
 
 def markdown(title: str, found: Mapping[str, Any]) -> str:
-    """The tables under a heading."""
-    parts = [f"### {title}"]
-    for axis, volumes in found["volumes"].items():
-        parts += [f"Losses against {axis}; behind {found['reference']}:", table_of(COLUMNS, volumes)]
-        if axis in found["at"]:
-            parts += ["At equal cost:", table_of(AT, found["at"][axis])]
-    return "\n\n".join(parts)
+    """Two tables under a heading: hypervolumes, the best front by work first, and losses at equal cost."""
+    volumes = found["volumes"]
+    by_work = volumes["work"]
+    names = sorted(by_work, key=lambda name: by_work[name]["hypervolume"].value, reverse=True)
+    rows = {
+        name: {"hypervolume": by_work[name]["hypervolume"]}
+        | {axis: volumes[axis][name]["behind"] for axis in AXES if "behind" in volumes[axis][name]}
+        for name in names
+    }
+    equal = {
+        f"{AXES_NAMED[axis]} {cost}": row for axis, at in found["at"].items() for cost, row in at.items()
+    }
+    said = f"Hypervolumes by the mean of work, and by how much that of `{found['reference']}` exceeds them:"
+    return "\n\n".join([f"### {title}", said, table_of(BEHIND, rows), "At equal cost:", table_of(AT, equal)])
 
 
 def main(
