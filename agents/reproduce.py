@@ -1,7 +1,7 @@
 """From nothing to the comparison of fronts, by one command: `python agents/reproduce.py`.
 
-It trains a policy with every seed, writes the best of them to a file, tunes the rivals, compares all fronts,
-and writes the tables and figures of the docs that are made of these. What is there is not done again: a
+It trains policies of two reducers with every seed, writes the best of each to a file, tunes the rivals,
+compares all fronts, and writes the tables and figures of the docs that are made of these. What is there is not done again: a
 command that was stopped goes on where it was, and a stage that is over takes seconds. Each stage is also a
 script of its own, with more options."""
 
@@ -18,6 +18,18 @@ import tune_rivals
 import typer
 
 ROOT = Path(__file__).parents[1]
+# what is trained, by reducer: steps, and arguments of the environment
+TRAINED: dict[str, tuple[int | None, list[str]]] = {
+    "n-scan": (None, []),
+    "cluster": (
+        2621440,
+        [
+            "reducer=cluster",
+            "parameters=['distance','prune','components','process_noise','fading']",
+            "price=[1e-5,0.0316227766]",
+        ],
+    ),
+}
 COMPARING = "command: python agents/evaluate_fronts.py"  # in the head of a file of docs/results
 
 
@@ -52,7 +64,6 @@ def main(
     *,
     seeds: Annotated[int, typer.Option(help="policies to train", min=1)] = 5,
     steps: Annotated[int | None, typer.Option(help="of environments for each, as train.py", min=1)] = None,
-    set_: Annotated[list[str], typer.Option("--set", help="key=value for the environment")] = [],  # noqa: B006
     candidates: Annotated[int, typer.Option(help="of each family of rivals", min=1)] = 60,
     tracked_candidates: Annotated[int, typer.Option(help="of each family of trackers", min=1)] = 20,
     valid_runs: Annotated[
@@ -69,20 +80,30 @@ def main(
     docs: Annotated[bool, typer.Option(help="whether files of docs/results are written")] = False,
 ) -> None:
     """Does what is not done yet, stage by stage."""
-    trained = [out / f"ppo-{seed}" for seed in range(seeds)]
-    for seed, run in enumerate(trained):
-        _say(f"training, seed {seed}")
-        train.main("ppo", seed=seed, steps=steps, set_=set_, valid_runs=valid_runs, jobs=jobs, out=run)
-    run, chapter = best_of(trained)
-    policy = out / "policy" / f"{run.name}-{chapter}.npz"  # another one is chosen when more is trained
-    if not policy.with_suffix(".csv").exists():
-        _say(f"the best is {run.name} after chapter {chapter}")
-        policy.parent.mkdir(exist_ok=True)
-        export.main(run, policy, chapter, valid_runs)
+    files = []
+    for reducer, (usual, arguments) in TRAINED.items():
+        trained = [out / f"{reducer}-{seed}" for seed in range(seeds)]
+        for seed, run in enumerate(trained):
+            _say(f"training, {reducer}, seed {seed}")
+            train.main(
+                "ppo",
+                seed=seed,
+                steps=steps or usual,
+                set_=arguments,
+                valid_runs=valid_runs,
+                jobs=jobs,
+                out=run,
+            )
+        files += [run / "best.npz" for run in trained]
+        run, chapter = best_of(trained)
+        policy = out / "policies" / f"{run.name}-{chapter}.npz"  # another one is chosen when more is trained
+        if not policy.with_suffix(".csv").exists():
+            _say(f"the best is {run.name} after chapter {chapter}")
+            policy.parent.mkdir(exist_ok=True)
+            export.main(run, policy, chapter, valid_runs)
     _say("tuning rivals")
     tune_rivals.main(candidates, tracked_candidates, valid_runs=valid_runs, out=out / "rivals")
     _say("comparing fronts")
-    files = [run / "best.npz" for run in trained]
     evaluate_fronts.main(
         out / "rivals" / "static.json", files, tables=tables, runs=runs, jobs=jobs, out=out / "fronts"
     )

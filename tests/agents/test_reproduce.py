@@ -21,7 +21,7 @@ def stages(monkeypatch, tmp_path):
     done = []
 
     def trained(algorithm, *, seed, out, **rest):
-        done.append(f"train {seed}")
+        done.append(f"train {out.name}")
         out.mkdir(exist_ok=True)
         (out / "valid.csv").write_text("chapter,steps,reward\n" + VALID[seed])
 
@@ -40,7 +40,12 @@ def stages(monkeypatch, tmp_path):
 
 
 def test_the_best_chapter_of_all_seeds_is_exported_once(stages, tmp_path):
-    every = ["train 0", "train 1", "export ppo-0 2", "tune", "compare rivals/static.json 2"]
+    every = [
+        stage
+        for reducer in reproduce.TRAINED
+        for stage in (f"train {reducer}-0", f"train {reducer}-1", f"export {reducer}-0 2")
+    ]
+    every += ["tune", "compare rivals/static.json 4"]
     for expected in (every, [stage for stage in every if "export" not in stage]):
         stages.clear()
         reproduce.main(seeds=2, out=tmp_path)
