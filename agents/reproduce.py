@@ -1,9 +1,9 @@
 """From nothing to the comparison of fronts, by one command: `python agents/reproduce.py`.
 
 It trains policies of two reducers with every seed, writes the best of each to a file, tunes the rivals,
-compares all fronts, and writes the tables and figures of the docs that are made of these. What is there is not done again: a
-command that was stopped goes on where it was, and a stage that is over takes seconds. Each stage is also a
-script of its own, with more options."""
+compares all fronts, and writes the tables and figures of the docs that are made of these. What is there is
+not done again: a command that was stopped goes on where it was, and a stage that is over takes seconds. Each
+stage is also a script of its own, with more options."""
 
 import csv
 import subprocess

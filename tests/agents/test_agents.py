@@ -91,8 +91,8 @@ def test_prices_weigh_alike_and_each_episode_by_its_own():
     ends = 0
     while ends < 3:
         price = infos["price"]
-        _, rewards, over, _ = venv.step(np.full((2, 5), 0.9))
-        _, wanted, _, _, infos = plain.step(np.full((2, 5), 0.9))
+        _, rewards, over, _ = venv.step(np.full((2, 6), 0.9))
+        _, wanted, _, _, infos = plain.step(np.full((2, 6), 0.9))
         np.testing.assert_allclose(rewards, wanted / (1 + WORK * price), rtol=1e-6)
         ends += over.sum()
     assert (infos["price"] != price).any()
