@@ -145,7 +145,7 @@ def test_the_exported_policy_says_what_the_model_predicts_whatever_the_critic_kn
     network = network_of(restored(tmp_path / "run", 1, said, venv), venv)
     save(tmp_path / "policy.npz", network)
     read = load(tmp_path / "policy.npz", ALL_FEATURES, Thresholds._fields)
-    assert read.parameters == ("history", "prune", "components", "process_noise", "coasting_noise")
+    assert read.parameters == ("history", "prune", "components", "process_noise", "coasting_noise", "fading")
     shape = run.venv.observation_space.shape
     assert shape == (len(ALL_FEATURES) + hindsight * len(HINDSIGHT),)
     observations = np.random.default_rng(0).uniform(-2, 2, (50, *shape)).astype(np.float32)

@@ -550,7 +550,12 @@ def test_without_clutter_the_scan_is_the_targets_detection_or_nothing():
         (TURNING, {"window": (100, -1)}, ValueError, "two positive lengths"),
         (TURNING, {"window": (9, 9), "box": ((0, 0), (1, 1))}, ValueError, "either box .* or window"),
         (FLIGHT, {"segment": "nowhere"}, ValueError, "nowhere"),
-        (JUMP, {"horizon": 5}, ValueError, "unknown argument 'horizon'; .*takes case, .*, render_mode$"),
+        (
+            JUMP,
+            {"horizon": 5},
+            ValueError,
+            "unknown argument 'horizon'; .*takes case, .*, render_mode, observe$",
+        ),
         (JUMP, {"case": "3"}, ValueError, "case must be one of 1, 2, stress, clear, got '3'"),
         (JUMP, {"process_variance": "one"}, ValueError, "^process_variance must be a number, got 'one'$"),
         (RADAR, {"regime": "close"}, ValueError, "regime must be one of near, far, extreme, got 'close'"),

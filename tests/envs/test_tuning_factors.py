@@ -154,7 +154,7 @@ def test_the_price_of_an_episode_is_drawn_by_its_seed_shown_and_charged():
         assert again.reset(seed=seed)[1] == info
         shown.append(observation[ALL_FEATURES.index("price")])
         price.append(info["price"])
-        _, reward, _, _, info = env.step(np.zeros(5, np.float32))
+        _, reward, _, _, info = env.step(np.zeros(6, np.float32))
         assert reward == pytest.approx(-min(info["error"] / 100, 1) - price[-1] * info["work"], abs=1e-9)
     np.testing.assert_allclose(shown, (np.log10(price) + 3.5) / 1.5, atol=1e-6)
     assert min(price) < 5e-5 and max(price) > 2e-3 and 1e-5 <= min(price) and max(price) <= 1e-2

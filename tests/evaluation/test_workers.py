@@ -258,7 +258,7 @@ def test_two_threads_of_a_worker_that_joined_later_take_turns(monkeypatch):
         inside.remove(i)
         return i
 
-    monkeypatch.setattr(montecarlo, "_block", block)
+    monkeypatch.setattr(montecarlo, "run_block", block)
     with ThreadPoolExecutor(2) as threads:
         assert list(threads.map(partial(montecarlo._block_alone, {}), range(4))) == [0, 1, 2, 3]
     assert most == [1] * 4
