@@ -20,7 +20,15 @@ from gmr_gym.reduction.merge_cost import total_cost
 from gmr_gym.reduction.runnalls import Greedy
 from gmr_gym.tuning.features import FEATURES, Memory, at_start, model_features, observe_into
 from gmr_gym.tuning.network import Network, forward, load
-from gmr_gym.tuning.thresholds import DORTENZIO, Thresholds, adapt, from_actions, threshold_index, to_action
+from gmr_gym.tuning.thresholds import (
+    DORTENZIO,
+    REDUCERS,
+    Thresholds,
+    adapt,
+    from_actions,
+    threshold_index,
+    to_action,
+)
 
 SHIPPED = Path(gmr_gym.__file__).parent / "data" / "policies" / "thresholds.npz"
 
@@ -177,5 +185,5 @@ def learned_thresholds(
     ValueError
         For an invalid file, see `gmr_gym.tuning.network.load`, and for a model of another kind.
     """
-    network = load(SHIPPED if policy is None else policy, FEATURES, Thresholds._fields)
+    network = load(SHIPPED if policy is None else policy, FEATURES, REDUCERS["adaptive"])
     return LearnedThresholds(model, network, DORTENZIO._replace(components=check_count(components)))

@@ -47,7 +47,7 @@ class Belief(NamedTuple):
     mixture : Mixture
     history : ndarray of int (n, DEPTH)
         Last detections of every hypothesis, see `gmr_gym.reduction.n_scan.extended`.
-    thresholds : ndarray (10,)
+    thresholds : ndarray (11,)
         As `gmr_gym.tuning.thresholds.Thresholds`: its factors hold for the next scan.
     memory : tuple
         The fields of `gmr_gym.tuning.features.Memory`.
@@ -189,13 +189,15 @@ def price_of(work: float, file: Path) -> float:
     Raises
     ------
     ValueError
-        Naming the table where there is none, or the work where no price in it leads there.
+        Naming the table where there is none or no sound one, or the work where no price in it leads there.
     """
-    table = file.with_suffix(".csv")
+    work, table = check_not_negative("work", work), file.with_suffix(".csv")
     try:
-        prices, works = np.loadtxt(table, delimiter=",", skiprows=1, unpack=True)
+        prices, works = np.loadtxt(table, delimiter=",", skiprows=1, unpack=True, ndmin=2)
     except (OSError, ValueError) as error:
         raise ValueError(f"work needs the table {table}, which agents/export.py writes: {error}") from None
+    if not ((0 < prices) & (prices < np.inf) & (0 < works) & (works < np.inf)).all():
+        raise ValueError(f"{table} must have positive finite prices and works")
     if not works.min() <= work <= works.max():
         raise ValueError(f"work must lie in [{works.min():.3g}, {works.max():.3g}], got {work}")
     order = np.argsort(works, kind="stable")

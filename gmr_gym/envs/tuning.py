@@ -58,8 +58,8 @@ class ReductionTuningEnv(DrawnEnv):
     ## Reward
     Minus the position error, in units of the cutoff of 100 m and no more than 1, minus `price` times the work
     of the scan: the Gaussians that were updated by a detection in their gate, and what merging evaluated,
-    costs of pairs for "adaptive" and labels of hypotheses for "n-scan". With error e, cutoff c, price q and
-    work k,
+    costs of pairs for "adaptive", labels of hypotheses for "n-scan", distances for "cluster". With error e,
+    cutoff c, price q and work k,
 
     .. math:: r = -\min(e / c, 1) - q k
 
@@ -83,14 +83,13 @@ class ReductionTuningEnv(DrawnEnv):
     `gmr_gym.tuning.instances.TABLES`, or a CSV file as `gmr_gym.tuning.instances.instances` reads it.
     `price`: of a unit of work; two numbers stand for one that is drawn between them in every episode,
     uniformly in its logarithm, by the seed.
-    `components`: the limit of hypotheses where it is not one of the parameters. `reducer`: "adaptive" or
-    "n-scan", which merges hypotheses that share their last detections. `features`: "posterior", "all", or
-    names of `gmr_gym.tuning.recent.ALL_FEATURES`.
-    `hindsight`: whether the
-    features are followed by `gmr_gym.tuning.hindsight.HINDSIGHT`, which only a simulation knows: for critics
-    that learn, never for policies. `render_mode`: "rgb_array" or "human": the posterior of the scan last
-    reduced, before and after the reduction, and by scan the numbers of hypotheses and the actions; after
-    `reset` the posterior of scan 1.
+    `components`: the limit of hypotheses where it is not one of the parameters. `reducer`: "adaptive",
+    "n-scan", which merges hypotheses that share their last detections, or "cluster", which merges what lies
+    near the heaviest. `features`: "posterior", "all", or names of `gmr_gym.tuning.recent.ALL_FEATURES`.
+    `hindsight`: whether the features are followed by `gmr_gym.tuning.hindsight.HINDSIGHT`, which only a
+    simulation knows: for critics that learn, never for policies. `render_mode`: "rgb_array" or "human": the
+    posterior of the scan last reduced, before and after the reduction, and by scan the numbers of hypotheses
+    and the actions; after `reset` the posterior of scan 1.
     """
 
     def __init__(

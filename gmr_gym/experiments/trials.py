@@ -1,9 +1,9 @@
 """Trials of parameters, by Optuna: all on the same runs, given up after a block of runs where poor, and
 kept in a file from which the same call goes on.
 
-Trials are made in batches of a fixed size, each before any of it is run, with random numbers that depend on
-the seed and the trial's number alone. So they are the same on any number of workers, and whether or not the
-call was stopped in between.
+Trials are made in batches of a fixed size, smaller where the budget ends, each before any of it is run, with
+random numbers that depend on the seed and the trial's number alone. So they are the same on any number of
+workers, and whether or not the call was stopped in between.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -161,7 +161,7 @@ def search(
                 progress(min(sum(trial.cost for trial in tried(study, space)), plan.budget), plan.budget)
         for trial in batch:  # not before: those of a batch are compared with the ones before it
             study.tell(trial, float(np.mean(trial.user_attrs[VALUES])))
-        start += BATCH if start else 1
+        start += size
     found = tried(study, space)
     if not any(trial.state == "complete" for trial in found):
         raise ValueError(f"none of {len(found)} trials came to its end; the last: {found[-1].error}")

@@ -13,6 +13,7 @@ from gmr_gym.models.multi_target import MultiTargetModel
 from gmr_gym.models.radar import radar
 
 PREFIX = "assumed_"
+LEAST, MOST = 1e-12, 1e12  # factors, whose squares neither vanish nor overflow
 AnyModel = Model | MultiTargetModel
 
 
@@ -116,8 +117,10 @@ def _stay(model: AnyModel, probability: float) -> AnyModel:
 
 
 def _check_factor(name: str, factor: float) -> None:
-    if not 0 < factor < np.inf:
-        raise ValueError(f"{PREFIX}{name}, a factor, must be positive and finite, got {factor}")
+    if not LEAST <= factor <= MOST:
+        raise ValueError(
+            f"{PREFIX}{name}, a factor, must be positive, from {LEAST:g} to {MOST:g}, got {factor}"
+        )
 
 
 CHANGES: dict[str, Callable[[Any, float], Any]] = {

@@ -17,7 +17,8 @@ from gmr_gym.tuning.network import load
 from gmr_gym.tuning.policies import ByNetwork, Constant, Random
 from gmr_gym.tuning.thresholds import DORTENZIO, to_action
 
-SHIPPED = {"adaptive": "thresholds.npz", "n-scan": "n-scan.npz"}  # by reducer, in data/policies
+# by reducer, in data/policies
+SHIPPED = {"adaptive": "thresholds.npz", "n-scan": "n-scan.npz", "cluster": "cluster.npz"}
 
 
 class Player(NamedTuple):
@@ -98,12 +99,8 @@ def _policy(spec: str, env: ReductionTuningEnv) -> Player:
 
 
 def _learned(env: ReductionTuningEnv, given: Mapping[str, Any]) -> Callable[[int], ByNetwork]:
-    if "policy" in given:
-        file = Path(str(given["policy"]))
-    elif env.reducer in SHIPPED:
-        file = Path(str(files("gmr_gym.data") / "policies" / SHIPPED[env.reducer]))
-    else:
-        raise ValueError(f"no policy is shipped for the reducer {env.reducer!r}: give learned:policy=FILE")
+    shipped = files("gmr_gym.data") / "policies" / SHIPPED[env.reducer]
+    file = Path(str(given.get("policy", shipped)))
     network = load(file, env.features, env.parameters)
     if network.parameters != env.parameters:
         raise ValueError(

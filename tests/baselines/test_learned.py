@@ -66,6 +66,9 @@ def test_a_policy_file_and_its_limits_are_checked_when_the_tracker_is_made(tmp_p
     assert tracker.rest.components == 50
     with pytest.raises(ValueError, match="components must lie in"):
         learned_thresholds(WORLD.model, tmp_path / "p.npz", 1)
+    save(tmp_path / "noise.npz", network()._replace(parameters=("alpha", "process_noise")))
+    with pytest.raises(ValueError, match=r"parameters must be different ones of \('alpha', 'prune', .*noise"):
+        learned_thresholds(WORLD.model, tmp_path / "noise.npz")  # which it would not heed
     with pytest.raises(ValueError, match="not a readable policy"):
         learned_thresholds(WORLD.model, tmp_path / "none.npz")
 

@@ -66,12 +66,21 @@ def test_the_price_may_be_said_as_the_work_that_it_leads_to(policy):
     assert learned_n_scan(WORLD.model, policy, work=10**1.5).price == pytest.approx(1e-4)
     for how, message in (
         ({"work": 5.0}, r"work must lie in \[10, 100\], got 5.0"),
+        ({"work": "little"}, "work must be a number, at least 0, got 'little'"),
         ({"work": 20.0, "price": 1e-3}, "give price or work, not both"),
         ({"price": -1.0}, "price must be"),
         ({"components": 1}, "components must lie in"),
     ):
         with pytest.raises(ValueError, match=message):
             learned_n_scan(WORLD.model, policy, **how)
+    for rows, message in (
+        ("1e-05,100\n0,10\n", "p.csv must have positive finite prices and works"),
+        ("1e-05,nan\n0.001,10\n", "p.csv must have positive finite prices and works"),
+        ("0.001,10\n", r"work must lie in \[10, 10\], got 20.0"),
+    ):
+        policy.with_suffix(".csv").write_text("price,work\n" + rows)
+        with pytest.raises(ValueError, match=message):
+            learned_n_scan(WORLD.model, policy, work=20.0)
     policy.with_suffix(".csv").unlink()
     with pytest.raises(ValueError, match=r"work needs the table .*p.csv"):
         learned_n_scan(WORLD.model, policy, work=20.0)

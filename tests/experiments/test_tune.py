@@ -29,8 +29,8 @@ SPACE = space_of(["x=0:1", "n=1:20:log", "how=slow|quick"], "stand-in", START, (
 class Bowl:
     """An objective whose least value is at x = 0.3, n = 4, "quick", under noise that all trials share."""
 
-    def __init__(self, asked=None, most=np.inf):
-        self.asked, self.most = asked, most
+    def __init__(self, asked=None, most=np.inf, stop=7):
+        self.asked, self.most, self.stop = asked, most, stop
 
     def check(self, parameters):
         if parameters["n"] > self.most:
@@ -38,7 +38,7 @@ class Bowl:
 
     def values(self, parameters, first, stop):
         if self.asked is not None:
-            if len(self.asked) == 7:
+            if len(self.asked) == self.stop:
                 raise KeyboardInterrupt
             self.asked.append((parameters["x"], first, stop))
         noise = np.random.default_rng(1).normal(size=200)[first:stop]
@@ -102,6 +102,15 @@ def test_a_search_that_was_stopped_goes_on_to_the_same_trials(tmp_path, within):
         except KeyboardInterrupt:
             asked.clear()
     assert plainly(found) == wanted and len(asked) < 8
+
+
+def test_one_that_was_stopped_in_its_last_batch_goes_on_there(tmp_path):
+    plan, file = Plan(400, 60, 0), tmp_path / "stopped.log"
+    wanted = plainly(searched(tmp_path / "whole.log", plan))
+    assert len(wanted) == 7  # the first, five in a batch, and one for what was left of the budget
+    with pytest.raises(KeyboardInterrupt):
+        searched(file, plan, Bowl([], stop=17))
+    assert plainly(searched(file, plan)) == wanted
 
 
 def test_a_larger_budget_goes_on_where_the_smaller_one_ended(tmp_path):

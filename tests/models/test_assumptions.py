@@ -66,6 +66,8 @@ def test_every_tracker_takes_them_by_name():
         (TURNING, {"assumed_process_noise": 0.0}, "assumed_process_noise, a factor, must be positive"),
         (TURNING, {"assumed_clutter": float("inf")}, "assumed_clutter, a factor, must be positive"),
         (TURNING, {"assumed_measurement_noise": -1.0}, "assumed_measurement_noise, a factor, must be pos"),
+        (TURNING, {"assumed_measurement_noise": 1e-200}, "assumed_measurement_noise, a factor, must be pos"),
+        (TURNING, {"assumed_process_noise": 1e200}, "must be positive, from 1e-12 to 1e.12, got 1e.200"),
         (TURNING, {"assumed_detection_probability": 1.5}, "assumed_detection_probability must lie in"),
         (TURNING, {"assumed_clutter": "thick"}, "assumed_clutter must be a number, got 'thick'"),
         (JUMP, {"assumed_stay": 1.0}, r"assumed_stay must lie in \[0, 1\), got 1.0"),

@@ -1,12 +1,14 @@
 """Who plays the episodes of a data set: by what a user types."""
 
+from importlib.resources import files
+
 import gymnasium as gym
 import numpy as np
 import pytest
 
-from gmr_gym.offline.players import players_of
+from gmr_gym.offline.players import SHIPPED, players_of
 from gmr_gym.tuning.policies import ByNetwork
-from gmr_gym.tuning.thresholds import from_action
+from gmr_gym.tuning.thresholds import REDUCERS, from_action
 
 TUNING = "gmr_gym/ReductionTuning-v1"
 
@@ -61,9 +63,10 @@ def test_an_environment_that_no_tracker_plays_is_refused():
         players_of(["pda"], gym.make("CartPole-v1").unwrapped)
 
 
-def test_a_reducer_without_a_shipped_policy_is_told_how():
-    env = gym.make(
-        "gmr_gym/ReductionTuning-v1", reducer="cluster", parameters=("distance",), instances="train"
-    ).unwrapped
-    with pytest.raises(ValueError, match="no policy is shipped for the reducer 'cluster': give learned"):
-        players_of(["learned"], env)
+@pytest.mark.parametrize("reducer", REDUCERS)
+def test_every_reducer_has_a_shipped_policy(reducer):
+    shipped = np.load(str(files("gmr_gym.data") / "policies" / SHIPPED[reducer]))
+    features, parameters = (shipped[name].tolist() for name in ("features", "parameters"))
+    env = gym.make(TUNING, reducer=reducer, parameters=parameters, features=features).unwrapped
+    (learned,) = players_of(["learned"], env)
+    assert learned.begin(0).network.parameters == env.parameters
