@@ -185,7 +185,7 @@ def best(trials: Sequence[Tried]) -> Tried:
     return min(complete, key=lambda trial: (trial.value, trial.number))
 
 
-def _made(study: optuna.Study, space: Space, number: int, seed: int) -> Trial | None:
+def _made(study: optuna.Study, space: Space, number: int, seed: int) -> "Trial | None":
     """The trial of this number, made now if it is not there yet; None if it is over."""
     there = study.get_trials(deepcopy=False)
     if number < len(there) and there[number].state.is_finished():
