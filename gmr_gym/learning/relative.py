@@ -8,13 +8,14 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector.utils import batch_space
 
-from gmr_gym.checks import _check_positive, check_count
+from gmr_gym.checks import _check_positive, check_count, check_not_negative
 from gmr_gym.envs.tracking import TrackingEnv
 from gmr_gym.envs.vector import TrackingVectorEnv
 from gmr_gym.learning.prediction import Prediction
 from gmr_gym.points import check_unmasked
 
 NEAREST = 8  # detections that an agent sees, unless it is given another number
+MOST_NEAREST = 10_000  # where a scan has not more rows: beyond them all are empty
 
 
 class RelativeTracking(gym.Wrapper, RecordConstructorArgs):
@@ -165,10 +166,12 @@ class Frame:
 
     def __init__(self, env: TrackingEnv, n: int, nearest: int | None, reach: float | None):
         scenario = env.scenario
-        self.reach = scenario.cutoff if reach is None else reach
+        self.reach = scenario.cutoff if reach is None else check_not_negative("reach", reach)
         _check_positive(reach=self.reach)
         (capacity, p), self.p = env.shape, env.shape[1]
         self.rows = capacity if nearest is None else check_count(nearest, "nearest")
+        if self.rows > max(capacity, MOST_NEAREST):
+            raise ValueError(f"nearest must be at most {max(capacity, MOST_NEAREST)}, got {nearest}")
         self.cutoff, self.first = scenario.cutoff, scenario.period
         self._end = scenario.horizon * scenario.period
         self._sensor = scenario.model.sensor

@@ -151,6 +151,8 @@ def test_a_frame_is_made_again_by_its_spec_and_goes_on_as_a_pickled_copy():
     [
         ({"nearest": 0}, "^nearest must be at least 1"),
         ({"nearest": 2.5}, "^nearest must be a whole number, got 2.5"),
+        ({"nearest": 10**9}, "^nearest must be at most 10000, got 1000000000"),
+        ({"reach": "a"}, "^reach must be a number, at least 0, got 'a'"),
         ({"reach": 0}, "^reach must be positive and finite, got 0"),
         ({"reach": np.inf}, "^reach must be positive and finite, got inf"),
         ({"env_id": CLUTTER}, "^env must be .* of one target, got .*MultiTarget"),
