@@ -42,7 +42,8 @@ def with_assumptions(model: AnyModel, assumed: Mapping[str, Any]) -> Any:
     --------
     >>> from gmr_gym.scenarios.dortenzio import turning_target
     >>> model = turning_target().model
-    >>> with_assumptions(model, {"assumed_process_noise": 2.0}).motion.Q[0, 0] / model.motion.Q[0, 0]
+    >>> doubled = with_assumptions(model, {"assumed_process_noise": 2.0})
+    >>> float(doubled.motion.Q[0, 0] / model.motion.Q[0, 0])
     4.0
     """
     known = assumptions(model)
